@@ -169,8 +169,8 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("tile_cpu/sky.cl", "open &= !are_stopped_alone", "open &= are_stopped_alone", "tile"),
         ("tile_cpu/single_ray.cl", "(2 * axis + negative) * NODE_WIDTH", "2 * axis * NODE_WIDTH", "tile"),
         ("tile_cpu/single_ray.cl", "min(min(x2, y2), z2)", "min(x2, y2) * 0.0f", "tile"),
-        ("tile_cpu/single_ray.cl", "flip_sign8(lanes_dot(way, r), sign)", "lanes_dot(way, r)", "tile"),
-        ("tile_cpu/single_ray.cl", "(t > 0.0f)", "(t < 0.0f)", "tile"),
+        ("common/soft.cl", "flip_sign(dot3(*way, r), sign)", "dot3(*way, r)", "tile"),
+        ("tile_cpu/single_ray.cl", "(float16)(v.y, v.y)", "(float16)(v.x, v.y)", "tile"),
         ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);

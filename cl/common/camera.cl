@@ -10,7 +10,7 @@ typedef struct {
     varying_int x, y;
     Mask inside; // in the image: the last work-items of a row may extend beyond it
 #ifdef SUBPIXELS
-    varying sample_x, sample_y; // where the ray passes through the pixel, from 0 to 1 except for a wide filter
+    varying sample_x, sample_y; // the ray's place in the pixel: 0.5 at the centre; a filter wider than the pixel reaches beyond 0 and 1
 #endif
 } Pixels;
 

@@ -126,19 +126,18 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 #endif
 #endif
 
-// Returns the lanes whose ray is stopped by a triangle before t_max: Moeller and Trumbore's test, for rays with any
-// origins and unit directions. Weights are allowed their rounding error, as in cast/intersect/moller_trumbore.cl.
-Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
-    const Uniform3 edge1 = uniform_difference(corners.b, corners.a), edge2 = uniform_difference(corners.c, corners.a);
-    const float size1 = uniform_size(edge1), size2 = uniform_size(edge2);
-    const Vec3 e1 = splat(edge1), e2 = splat(edge2);
-    const Vec3 q = cross3(way, e2), s = subtract(from, splat(corners.a)), r = cross3(s, e1);
-    const varying a = dot3(e1, q), size = fabs(a);
+// Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any origins
+// and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. Weights are allowed their
+// rounding error, as in cast/intersect/moller_trumbore.cl.
+Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
+           const Vec3 *way, varying t_max) {
+    const Vec3 q = cross3(*way, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
+    const varying a = dot3(*e1, q), size = fabs(a);
     const varying_int sign = sign_bit(a);
     const varying distance = fabs(s.x) + fabs(s.y) + fabs(s.z);
     const varying slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
-    const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(way, r), sign);
-    const varying t = flip_sign(dot3(e2, r), sign); // multiplied by size
+    const varying w1 = flip_sign(dot3(s, q), sign), w2 = flip_sign(dot3(*way, r), sign);
+    const varying t = flip_sign(dot3(*e2, r), sign); // multiplied by size
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     // A triangle seen edge-on stops nothing.
     stopped &= (size > 1e-5f * size1 * size2) & (t > 0.0f) & (t / size < t_max);
@@ -146,4 +145,11 @@ Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
     stopped &= a > 0.0f;
 #endif
     return stopped;
+}
+
+// Returns the lanes whose ray is stopped by one triangle before t_max.
+Mask is_stopped_by(Corners corners, Vec3 from, Vec3 way, varying t_max) {
+    const Uniform3 edge1 = uniform_difference(corners.b, corners.a), edge2 = uniform_difference(corners.c, corners.a);
+    const Vec3 corner = splat(corners.a), e1 = splat(edge1), e2 = splat(edge2);
+    return stops(&corner, &e1, &e2, (varying)(uniform_size(edge1)), (varying)(uniform_size(edge2)), &from, &way, t_max);
 }

@@ -59,20 +59,22 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     Lighting lighting;        \
     BIND_LIGHTING(lighting)
 // These kernels have no barriers, so work-items outside the image may return.
-#define LEAVE_OUTSIDE(image_size) \
-    if (get_global_id(0) * TILE_X >= image_size.x << SUBPIXEL_BITS || get_global_id(1) * TILE_Y >= image_size.y << SUBPIXEL_BITS) return;
+#define LEAVE_OUTSIDE(image_size)                                      \
+    if (get_global_id(0) * TILE_X >= image_size.x << SUBPIXEL_BITS || \
+        get_global_id(1) * TILE_Y >= image_size.y << SUBPIXEL_BITS)   \
+        return;
 
 #if SAMPLED
-#define BIND_SAMPLES                        \
-    FrameSamples frame_samples;             \
-    frame_samples.earlier = earlier;        \
-    frame_samples.bits = (int)subpixel_bits; \
+#define BIND_SAMPLES                             \
+    FrameSamples frame_samples;                  \
+    frame_samples.earlier = earlier;             \
+    frame_samples.bits = (int)subpixel_bits;     \
     frame_samples.count = (int)samples_of_frame; \
-    frame_samples.x = sample_x;             \
-    frame_samples.y = sample_y;             \
+    frame_samples.x = sample_x;                  \
+    frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
 // A tile all of whose pixels have enough samples is not cast either.
-#define LEAVE_ENOUGH(image_size)                                                 \
+#define LEAVE_ENOUGH(image_size)                                       \
     frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
     if (!frame_samples.cast) return;
 #else

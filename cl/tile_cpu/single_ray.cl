@@ -11,7 +11,7 @@ typedef struct {
     int near_row[3], far_row[3];
 } SingleRay;
 
-void aim_single_ray(SingleRay *ray, const float *per_way) {
+void prepare_single_ray(SingleRay *ray, const float *per_way) {
     for (int axis = 0; axis < 3; axis++) {
         const int negative = per_way[axis] < 0.0f;
         ray->origin[axis] = (Children)(ray->from[axis]);
@@ -37,37 +37,20 @@ uint single_ray_meets(const SingleRay *ray, const __global float *node) {
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-Lanes3 same_in_all(const float *v) {
-    Lanes3 lanes;
-    lanes.x = (float8)(v[0]), lanes.y = (float8)(v[1]), lanes.z = (float8)(v[2]);
-    return lanes;
-}
+// Returns eight triangles' vectors twice, in all 16 lanes.
+Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
 
-float8 lanes_dot(Lanes3 a, Lanes3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-float8 flip_sign8(float8 a, int8 sign) { return as_float8(as_int8(a) ^ sign); }
-
-// Returns which of the eight triangles from `first` on stop the ray, one bit each: the test of is_stopped_by
-// (common/soft.cl), with a triangle per lane instead of a ray.
+// Returns which of the eight triangles from `first` on stop the ray, one bit each.
 uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
-    const Lanes3 a = load_corners(rows), from = same_in_all(ray->from), way = same_in_all(ray->way);
-    const Lanes3 e1 = lanes_difference(load_corners(rows + 1), a), e2 = lanes_difference(load_corners(rows + 2), a);
-    const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    const Lanes3 q = lanes_cross(way, e2), s = lanes_difference(from, a), r = lanes_cross(s, e1);
-    const float8 det = lanes_dot(e1, q), size = fabs(det), distance = lanes_size(s);
-    const int8 sign = as_int8(det) & (int8)(int)0x80000000;
-    // Weights times |det|; they are allowed their rounding error.
-    const float8 slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;
-    const float8 w1 = flip_sign8(lanes_dot(s, q), sign), w2 = flip_sign8(lanes_dot(way, r), sign);
-    const float8 t = flip_sign8(lanes_dot(e2, r), sign);
-    int8 stopping = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
-    // A triangle seen edge-on stops nothing.
-    stopping &= (size > 1e-5f * size1 * size2) & (t > 0.0f) & (t / size < ray->reach);
-#if CULL_BACK
-    stopping &= det > 0.0f;
-#endif
-    return LANE_BITS8(stopping);
+    const Lanes3 a = load_corners(rows);
+    const Lanes3 b = lanes_difference(load_corners(rows + 1), a), c = lanes_difference(load_corners(rows + 2), a);
+    const Vec3 corner = in_both_halves(a), e1 = in_both_halves(b), e2 = in_both_halves(c);
+    const float8 size1 = lanes_size(b), size2 = lanes_size(c);
+    // A lane is a triangle here; all have the same ray.
+    const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
+    return LANE_BITS16(stops(&corner, &e1, &e2, (float16)(size1, size1), (float16)(size2, size2), &from, &way,
+                             (varying)(ray->reach)));
 }
 
 #if CUTOUTS
@@ -135,7 +118,7 @@ Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *way, floa
             per_way[axis] = ((const float *)(numbers + 6 + axis))[lane];
         }
         ray.reach = reach;
-        aim_single_ray(&ray, per_way);
+        prepare_single_ray(&ray, per_way);
         stopped.each[lane] = is_stopped_alone(&ray, tree) ? -1 : 0;
     }
     return stopped.all;

@@ -156,7 +156,7 @@ impl Caster {
         let all = |samples: &[Sample], times: FrameTimes| {
             let cast =
                 |times: FrameTimes, samples: &[Sample]| Ok(times.and(&self.cast_together(camera, samples)?));
-            frames(samples, self.most_bits).into_iter().try_fold(times, cast)
+            frames(samples, self.most_bits).try_fold(times, cast)
         };
         let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
             return all(&first, FrameTimes::default());

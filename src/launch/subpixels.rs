@@ -33,12 +33,13 @@ pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
 
 /// Divides a round's samples into frames that divide pixels as finely as `most_bits`, or less. Most sub-pixels of a frame
 /// have a sample; the remaining samples are cast one by one.
-pub(super) fn frames(samples: &[Sample], most_bits: u32) -> Vec<&[Sample]> {
-    let Some(most) = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len()) else {
-        return vec![];
-    };
-    let (frame, rest) = samples.split_at(most.min(samples.len()));
-    [vec![frame], frames(rest, most_bits)].concat()
+pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
+    std::iter::from_fn(move || {
+        let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;
+        let (frame, rest) = samples.split_at(room.min(samples.len()));
+        samples = rest;
+        Some(frame)
+    })
 }
 
 /// Sets which samples a frame casts, all of one round, and returns how finely it divides pixels. A single sample is at
@@ -94,7 +95,7 @@ mod tests {
     fn most_sub_pixels_of_a_frame_have_a_sample() {
         let lengths = |count| {
             let samples = pixel_samples(count);
-            frames(&samples, MOST_BITS).into_iter().map(<[_]>::len).collect::<Vec<_>>()
+            frames(&samples, MOST_BITS).map(<[_]>::len).collect::<Vec<_>>()
         };
         assert_eq!(lengths(2), [1, 1]);
         assert_eq!((lengths(3), lengths(4), lengths(6)), (vec![3], vec![4], vec![4, 1, 1]));
@@ -106,9 +107,9 @@ mod tests {
     fn frames_cast_every_sample_once() {
         for count in [1, 2, 4, 5, 16, 17, 64] {
             let samples = pixel_samples(count);
-            let cast: Vec<_> = frames(&samples, MOST_BITS).into_iter().flatten().copied().collect();
+            let cast: Vec<_> = frames(&samples, MOST_BITS).flatten().copied().collect();
             assert_eq!(cast, samples);
-            assert!(frames(&samples, 0).iter().all(|frame| frame.len() == 1));
+            assert!(frames(&samples, 0).all(|frame| frame.len() == 1));
         }
     }
 
