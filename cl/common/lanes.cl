@@ -25,7 +25,10 @@
 typedef struct {
     int lane;   // 0 to 31
     int number; // of the group within its work-group
-    __local uint *board; // one word per lane, if lanes cannot exchange values otherwise
+#if LANE_OPERATIONS == LANES_BY_BARRIERS
+    __local uint *board; // two words per lane, used in turn: see write_board
+    int turn;
+#endif
 #if SAMPLED
     const __global uint *wanted; // samples that each block of pixels gets
     uint earlier;                // samples that are already in the image
@@ -42,52 +45,53 @@ typedef struct {
 #error "lanes that share barriers need a work-group of their own: 32 work-items"
 #endif
 #define GROUP_ATTRIBUTE
-#define GROUP_LOCALS __local uint board[GROUP_LANES];
+#define GROUP_LOCALS __local uint board[2 * GROUP_LANES];
 #define BIND_GROUP(group)                                               \
     group.lane = (int)(get_local_id(1) * LOCAL_X + get_local_id(0)); \
     group.number = 0;                                                   \
-    group.board = board;
+    group.board = board;                                                \
+    group.turn = 0;
 
 // Not unrolled: there are many of these loops, and compilers take long with barriers.
 #define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
 
-INLINED void lane_sync(const Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
+INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
 
-INLINED void write_board(const Group *group, uint value) {
-    group->board[group->lane] = value;
+// Shows a value to the other lanes, and returns where those of all lanes are. Two rows take turns:
+//
+//     lane 0    writes row 0 | barrier | reads row 0, writes row 1 | barrier | reads row 1, writes row 0 | ...
+//     lane 31   writes row 0 | barrier |   reads row 0, writes row 1 | barrier |   reads row 1, ...
+//
+// A lane writes row 0 again after the second barrier, and by then all lanes have read it: one barrier per operation.
+INLINED const __local uint *write_board(Group *group, uint value) {
+    __local uint *row = group->board + GROUP_LANES * group->turn;
+    group->turn ^= 1;
+    row[group->lane] = value;
     barrier(CLK_LOCAL_MEM_FENCE);
+    return row;
 }
 
-INLINED uint lane_get(const Group *group, uint value, int from) {
-    write_board(group, value);
-    // The second barrier: no lane writes the next value before all have read this one.
-    const uint result = group->board[from];
-    barrier(CLK_LOCAL_MEM_FENCE);
-    return result;
-}
+INLINED uint lane_get(Group *group, uint value, int from) { return write_board(group, value)[from]; }
 
-INLINED uint lane_ballot(const Group *group, int yes) {
-    write_board(group, yes ? 1u << group->lane : 0u);
-    // Each lane wrote its own bit; now each lane joins all 32 bits.
+INLINED uint lane_ballot(Group *group, int yes) {
+    // Each lane writes its own bit; each lane joins all 32 bits.
+    const __local uint *row = write_board(group, yes ? 1u << group->lane : 0u);
     uint bits = 0;
-    EACH_LANE(lane) bits |= group->board[lane];
-    barrier(CLK_LOCAL_MEM_FENCE);
+    EACH_LANE(lane) bits |= row[lane];
     return bits;
 }
 
-INLINED uint lane_least(const Group *group, uint value) {
-    write_board(group, value);
+INLINED uint lane_least(Group *group, uint value) {
+    const __local uint *row = write_board(group, value);
     uint least = value;
-    EACH_LANE(lane) least = min(least, group->board[lane]);
-    barrier(CLK_LOCAL_MEM_FENCE);
+    EACH_LANE(lane) least = min(least, row[lane]);
     return least;
 }
 
-INLINED int lane_rank(const Group *group, uint key, uint among) {
-    write_board(group, key);
+INLINED int lane_rank(Group *group, uint key, uint among) {
+    const __local uint *row = write_board(group, key);
     int rank = 0;
-    for (uint left = among; left; left &= left - 1) rank += group->board[LOWEST_BIT(left)] < key;
-    barrier(CLK_LOCAL_MEM_FENCE);
+    for (uint left = among; left; left &= left - 1) rank += row[LOWEST_BIT(left)] < key;
     return rank;
 }
 
@@ -109,14 +113,13 @@ INLINED int lane_rank(const Group *group, uint key, uint among) {
 #endif
 #define BIND_GROUP(group)                         \
     group.lane = (int)get_sub_group_local_id(); \
-    group.number = (int)get_sub_group_id();     \
-    group.board = 0;
+    group.number = (int)get_sub_group_id();
 
-INLINED void lane_sync(const Group *group) { sub_group_barrier(CLK_LOCAL_MEM_FENCE); }
+INLINED void lane_sync(Group *group) { sub_group_barrier(CLK_LOCAL_MEM_FENCE); }
 
-INLINED uint lane_get(const Group *group, uint value, int from) { return sub_group_broadcast(value, (uint)from); }
+INLINED uint lane_get(Group *group, uint value, int from) { return sub_group_broadcast(value, (uint)from); }
 
-INLINED uint lane_ballot(const Group *group, int yes) {
+INLINED uint lane_ballot(Group *group, int yes) {
 #ifdef cl_khr_subgroup_ballot
     return sub_group_ballot(yes).x;
 #else
@@ -124,27 +127,26 @@ INLINED uint lane_ballot(const Group *group, int yes) {
 #endif
 }
 
-INLINED uint lane_least(const Group *group, uint value) { return sub_group_reduce_min(value); }
+INLINED uint lane_least(Group *group, uint value) { return sub_group_reduce_min(value); }
 
 #else // inline PTX
 #define GROUP_ATTRIBUTE
 #define BIND_GROUP(group)                   \
     group.lane = (int)get_local_id(0);   \
-    group.number = (int)get_local_id(1); \
-    group.board = 0;
+    group.number = (int)get_local_id(1);
 #if LOCAL_X != GROUP_LANES
 #error "a group is a row of the work-group: 32 work-items across"
 #endif
 
-INLINED void lane_sync(const Group *group) { asm volatile("bar.warp.sync 0xffffffff;" ::: "memory"); }
+INLINED void lane_sync(Group *group) { asm volatile("bar.warp.sync 0xffffffff;" ::: "memory"); }
 
-INLINED uint lane_get(const Group *group, uint value, int from) {
+INLINED uint lane_get(Group *group, uint value, int from) {
     uint result;
     asm volatile("shfl.sync.idx.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(result) : "r"(value), "r"(from));
     return result;
 }
 
-INLINED uint lane_ballot(const Group *group, int yes) {
+INLINED uint lane_ballot(Group *group, int yes) {
     uint bits;
     asm volatile("{ .reg .pred yes; setp.ne.s32 yes, %1, 0; vote.sync.ballot.b32 %0, yes, 0xffffffff; }"
                  : "=r"(bits)
@@ -152,7 +154,7 @@ INLINED uint lane_ballot(const Group *group, int yes) {
     return bits;
 }
 
-INLINED uint lane_least(const Group *group, uint value) {
+INLINED uint lane_least(Group *group, uint value) {
     uint least;
 #if LANE_OPERATIONS == LANES_BY_PTX
     asm volatile("redux.sync.min.u32 %0, %1, 0xffffffff;" : "=r"(least) : "r"(value));
@@ -170,7 +172,7 @@ INLINED uint lane_least(const Group *group, uint value) {
 #endif
 
 // Returns how many of the lanes `among` have a smaller key.
-INLINED int lane_rank(const Group *group, uint key, uint among) {
+INLINED int lane_rank(Group *group, uint key, uint among) {
     int rank = 0;
     // `left & (left - 1)` clears the lowest bit: the loop runs once per lane of `among`.
     for (uint left = among; left; left &= left - 1) rank += lane_get(group, key, LOWEST_BIT(left)) < key;
@@ -199,17 +201,17 @@ INLINED float reciprocal(float a) {
 #endif
 }
 
-INLINED int lane_any(const Group *group, int yes) { return lane_ballot(group, yes) != 0; }
+INLINED int lane_any(Group *group, int yes) { return lane_ballot(group, yes) != 0; }
 
-INLINED float lane_get_float(const Group *group, float value, int from) {
+INLINED float lane_get_float(Group *group, float value, int from) {
     return as_float(lane_get(group, as_uint(value), from));
 }
 
 // Returns the smallest of non-negative numbers, whose bits are ordered like the numbers.
-INLINED float lane_least_positive(const Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
+INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
 // Returns the smallest of arbitrary numbers, by converting their bits so that they are ordered, and back.
-INLINED float lane_min(const Group *group, float value) {
+INLINED float lane_min(Group *group, float value) {
     const uint bits = as_uint(value);
     // As unsigned integers, positive floats have the right order and negative ones the reverse order. Positive ones
     // get their sign bit set, and all bits of negative ones are inverted.
@@ -217,4 +219,4 @@ INLINED float lane_min(const Group *group, float value) {
     return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
 }
 
-INLINED float lane_max(const Group *group, float value) { return -lane_min(group, -value); }
+INLINED float lane_max(Group *group, float value) { return -lane_min(group, -value); }

@@ -75,7 +75,7 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 // its row and the nearer one in its column, and of these two the farther. `distance` is this lane's distance from the
 // leader's ray. FAR without neighbours. In a block of 8 x 4 lanes, neighbours are one lane beside, and eight above or
 // below; at an edge the index wraps around, which gives a more distant ray.
-INLINED float spacing_at(const Group *group, float distance, int leader) {
+INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
     const float right = lane_get_float(group, distance, row | ((leader + 1) & 7));
@@ -88,7 +88,7 @@ INLINED float spacing_at(const Group *group, float distance, int leader) {
 // Chooses a leader and the rays of `todo` that go with it, and makes their shaft and beam. With `close`, only rays
 // close to the leader's direction are chosen. Returns this lane's rays in the pass. The leader's ray is among them,
 // unless it has no direction.
-INLINED uint begin_pass(const Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
+INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
     // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.
     const uint lanes = lane_ballot(group, todo != 0);

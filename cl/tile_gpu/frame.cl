@@ -45,7 +45,7 @@ typedef struct {
 } Pixel;
 
 // Returns the pixel of a lane's ray in a row of work-groups; a tile consists of blocks of 8 x 4 pixels.
-INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size) {
+INLINED Pixel pixel_in_row(Group *group, int row, int ray, int2 image_size) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     // Work-group, tile within it, block within the tile, pixel within the block.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
@@ -61,7 +61,7 @@ INLINED Pixel pixel_in_row(const Group *group, int row, int ray, int2 image_size
 }
 
 // Returns the pixel of a lane's ray in the work-group's own row of the image, which may be a band of it.
-INLINED Pixel tile_pixel(const Group *group, int ray, int2 image_size) {
+INLINED Pixel tile_pixel(Group *group, int ray, int2 image_size) {
     return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
 }
 
@@ -74,38 +74,44 @@ INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel)
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
-// Makes the tile's rays from the eye, which begin at the near plane and never end. Returns those inside the image.
-INLINED uint camera_ways(const Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
+// Returns this lane's rays inside the image.
+INLINED uint rays_inside(Group *group, int2 image_size) {
     uint inside = 0;
-    EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(group, ray, image_size);
-        const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
-        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
-        inside |= pixel.inside ? 1u << ray : 0u;
-    }
-    ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
-    ways->per_end = 0.0f;
+    EACH_RAY(ray) inside |= tile_pixel(group, ray, image_size).inside ? 1u << ray : 0u;
     return inside;
 }
 
+// Makes the tile's rays from the eye, which begin at the near plane and never end.
+INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
+    EACH_RAY(ray) {
+        const Vec3 way = pixel_way(corner, step_x, step_y, tile_pixel(group, ray, image_size));
+        ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
+    }
+    ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
+    ways->per_end = 0.0f;
+}
+
+// No axis is a pass's twice in one direction: it leaves only rays that have less of it than a leader has of its own. Rays
+// without a direction (not a number) take part in none.
+#define MOST_PASSES 6
+
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
 // Returns the rays that hit. Nearest hits stay in `beam.place` from pass to pass: a pass changes only those of its rays.
-INLINED uint find_nearest(const Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
+INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
-    uint done = 0;
     int unlimited = 0;
+    uint todo = rays_inside(group, image_size);
     Beam beam;
     EACH_RAY(ray) beam.place[ray] = NO_HIT;
-    for (;;) { // once, unless the tile is so wide that its rays run along several axes
+    // Once, unless the tile is so wide that its rays run along several axes. All lanes leave together, since the calls below
+    // need the whole group. There is one way out of the loop: compilers for barriers repeat what follows for each.
+    for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Ways ways;
         Shaft shaft;
-        const uint todo = camera_ways(group, eye, corner, step_x, step_y, image_size, &ways) & ~done;
-        // All lanes leave together, since the calls below need the whole group.
-        if (!lane_any(group, todo != 0)) break;
+        camera_ways(group, eye, corner, step_x, step_y, image_size, &ways);
         const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
-        if (!lane_any(group, active != 0)) break;
         walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
-        done |= active;
+        todo &= ~active;
     }
     uint hits = 0;
     // Every pixel of the tile is stored, also those that hit nothing: shading reads all of them.

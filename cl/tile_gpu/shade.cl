@@ -1,7 +1,7 @@
 // The end of a round of lights, after tiles have cast their shadow rays: leftover shadow rays, and shading.
 
 // Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that they reach.
-INLINED uint cast_left_over(SOURCES_PARAMETER const Group *group, const Tree *tree, const __global float4 *surfaces,
+INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float4 *surfaces,
                             CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
     uint reached = 0;

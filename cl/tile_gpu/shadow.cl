@@ -124,7 +124,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #endif
 
 // Makes the rays from a light to the tile's hits, for the rays in `wanted`. Returns those that must be cast.
-INLINED uint light_ways(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                         int2 image_size, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;
     ways->per_begin = FAR;
@@ -145,40 +145,39 @@ INLINED uint light_ways(const Group *group, const Tree *tree, const __global flo
 // Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` receives those that
 // were not decided. Rays are computed again for each pass, and the indices of hits are read again. Keeping them would
 // take registers during the traversal, and a second pass is rare.
-INLINED uint unblocked(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                        int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
     uint todo = hits, clear = 0;
     int budget = SHADOW_BUDGET;
     *left = 0;
-    for (int pass = 0; lane_any(group, todo != 0); pass++) {
-        if (pass == SHADOW_PASSES || budget <= 0) break;
+    for (int pass = 0; lane_any(group, todo != 0) && pass < SHADOW_PASSES && budget > 0; pass++) {
         Shaft shaft;
         Beam beam;
         Ways ways;
         // Only hits that face the light have a shadow ray.
         todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
-        if (!lane_any(group, todo != 0)) break;
-        // The rays close to a leader; the others wait for the next pass.
-        const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
-        if (!lane_any(group, active != 0)) break;
-        const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
-        EACH_RAY(ray) {
-            // FAR means that something is in between. A traversal that was stopped early proves nothing for the other
-            // rays.
-            const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
-            clear |= open && enough ? 1u << ray : 0u;
-            *left |= open && !enough ? 1u << ray : 0u;
+        if (lane_any(group, todo != 0)) {
+            // The rays close to a leader; the others wait for the next pass.
+            const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
+            const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
+            EACH_RAY(ray) {
+                // FAR means that something is in between. A traversal that was stopped early proves nothing for the other
+                // rays.
+                const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
+                clear |= open && enough ? 1u << ray : 0u;
+                *left |= open && !enough ? 1u << ray : 0u;
+            }
+            todo &= ~active;
         }
-        todo &= ~active;
     }
     *left |= todo;
     return clear;
 }
 
 // Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
-INLINED void leave(const Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
+INLINED void leave(Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // continues even if no lane has an entry: a compiler for barriers failed after a return here
     // One atomic operation per group; each lane finds its entry by its rank among those with one.
@@ -196,7 +195,7 @@ typedef struct {
 
 // Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel faces
 // that light and nothing is in between. Leftover shadow rays go to the queue.
-INLINED void find_lit(const Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
+INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                       int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
                       SOURCES_PARAMETER Found found) {
@@ -223,11 +222,9 @@ INLINED void find_lit(const Group *group, const Tree *tree, const __global float
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
         if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
     }
-    if (lane_any(group, left_over != 0)) {
-        for (int ray = 0; ray < RAYS; ray++)
-            leave(group, tile_pixel(group, ray, image_size), image_size, BITS_OF_PIXEL(left_over, ray), found.queue,
-                  found.queued);
-    }
+    for (int ray = 0; ray < RAYS; ray++)
+        leave(group, tile_pixel(group, ray, image_size), image_size, BITS_OF_PIXEL(left_over, ray), found.queue,
+              found.queued);
 }
 
 #define BIND_FOUND      \

@@ -41,7 +41,7 @@ typedef struct {
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
 // Chooses the axes of a pass so that the largest component of a direction is z.
-INLINED void aim(const Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
+INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
     // Axes are permuted cyclically and never mirrored, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);

@@ -15,7 +15,7 @@ INLINED int goes_apart(const Sources *sources, int light) {
 }
 
 // Returns whether something stops a ray before t_max.
-INLINED int is_stopped(const Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
+INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, float t_max, __local uint2 *stack) {
     // A shaft around this ray alone: its box of slopes is a point.
     Shaft shaft;
     aim(group, tree, origin_at(uniform3(from.x, from.y, from.z), 0), uniform3(way.x, way.y, way.z), &shaft);
@@ -77,7 +77,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 }
 
 // Returns whether a source is visible from a pixel's hit.
-INLINED int reaches(const Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
+INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
     // A light that is nearer than the bias lies on the surface. The sky has no position, so only its direction counts.

@@ -9,7 +9,7 @@ typedef struct {
 
 // Tests whether the shaft meets this lane's child of a node nearer than `reach`. After rounding it may report
 // additional children, but never misses one.
-INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
+INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
@@ -46,7 +46,7 @@ INLINED Child meet_child(const Group *group, const Tree *tree, const Shaft *shaf
 //
 // Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1,
 // lane 5 has 2.
-INLINED uint push(const Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
+INLINED uint push(Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
     // An entry is not negative, so its bits have the same order. The lane's number in the last five makes it unique.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
@@ -82,7 +82,7 @@ typedef struct {
 
 // Tests the beam against a leaf's triangles, except those that the shaft excludes. With `any`, a ray that hits a
 // triangle is finished; otherwise its nearest hit is stored. Returns whether any triangle was tested.
-INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
+INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, uint word, float worst,
                const int any, const Candidates *candidates) {
     const int first = LEAF_FIRST(word);
     Candidate own;
@@ -123,7 +123,7 @@ INLINED int visit_leaf(const Group *group, const Tree *tree, const Shaft *shaft,
 
 // The least 1/z that a hit must have to matter to any ray of the group: the smallest of its nearest hits. A ray
 // that has hit nothing counts with its end (0 for rays from the eye).
-INLINED float worst_of(const Group *group, const Beam *beam) {
+INLINED float worst_of(Group *group, const Beam *beam) {
     float worst = FAR;
     EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
     return lane_least_positive(group, worst);
@@ -141,7 +141,7 @@ INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reci
 
 // Walks the tree with a pass's beam: to the nearest hit of each ray, or with `any` to some. Each word taken from the stack
 // costs one of `budget`; returns whether it was enough.
-INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
+INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, beam), reach = reach_of(worst);
     uint word = 0;
@@ -174,7 +174,7 @@ INLINED int walk(const Group *group, const Tree *tree, const Shaft *shaft, Beam 
 }
 
 // Returns whether anything blocks one ray. All lanes work on this ray: each tests it against its own child or triangle.
-INLINED int is_blocked(const Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
+INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);
     uint word = 0;
