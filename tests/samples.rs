@@ -19,7 +19,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     let one = picture(&place, &["--samples", "1"]);
     assert_eq!(one, picture(&place, &[]));
     // In vectors and one by one, fused and separate, through a tree and without one.
-    for strategy in ["naive", "wide-common-origin", "tile", "bvh-packet"] {
+    for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
         let many = picture(&place, &["--samples", "9", "--strategy", strategy, "--verify"]);
         // Where no edge is near, the filter changes little.
         let inside = (many[(30, 20)].0, one[(30, 20)].0);
@@ -75,7 +75,7 @@ fn a_broken_mean_is_a_wrong_picture() {
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
-    for (file, from, to, samples) in [
+    let vectors = [
         ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "14"),
         ("tile_cpu/camera.cl", "sample_of_lane(samples->bits) < samples->count", "samples->count > 0", "14"),
         ("tile_cpu/camera.cl", "pixels.sample_y = samples->y", "pixels.sample_y = samples->x", "16"),
@@ -89,7 +89,16 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
         ("tile_cpu/shade.cl", "across.s0145 + across.s2367", "across.s0145 + across.s0167", "4"),
         ("tile_cpu/shade.cl", "(sum - (float)count * *mean)", "(sum - *mean)", "20"),
         ("tile_cpu/shade.cl", "(float4)(r.w, g.w, b.w, h.w)", "(float4)(r.z, g.z, b.z, h.z)", "4"),
-    ] {
-        place.notices((file, from, to), "tile", &["--verify", "--samples", samples]);
+    ];
+    let shared = [
+        ("tile_gpu/frame.cl", "(at.y & last) << group->bits", "(at.y & last) << 1", "14"),
+        ("tile_gpu/frame.cl", "group->places[2 * sample + 1]", "group->places[2 * sample]", "16"),
+        ("tile_gpu/shade.cl", "(sample & last, sample >>", "(sample & last, sample & last & sample >>", "16"),
+        ("tile_gpu/shade.cl", "((sum) - (float)SAMPLES_OF_FRAME * (mean))", "((sum) - (mean))", "20"),
+    ];
+    for (strategy, rows) in [("tile", &vectors[..]), ("tile-group", &shared)] {
+        for (file, from, to, samples) in rows {
+            place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
+        }
     }
 }

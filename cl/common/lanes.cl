@@ -32,6 +32,9 @@ typedef struct {
 #if SAMPLED
     const __global uint *wanted; // samples that each block of pixels gets
     uint earlier;                // samples that are already in the image
+    int bits;                    // a frame casts 2^bits x 2^bits rays for each pixel,
+    int samples;                 // or a few less,
+    const __global float *places; // at these x and y in their pixel
 #endif
 } Group;
 

@@ -6,6 +6,9 @@
 // consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z,
 // which is linear in x and y over a triangle. The edge functions are linear too.
 
+#if SAMPLED // a pixel may have several rays, each at a place of its own
+#define SUBPIXELS
+#endif
 #include "common/tile.cl"
 #if WATERTIGHT
 #include "common/exact_signs.cl"

@@ -7,11 +7,28 @@
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
+// A frame may cast several samples of each pixel. Its rays then form a grid that is finer than the image, with 2^bits columns
+// and rows for each of the image's. For 2 bits, the samples of a pixel lie in it like this:
+//
+//      0  1  2  3
+//      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid,
+//      8  9 10 11      the narrower its beam, and the fewer nodes it visits.
+//     12 13 14 15
 #if SAMPLED
-#define BIND_SAMPLES group.wanted = wanted, group.earlier = earlier;
+#define BIND_SAMPLES                 \
+    group.wanted = wanted;           \
+    group.earlier = earlier;         \
+    group.bits = (int)subpixel_bits; \
+    group.samples = (int)samples_of_frame; \
+    group.places = places;
+#define SUBPIXEL_BITS group.bits
+#define SAMPLES_OF_FRAME group.samples
 #else
 #define BIND_SAMPLES
+#define SUBPIXEL_BITS 0
+#define SAMPLES_OF_FRAME 1
 #endif
+#define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
 // A group with its stack, and with the triangles of a leaf that its rays have to test.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
@@ -40,51 +57,76 @@
     BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
+// A ray's place in the grid.
 typedef struct {
     int x, y, inside;
+#if SAMPLED
+    float ray_x, ray_y; // where in the image it passes through its pixel
+#endif
 } Pixel;
 
-// Returns the pixel of a lane's ray in a row of work-groups; a tile consists of blocks of 8 x 4 pixels.
-INLINED Pixel pixel_in_row(Group *group, int row, int ray, int2 image_size) {
+// Returns whether a place in the grid has a ray: a pixel with enough samples is treated like one outside the image.
+#if SAMPLED
+INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
+    const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
+    const int2 pixel = at >> group->bits;
+    Pixel ray;
+    ray.x = at.x;
+    ray.y = at.y;
+    ray.inside = (at.x < grid.x) & (at.y < grid.y) & (sample < group->samples);
+    ray.inside = ray.inside && is_wanted(group->wanted, group->earlier, grid >> group->bits, pixel.x, pixel.y);
+    ray.ray_x = pixel.x + group->places[2 * sample];
+    ray.ray_y = pixel.y + group->places[2 * sample + 1];
+    return ray;
+}
+#define RAY_AT_X(ray) (ray).ray_x
+#define RAY_AT_Y(ray) (ray).ray_y
+#else
+INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
+    Pixel ray;
+    ray.x = at.x;
+    ray.y = at.y;
+    ray.inside = (at.x < grid.x) & (at.y < grid.y);
+    return ray;
+}
+#define RAY_AT_X(ray) ((ray).x + 0.5f)
+#define RAY_AT_Y(ray) ((ray).y + 0.5f)
+#endif
+
+// Returns the place of a lane's ray in a row of work-groups, if each place has one ray; a tile consists of blocks of 8 x 4.
+INLINED int2 place_in_row(Group *group, int row, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     // Work-group, tile within it, block within the tile, pixel within the block.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
     const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
-    Pixel pixel;
-    pixel.x = tile_x * TILE_X + ray % across * 8 + lane % 8;
-    pixel.y = tile_y * TILE_Y + ray / across * 4 + lane / 8;
-    pixel.inside = (pixel.x < image_size.x) & (pixel.y < image_size.y);
-#if SAMPLED // a pixel with enough samples is treated like one outside
-    pixel.inside = pixel.inside && is_wanted(group->wanted, group->earlier, image_size, pixel.x, pixel.y);
-#endif
-    return pixel;
+    return (int2)(tile_x * TILE_X + ray % across * 8 + lane % 8, tile_y * TILE_Y + ray / across * 4 + lane / 8);
 }
 
-// Returns the pixel of a lane's ray in the work-group's own row of the image, which may be a band of it.
-INLINED Pixel tile_pixel(Group *group, int ray, int2 image_size) {
-    return pixel_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray, image_size);
+// Returns a lane's ray in the work-group's own row of the grid, which may be a band of it.
+INLINED Pixel tile_pixel(Group *group, int ray, int2 grid) {
+    return ray_at(group, place_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray), grid);
 }
 
-INLINED uint index_of(Pixel pixel, int2 image_size) { return (uint)pixel.y * (uint)image_size.x + (uint)pixel.x; }
+INLINED uint index_of(Pixel ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
-// Returns the direction of depth 1 through a pixel's centre, like camera_ray.
+// Returns a ray's direction of depth 1, like camera_ray.
 INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
-    const float x = pixel.x + 0.5f, y = pixel.y + 0.5f;
+    const float x = RAY_AT_X(pixel), y = RAY_AT_Y(pixel);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
 // Returns this lane's rays inside the image.
-INLINED uint rays_inside(Group *group, int2 image_size) {
+INLINED uint rays_inside(Group *group, int2 grid) {
     uint inside = 0;
-    EACH_RAY(ray) inside |= tile_pixel(group, ray, image_size).inside ? 1u << ray : 0u;
+    EACH_RAY(ray) inside |= tile_pixel(group, ray, grid).inside ? 1u << ray : 0u;
     return inside;
 }
 
 // Makes the tile's rays from the eye, which begin at the near plane and never end.
-INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 image_size, Ways *ways) {
+INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways) {
     EACH_RAY(ray) {
-        const Vec3 way = pixel_way(corner, step_x, step_y, tile_pixel(group, ray, image_size));
+        const Vec3 way = pixel_way(corner, step_x, step_y, tile_pixel(group, ray, grid));
         ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
     }
     ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
@@ -97,10 +139,10 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 image_size, Ways 
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
 // Returns the rays that hit. Nearest hits stay in `beam.place` from pass to pass: a pass changes only those of its rays.
-INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 image_size, __local uint2 *stack,
+INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     int unlimited = 0;
-    uint todo = rays_inside(group, image_size);
+    uint todo = rays_inside(group, grid);
     Beam beam;
     EACH_RAY(ray) beam.place[ray] = NO_HIT;
     // Once, unless the tile is so wide that its rays run along several axes. All lanes leave together, since the calls below
@@ -108,16 +150,16 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Ways ways;
         Shaft shaft;
-        camera_ways(group, eye, corner, step_x, step_y, image_size, &ways);
+        camera_ways(group, eye, corner, step_x, step_y, grid, &ways);
         const uint active = begin_pass(group, tree, origin_at(uniform3(eye.x, eye.y, eye.z), 0), &ways, todo, 0, &shaft, &beam);
         walk(group, tree, &shaft, &beam, 0, &unlimited, stack, candidates);
         todo &= ~active;
     }
     uint hits = 0;
-    // Every pixel of the tile is stored, also those that hit nothing: shading reads all of them.
+    // Every ray of the tile is stored, also those that hit nothing: shading reads all of them.
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(group, ray, image_size);
-        if (pixel.inside) nearest[index_of(pixel, image_size)] = beam.place[ray];
+        const Pixel pixel = tile_pixel(group, ray, grid);
+        if (pixel.inside) nearest[index_of(pixel, grid)] = beam.place[ray];
         hits |= beam.place[ray] != NO_HIT ? 1u << ray : 0u;
     }
     return hits;
@@ -128,5 +170,5 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) 
     STACK_LOCALS
     LEAF_LOCALS
     TREE_OF_TILES
-    find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
+    find_nearest(&group, &tree, eye, corner, step_x, step_y, GRID_OF(image_size), stack, &candidates, nearest);
 }

@@ -33,15 +33,11 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
     return reached;
 }
 
-INLINED Pixel pixel_of(uint index, int2 image_size) {
-    Pixel pixel;
-    pixel.x = (int)(index % (uint)image_size.x);
-    pixel.y = (int)(index / (uint)image_size.x);
-    pixel.inside = 1;
-    return pixel;
+INLINED Pixel ray_of(Group *group, uint index, int2 grid) {
+    return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
 
-// Casts the leftover shadow rays, one group per pixel; a pixel is in the queue once.
+// Casts the leftover shadow rays, one group per ray from the eye; such a ray is in the queue once.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -50,7 +46,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
         const uint2 entry = queue[i];
         const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
-                                            pixel_of(entry.x, image_size), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
+                                            ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
                                             entry.y, bias, stack);
         // One pixel per group and entry, so that no atomic is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
@@ -139,15 +135,28 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// The radiance with which a round of lights begins, and that with which it ends. With several samples, the image has
-// their mean; a round then adds its part of the sample.
+// A pixel of the image after a round of lights, from the round's sum over the samples of a frame. With several samples,
+// the image has their mean; a later round adds its part of these samples.
 #if SAMPLED
-#define BEFORE_ROUND(mean) (float4)(0.0f)
-#define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) / (float)(earlier + 1) : MEAN_OF(mean, sum, earlier))
+#define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
+#define AFTER_ROUND(mean, sum)                                                                    \
+    (first_light ? (mean) + (sum) / SAMPLES_SO_FAR                                                \
+     : earlier   ? (mean) + ((sum) - (float)SAMPLES_OF_FRAME * (mean)) / SAMPLES_SO_FAR           \
+                 : (sum) / SAMPLES_SO_FAR)
 #else
-#define BEFORE_ROUND(mean) mean
-#define AFTER_ROUND(mean, sum) sum
+#define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) : (sum))
 #endif
+
+// Returns one sample of a lane's pixel in a row of work-groups.
+INLINED Pixel sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
+#if SAMPLED
+    const int last = (1 << group->bits) - 1;
+    const int2 first = place_in_row(group, row, ray) << group->bits;
+    return ray_at(group, first + (int2)(sample & last, sample >> group->bits), grid);
+#else
+    return ray_at(group, place_in_row(group, row, ray), grid);
+#endif
+}
 
 // Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no kernel has
 // done so, the first `queue_rows` rows of work-groups cast the leftover shadow rays and shade these pixels. These are
@@ -164,14 +173,14 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int count = *queued;
         for (int i = first; i < count; i += groups) {
             const uint2 entry = queue[i];
-            const Pixel pixel = pixel_of(entry.x, image_size);
+            const Pixel pixel = ray_of(&group, entry.x, GRID_OF(image_size));
             const int place = nearest[entry.x];
             uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
                 // Lights that were known to reach it, and those found now.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
-                float4 sum = first_light ? BEFORE_ROUND(image[entry.x]) : dark;
+                float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
                             reached, &sum);
                 image[entry.x] = AFTER_ROUND(image[entry.x], sum);
@@ -179,27 +188,39 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         }
     } else {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
-        int place[RAYS];
-        uint reached[RAYS];
-        EACH_RAY(ray) { // the loads of all rays at once
-            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
-            place[ray] = pixel.inside ? nearest[index_of(pixel, image_size)] : NO_HIT;
+        const int2 grid = GRID_OF(image_size);
+        float4 sum[RAYS];
+        uint waiting = 0; // pixels that other groups store, since they are in the queue
+        int pixels = 0; // of this lane that get samples
+        EACH_RAY(ray) {
+            sum[ray] = (float4)(0.0f);
+            pixels += sample_in_row(&group, row, ray, 0, grid).inside;
+        }
+        for (int sample = 0; pixels && sample < SAMPLES_OF_FRAME; sample++) {
+            int place[RAYS];
+            uint reached[RAYS];
+            EACH_RAY(ray) { // the loads of all rays at once
+                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
+                place[ray] = pixel.inside ? nearest[index_of(pixel, grid)] : NO_HIT;
+            }
+            EACH_RAY(ray) {
+                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
+                reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(pixel, grid)] : 0;
+                waiting |= reached[ray] & SOME_LEFT_OVER ? 1u << ray : 0u;
+            }
+            EACH_RAY(ray) {
+                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
+                // Later rounds of lights add to what earlier ones left in the image.
+                if (!first_light) sum[ray] += place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
+                if (HAS_LIGHT(reached[ray], place[ray]))
+                    shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel,
+                                place[ray], lights_of_round, reached[ray] & ~SOME_LEFT_OVER, &sum[ray]);
+            }
         }
         EACH_RAY(ray) {
-            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
-            reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(pixel, image_size)] : 0;
-        }
-        EACH_RAY(ray) {
-            const Pixel pixel = pixel_in_row(&group, row, ray, image_size);
-            const uint at = index_of(pixel, image_size);
-            // Later rounds of lights add to what earlier ones left in the image.
-            float4 sum = place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
-            if (first_light && pixel.inside) sum = BEFORE_ROUND(image[at]);
-            if (HAS_LIGHT(reached[ray], place[ray]))
-                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place[ray], lights_of_round,
-                            reached[ray] & ~SOME_LEFT_OVER, &sum);
-            // Pixels in the queue are stored by the groups that process it.
-            if (pixel.inside && !(reached[ray] & SOME_LEFT_OVER)) image[at] = AFTER_ROUND(image[at], sum);
+            const Pixel first = sample_in_row(&group, row, ray, 0, grid);
+            const uint at = (uint)(first.y >> SUBPIXEL_BITS) * (uint)image_size.x + (uint)(first.x >> SUBPIXEL_BITS);
+            if (first.inside && !HAS(waiting, ray)) image[at] = AFTER_ROUND(image[at], sum[ray]);
         }
     }
 }

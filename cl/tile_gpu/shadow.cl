@@ -63,8 +63,14 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
 
 INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
     Pixels one;
+#if SAMPLED
+    one.x = one.y = 0;
+    one.sample_x = pixel.ray_x;
+    one.sample_y = pixel.ray_y;
+#else
     one.x = pixel.x;
     one.y = pixel.y;
+#endif
     one.inside = pixel.inside;
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
@@ -106,13 +112,19 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #include "tile_gpu/soft.cl"
 #endif
 // The additional parameters of functions for lights with a radius or a sky, including the comma.
-#if SOFT
+#if SOFT // whose frames cast one sample of each pixel
+#if SAMPLED
+#define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
+#else
+#define BIND_LANE_SAMPLE
+#endif
 #define SOURCES_PARAMETER const Sources *sources,
 #define SOURCES_ARGUMENT sources,
 #define BIND_SOURCES                       \
     Sources own_sources;                   \
     own_sources.soft.numbers = soft;       \
     own_sources.soft.sample = sample;      \
+    BIND_LANE_SAMPLE                       \
     own_sources.light_count = light_count; \
     own_sources.first_light = first_light; \
     const Sources *sources = &own_sources;
@@ -125,14 +137,14 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 
 // Makes the rays from a light to the tile's hits, for the rays in `wanted`. Returns those that must be cast.
 INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                        int2 image_size, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
+                        int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;
     ways->per_begin = FAR;
     ways->per_end = 1.0f;
     EACH_RAY(ray) { // no branch, so that the loads of all rays overlap
-        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const Pixel pixel = tile_pixel(group, ray, grid);
         const int hit = HAS(wanted, ray) != 0;
-        const int place = hit ? nearest[index_of(pixel, image_size)] : 0;
+        const int place = hit ? nearest[index_of(pixel, grid)] : 0;
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
         const Vec3 offset = subtract(light, meeting.point);
         const Vec3 way = way_to_hit(offset, bias);
@@ -146,7 +158,7 @@ INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *s
 // were not decided. Rays are computed again for each pass, and the indices of hits are read again. Keeping them would
 // take registers during the traversal, and a second pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                       int2 image_size, const __global int *nearest, uint hits, Origin light, float bias,
+                       int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
     uint todo = hits, clear = 0;
     int budget = SHADOW_BUDGET;
@@ -156,7 +168,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
         Beam beam;
         Ways ways;
         // Only hits that face the light have a shadow ray.
-        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest,
+        todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (lane_any(group, todo != 0)) {
             // The rays close to a leader; the others wait for the next pass.
@@ -177,26 +189,26 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 }
 
 // Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
-INLINED void leave(Group *group, Pixel pixel, int2 image_size, uint lights, __global uint2 *queue, __global int *queued) {
+INLINED void leave(Group *group, Pixel pixel, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // continues even if no lane has an entry: a compiler for barriers failed after a return here
     // One atomic operation per group; each lane finds its entry by its rank among those with one.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
-    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, image_size), lights);
+    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, grid), lights);
 }
 
 // The buffers for the results of shadow rays.
 typedef struct {
-    __global uint *lit;    // one word of lights per pixel that hits something
-    __global uint2 *queue; // pixels with their leftover lights
+    __global uint *lit;    // one word of lights per ray from the eye that hits something
+    __global uint2 *queue; // these rays' indices with their leftover lights
     __global int *queued;  // number of entries
 } Found;
 
 // Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel faces
 // that light and nothing is in between. Leftover shadow rays go to the queue.
 INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
-                      int2 image_size, const __global int *nearest, uint hits, const __global float *lights,
+                      int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
                       SOURCES_PARAMETER Found found) {
     uint reached = 0, left_over = 0;
@@ -211,19 +223,19 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
         // One light after the other; its results are shifted to its bits of both words.
-        const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, origin,
+        const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);
         left_over |= BITS_OF_LIGHT(left, light);
     }
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(group, ray, image_size);
+        const Pixel pixel = tile_pixel(group, ray, grid);
         // This pixel's bits of both words: one bit per light, and one for being in the queue.
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
-        if (HAS(hits, ray)) found.lit[index_of(pixel, image_size)] = BITS_OF_PIXEL(reached, ray) | left;
+        if (HAS(hits, ray)) found.lit[index_of(pixel, grid)] = BITS_OF_PIXEL(reached, ray) | left;
     }
     for (int ray = 0; ray < RAYS; ray++)
-        leave(group, tile_pixel(group, ray, image_size), image_size, BITS_OF_PIXEL(left_over, ray), found.queue,
+        leave(group, tile_pixel(group, ray, grid), grid, BITS_OF_PIXEL(left_over, ray), found.queue,
               found.queued);
 }
 
@@ -240,12 +252,13 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     TREE_OF_TILES
     BIND_FOUND
     BIND_SOURCES
+    const int2 grid = GRID_OF(image_size);
     uint hits = 0;
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(&group, ray, image_size);
-        hits |= pixel.inside && nearest[index_of(pixel, image_size)] != NO_HIT ? 1u << ray : 0u;
+        const Pixel pixel = tile_pixel(&group, ray, grid);
+        hits |= pixel.inside && nearest[index_of(pixel, grid)] != NO_HIT ? 1u << ray : 0u;
     }
-    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
@@ -257,7 +270,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     BIND_FOUND
     BIND_SOURCES
     const uint hits =
-        find_nearest(&group, &tree, eye, corner, step_x, step_y, image_size, stack, &candidates, nearest);
-    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, image_size, nearest, hits, lights, light_count,
+        find_nearest(&group, &tree, eye, corner, step_x, step_y, GRID_OF(image_size), stack, &candidates, nearest);
+    find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }

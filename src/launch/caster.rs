@@ -69,8 +69,9 @@ impl Caster {
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
         let mut steps = match strategy.passes {
             _ if strategy.shares_tiles() => {
-                let nearest = allocate::<i32>(queue, pixels)?;
-                let shared = Shared::allocate(queue, pixels)?;
+                let rays = workload.nearest_count(strategy);
+                let nearest = allocate::<i32>(queue, rays)?;
+                let shared = Shared::allocate(queue, rays)?;
                 Rounds::new(&parts, &image, &nearest, &shared).cast()?
             }
             Passes::Fused => parts.cast_fused(&image)?,
@@ -186,6 +187,9 @@ impl Caster {
         self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
         let arguments = sample_argument(Arguments::default(), first);
         let (arguments, bits) = subpixel_arguments(arguments, samples);
+        if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
+            numbers.place(&self.queue, samples)?;
+        }
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
         self.cast_finely(1, bits)
     }

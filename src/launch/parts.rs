@@ -95,7 +95,7 @@ impl<'a> Parts<'a> {
         steps.extend(self.reset_heap(Phase::Whole));
         let arguments = self.arguments.clone().with("image", image);
         let kernel = self.pixel_kernel(self.kernel_for(Role::Frame)?, &arguments, None)?;
-        steps.push((Phase::Whole, Step::Run(kernel)));
+        steps.push((Phase::Whole, Step::Cast(kernel)));
         Ok(steps)
     }
 

@@ -5,6 +5,7 @@ use super::parts::{Parts, size_for_preparing};
 use super::setup::Setup;
 use super::shared::Shared;
 use super::steps::{Step, Steps};
+use super::subpixels::most_bits;
 use super::{LaunchError, arguments::Arguments};
 use crate::manifest::Role;
 use crate::strategy::Passes;
@@ -17,9 +18,11 @@ pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
-    /// True if the kernel for primary rays also casts the first round's shadow rays, and leftover shadow rays
-    /// are cast by the kernel that shades.
+    /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
+    /// True if leftover shadow rays are cast by the kernel that shades. It stores a pixel as soon as one ray is known, so it
+    /// cannot do so if frames cast several samples of a pixel.
+    shades_left_over: bool,
 }
 
 impl<'p, 'a> Rounds<'p, 'a> {
@@ -34,7 +37,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = arguments.with("lit", &shared.lit).with("queue", &shared.queue);
         let arguments = arguments.with("queued", &shared.queued);
         let fused = parts.setup.strategy.passes == Passes::Fused && sources(&parts.setup) > 0;
-        Self { parts, shared, arguments, fused }
+        let shades_left_over = fused && most_bits(&parts.setup) == 0;
+        Self { parts, shared, arguments, fused, shades_left_over }
     }
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
@@ -47,7 +51,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
             steps.extend(self.prepare(0..1, 0, Phase::Primary)?);
             let kernel = self.parts.kernel_for(Role::Primary)?;
             let kernel = self.parts.pixel_kernel(kernel, &self.arguments, None)?;
-            steps.push((Phase::Primary, Step::Run(kernel)));
+            steps.push((Phase::Primary, Step::Cast(kernel)));
         }
         for first_light in (0..sources.max(1)).step_by(self.parts.setup.strategy.lights_of_round()) {
             if sources > 0 {
@@ -59,7 +63,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
     }
 
     fn shade(&self, first_light: usize) -> Result<(Phase, Step), LaunchError> {
-        let queue_rows = if self.fused { self.queue_rows() } else { 0 };
+        let queue_rows = if self.shades_left_over { self.queue_rows() } else { 0 };
         let [across, down] = self.parts.pixel_items();
         let queue_items = queue_rows * self.parts.setup.workload.local_size[1] as usize;
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
@@ -81,16 +85,16 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = self.arguments.clone().with("first_light", first_light as i32);
         let cast = |kernel, items| {
             let kernel = self.parts.pixel_kernel(kernel, &arguments, items)?;
-            Ok::<_, LaunchError>((phase, Step::Run(kernel)))
+            Ok::<_, LaunchError>(kernel)
         };
         let emptied = (phase, Step::Fill(self.shared.queued.clone(), 0));
         let mut steps = vec![self.prepare(origins, first_light, phase)?.unwrap_or(emptied)];
         let role = if first { Role::Frame } else { Role::Shadow };
-        steps.push(cast(self.parts.kernel_for(role)?, None)?);
-        if !self.fused {
+        steps.push((phase, Step::Cast(cast(self.parts.kernel_for(role)?, None)?)));
+        if !self.shades_left_over {
             let [across, down] = setup.workload.local_size.map(|n| n as usize);
             let groups = [across * self.shared.groups.div_ceil(down), down];
-            steps.push(cast(self.parts.kernel_for(Role::LeftOver)?, Some(groups))?);
+            steps.push((phase, Step::Run(cast(self.parts.kernel_for(Role::LeftOver)?, Some(groups))?)));
         }
         Ok(steps)
     }

@@ -5,10 +5,10 @@ use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::parts::{Parts, builder};
 use super::steps::Step;
-use super::subpixels::subpixel_arguments;
+use super::subpixels::{places, subpixel_arguments};
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
-use crate::scene::{SampleCounts, Sampling};
+use crate::scene::{Sample, SampleCounts, Sampling};
 use crate::strategy::Workload;
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
@@ -20,6 +20,8 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
+    /// Where each sample of a frame lies in its pixel.
+    places: Buffer<f32>,
     /// Number of samples of each pixel that hit something, if a picture of the sky is behind everything.
     hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
@@ -35,15 +37,18 @@ impl Samples {
         let blocks = workload.sampled_blocks().iter().product::<u32>() as usize;
         let pixels = workload.image_size.iter().map(|side| *side as usize).product();
         let hits_before = (workload.sky_texels > 0).then(|| allocate(queue, pixels)).transpose()?;
-        let samples =
-            Self { wanted: allocate(queue, blocks)?, hits_before, size: workload.image_size, mark: None };
+        let places = allocate(queue, places(&[]).len())?;
+        let wanted = allocate(queue, blocks)?;
+        let samples = Self { wanted, places, hits_before, size: workload.image_size, mark: None };
+        samples.place(queue, &[])?;
         samples.want_all(queue)?;
         Ok(Some(samples))
     }
 
     /// Adds the arguments of a frame.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
-        let arguments = arguments.with(WANTED, &self.wanted).with("earlier", 0_u32);
+        let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.places);
+        let arguments = arguments.with("earlier", 0_u32);
         let (arguments, _) = subpixel_arguments(arguments, &[]);
         match &self.hits_before {
             Some(hits) => arguments.with("hits_before", hits),
@@ -74,6 +79,11 @@ impl Samples {
     pub fn show(&self, exposure: f32) -> Result<(), LaunchError> {
         let kernel = self.mark.as_ref().and_then(Step::kernel);
         kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
+    }
+
+    /// Sets which samples the next frame casts.
+    pub fn place(&self, queue: &Queue, samples: &[Sample]) -> ocl::Result<()> {
+        self.places.cmd().queue(&queue.commands).write(&places(samples)).enq()
     }
 
     /// Lets every pixel get all samples that are cast.

@@ -13,9 +13,9 @@ const GROUPS_A_UNIT: usize = 32;
 
 /// Buffers between the kernels of a round of lights.
 pub(super) struct Shared {
-    /// The lights that reach a pixel, one bit per light.
+    /// The lights that reach the hit of a ray from the eye, one bit per light.
     pub lit: Buffer<u32>,
-    /// Pixels with leftover shadow rays, and the lights of those rays; at most one entry per pixel.
+    /// Rays from the eye with leftover shadow rays, and the lights of those; at most one entry per ray from the eye.
     pub queue: Buffer<Uint2>,
     /// Number of entries in the queue.
     pub queued: Buffer<i32>,
@@ -24,15 +24,15 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Allocates buffers for all pixels.
-    pub fn allocate(queue: &Queue, pixels: usize) -> ocl::Result<Self> {
+    /// Allocates buffers for all rays from the eye.
+    pub fn allocate(queue: &Queue, rays: usize) -> ocl::Result<Self> {
         let units = match queue.device.info(DeviceInfo::MaxComputeUnits)? {
             DeviceInfoResult::MaxComputeUnits(units) => units as usize,
             _ => 1,
         };
         Ok(Self {
-            lit: allocate(queue, pixels)?,
-            queue: allocate(queue, pixels)?,
+            lit: allocate(queue, rays)?,
+            queue: allocate(queue, rays)?,
             queued: allocate(queue, 1)?,
             groups: units * GROUPS_A_UNIT,
         })

@@ -10,6 +10,8 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel.
     Run(Kernel),
+    /// Runs a kernel whose work-items own rays: a frame of several samples has more of them.
+    Cast(Kernel),
 }
 
 impl Step {
@@ -17,21 +19,21 @@ impl Step {
     pub fn kernel(&self) -> Option<&Kernel> {
         match self {
             Self::Fill(..) => None,
-            Self::Run(kernel) => Some(kernel),
+            Self::Run(kernel) | Self::Cast(kernel) => Some(kernel),
         }
     }
 
-    /// Enqueues the command, with 2^`bits` times as many work-items across and down as the kernel has for one sample of
-    /// each pixel.
+    /// Enqueues the command; where work-items own rays, with 2^`bits` times as many of them across and down as for one
+    /// sample of each pixel.
     pub fn enqueue(&self, queue: &Queue, bits: u32) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {
             Self::Fill(buffer, value) => {
                 buffer.cmd().queue(&queue.commands).fill(*value, None).enew(&mut event).enq()?;
             }
-            Self::Run(kernel) => {
+            Self::Run(kernel) | Self::Cast(kernel) => {
                 let mut run = kernel.cmd().queue(&queue.commands);
-                if bits > 0 {
+                if bits > 0 && matches!(self, Self::Cast(_)) {
                     run = run.global_work_size(finer(kernel.default_global_work_size(), bits));
                     run = run.global_work_offset(finer(kernel.default_global_work_offset(), bits));
                 }

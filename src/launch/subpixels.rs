@@ -3,11 +3,9 @@
 use super::arguments::Arguments;
 use super::setup::{Setup, sees_sky};
 use crate::scene::Sample;
-use crate::strategy::{Passes, Traversal};
+use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes, Traversal};
 use ocl::prm::Float16;
 
-/// A pixel has at most 2^2 sub-pixels across and down: as many as a vector has rays.
-const MOST_BITS: u32 = 2;
 /// Rays across and down in a vector.
 const SIDE: usize = 4;
 /// A pixel's centre.
@@ -23,11 +21,14 @@ fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
-/// Returns how finely a frame of a strategy can divide pixels, as the logarithm of sub-pixels across: tiles of vectors
+/// Returns how finely a frame of a strategy can divide pixels, as the logarithm of sub-pixels across: tiles
 /// have a place for each ray. The picture of a sky is added by a kernel that knows only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
-    let Setup { strategy, scene, .. } = setup;
-    let vectors = strategy.traversal == Traversal::Tile && !strategy.shares_tiles();
+    let Setup { strategy, scene, workload, .. } = setup;
+    if strategy.shares_tiles() {
+        return workload.shared_subpixel_bits(strategy);
+    }
+    let vectors = strategy.traversal == Traversal::Tile;
     if vectors && strategy.passes == Passes::Fused && !sees_sky(scene) { MOST_BITS } else { 0 }
 }
 
@@ -47,13 +48,23 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let place = |axis: usize| {
-        let of_lane = |lane| samples.get(number_of_lane(bits, lane)).or(samples.first());
-        let offset = |lane| of_lane(lane).filter(|_| bits > 0).map_or(0.0, |sample| sample.offset[axis]);
-        Float16::from(std::array::from_fn::<f32, 16, _>(|lane| CENTRE + offset(lane)))
+        let of_lane = |lane| place_of(samples, number_of_lane(bits, lane))[axis];
+        Float16::from(std::array::from_fn::<f32, 16, _>(of_lane))
     };
     let arguments =
         arguments.with("subpixel_bits", bits).with("samples_of_frame", samples.len().max(1) as u32);
     (arguments.with("sample_x", place(0)).with("sample_y", place(1)), bits)
+}
+
+/// Returns where a sample of a frame lies in its pixel. Places without a sample have that of the first.
+fn place_of(samples: &[Sample], number: usize) -> [f32; 2] {
+    let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
+    sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
+}
+
+/// Returns where each sample of a frame lies in its pixel: x and y of all that a frame can have.
+pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
+    (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
 }
 
 /// Returns the number in the frame of the sample that a lane casts. cl/tile_cpu/camera.cl has the same.
@@ -113,14 +124,15 @@ mod tests {
         }
     }
 
-    /// Casts a picture of a scene with `cast`, with tiles of vectors.
-    fn picture(name: &str, count: u32, cast: impl Fn(&Caster, &Scene)) -> (Radiance, usize) {
+    /// Casts a picture of a scene with `cast`.
+    fn picture(name: &str, tiles: &str, count: u32, cast: impl Fn(&Caster, &Scene)) -> (Radiance, usize) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
-        let strategy = preset("tile").unwrap().strategy;
-        let prepared = session.sampling(Sampling::all(count)).prepare(&strategy, SIZE, [1, 1]);
+        let strategy = preset(tiles).unwrap().strategy;
+        let local_size = strategy.local_size(&device.limits, [1, 1]);
+        let prepared = session.sampling(Sampling::all(count)).prepare(&strategy, SIZE, local_size);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
         cast(&caster, &scene);
@@ -131,12 +143,15 @@ mod tests {
     #[test]
     fn samples_cast_together_are_those_cast_one_by_one() {
         let pixels = (SIZE[0] * SIZE[1]) as usize;
-        for (scene, counts) in [("scenes/still-life.toml", [3, 16, 19]), ("scenes/table.toml", [4, 12, 16])] {
+        let in_vectors =
+            [("tile", "scenes/still-life.toml", [3, 16, 19]), ("tile", "scenes/table.toml", [4, 12, 16])];
+        let shared = ("tile-group", "scenes/still-life.toml", [3, 16, 19]);
+        for (tiles, scene, counts) in in_vectors.into_iter().chain([shared]) {
             for count in counts {
-                let together = picture(scene, count, |caster, scene| {
+                let together = picture(scene, tiles, count, |caster, scene| {
                     caster.cast_samples(&scene.camera, &Sampling::all(count)).unwrap();
                 });
-                let singly = picture(scene, count, |caster, scene| {
+                let singly = picture(scene, tiles, count, |caster, scene| {
                     for sample in pixel_samples(count) {
                         caster.cast_sample(&scene.camera, &sample).unwrap();
                     }

@@ -71,6 +71,12 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
+/// The same for tiles that groups share; `places` has x and y of each sample in its pixel.
+pub const TILE_SUBPIXELS: &[Parameter] = &[
+    p(Sampled, "const uint", "subpixel_bits"),
+    p(Sampled, "const uint", "samples_of_frame"),
+    p(Sampled, FLOATS, "places"),
+];
 /// How many of a pixel's earlier samples hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
 /// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in

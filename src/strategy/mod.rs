@@ -27,7 +27,7 @@ pub use infeasible::Infeasible;
 pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
 pub use values::{FOLDERS, values_of};
-pub use workload::Workload;
+pub use workload::{MOST_SUBPIXEL_BITS, Workload};
 
 use crate::device::{Builtins, DeviceLimits, LaneOperations};
 use crate::error::{Error, Result, nearest};

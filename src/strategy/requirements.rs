@@ -249,8 +249,9 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("depth", &[(4, " B"), (pixels, " pixels")]);
     }
     if strategy.shares_tiles() {
-        sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (pixels, " pixels")]);
-        sum.add("lights that reach", &[(LIT_BYTES, " B"), (pixels, " pixels")]);
+        let rays = w.shared_rays(strategy) as u64;
+        sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (rays, " rays")]);
+        sum.add("lights that reach", &[(LIT_BYTES, " B"), (rays, " rays")]);
     }
     if strategy.records == Records::Once {
         sum.add("records", &[(record_bytes(strategy), " B"), (w.triangles as u64, " triangles")]);

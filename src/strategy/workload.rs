@@ -5,6 +5,12 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
+/// A pixel has at most 2^2 sub-pixels across and down: as many as a vector has rays.
+pub const MOST_SUBPIXEL_BITS: u32 = 2;
+
+/// A frame whose tiles are shared divides pixels only while it has at most this many rays: 1 GiB of buffers between kernels.
+const MOST_SHARED_RAYS: u64 = 1 << 26;
+
 /// The sizes on which a strategy's needs depend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Workload {
@@ -103,14 +109,34 @@ impl Workload {
         ]
     }
 
-    /// Returns the number of values that separate passes hand on: one per pixel, rounded up to whole tiles.
+    /// Returns the number of values that separate passes hand on: one per ray from the eye, or one per pixel, rounded up to
+    /// whole tiles.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
-        if strategy.traversal == Traversal::Tile && !strategy.shares_tiles() {
+        if strategy.shares_tiles() {
+            self.shared_rays(strategy)
+        } else if strategy.traversal == Traversal::Tile {
             let (across, down) = strategy.tile.pixels();
             self.global_size(strategy).iter().product::<usize>() * across * down
         } else {
             self.image_size[0] as usize * self.image_size[1] as usize
         }
+    }
+
+    /// Returns how finely a frame of tiles that groups share divides pixels, to cast several samples of each: the logarithm
+    /// of sub-pixels across. Each ray needs its own place in the buffers between kernels. Soft light is cast for one
+    /// sample at a time, and the kernel that adds the picture of a sky knows only whole pixels.
+    pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
+        if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
+            return 0;
+        }
+        let pixels = u64::from(self.image_size[0]) * u64::from(self.image_size[1]);
+        (0..=MOST_SUBPIXEL_BITS).rev().find(|bits| pixels << (2 * bits) <= MOST_SHARED_RAYS).unwrap_or(0)
+    }
+
+    /// Returns the number of rays from the eye that a frame of tiles that groups share has at most.
+    pub fn shared_rays(&self, strategy: &Strategy) -> usize {
+        let pixels = self.image_size[0] as usize * self.image_size[1] as usize;
+        pixels << (2 * self.shared_subpixel_bits(strategy))
     }
 
     /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at a time.
