@@ -29,7 +29,7 @@ pub fn rate(per_s: f64, what: &str) -> String {
 }
 
 fn plural(what: &str) -> String {
-    for joint in [" of ", " with "] {
+    for joint in [" that ", " of ", " with ", " without "] {
         if let Some((first, rest)) = what.split_once(joint) {
             return format!("{}{joint}{rest}", plural(first));
         }
@@ -52,6 +52,8 @@ mod tests {
     fn words_follow_their_number() {
         let expected = [
             (1, "triangle", "1 triangle"),
+            (2, "mesh that no node places", "2 meshes that no node places"),
+            (2, "accessor without data", "2 accessors without data"),
             (0, "light", "0 lights"),
             (1026, "triangle", "1026 triangles"),
             (12345, "vertex", "12,345 vertices"),

@@ -74,6 +74,23 @@ fn a_file_is_read_by_what_it_holds_and_that_is_said() {
 }
 
 #[test]
+fn a_binary_stl_whose_length_does_not_match_its_count_is_known_by_its_name() {
+    let corners = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0_f32];
+    let triangle =
+        [[0; 12].to_vec(), corners.iter().flat_map(|x| x.to_le_bytes()).collect(), vec![0; 2]].concat();
+    let file = |count: u8| [&[0; 80][..], &[count, 0, 0, 0], &triangle, &[0]].concat();
+    let place = Place::with(&[("a.txt", "")]);
+    for (name, count) in [("a.stl", 1), ("b.stl", 2), ("c.obj", 1)] {
+        std::fs::write(place.path(name), file(count)).expect("a file");
+    }
+    let device = device();
+    let render = ["render", "a.stl", "--width", "16", "--height", "10", "--device", &device];
+    has(&place.output(&render), &["1 byte after the last triangle is ignored"]);
+    has(&told(&place, &["render", "b.stl"]), &["the header says 2 triangles, but the file holds 1"]);
+    has(&told(&place, &["render", "c.obj"]), &["a binary file of an unknown kind"]);
+}
+
+#[test]
 fn empty_files_and_other_text() {
     let text = "Notes on my scene\nand more\n";
     let place = Place::with(&[("a.toml", " \n"), ("a.txt", text), ("a.obj", "")]);

@@ -19,6 +19,9 @@ use std::path::{Path, PathBuf};
 /// The name of material files in messages; only meshes refer to such files.
 pub const MTL: &str = "an MTL material file";
 
+/// The name of a file of unknown bytes.
+const UNKNOWN: &str = "a binary file of an unknown kind";
+
 /// The type of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileType {

@@ -1,6 +1,6 @@
 //! A file that was opened and recognised. A packed file is unpacked.
 
-use super::FileType;
+use super::{FileType, Foreign, MeshFormat, UNKNOWN};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use flate2::read::MultiGzDecoder;
@@ -35,23 +35,27 @@ impl Opened {
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let head = within_memory(io::stdin().lock())?;
-            return if head.starts_with(GZIP) { unpacked(&head[..]) } else { Ok(Self::held(head)) };
+            return if head.starts_with(GZIP) {
+                unpacked(&head[..], path)
+            } else {
+                Ok(Self::held(head, path))
+            };
         }
         let file = reader::open(path)?;
         let length = file.metadata()?.len();
         let mut head = Vec::new();
         (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
         if head.starts_with(GZIP) {
-            return unpacked(head.chain(file));
+            return unpacked(head.chain(file), path);
         }
-        let filetype = FileType::of(&head, length);
+        let filetype = recognised(&head, length, path);
         Ok(Self { rest: Some(file), head, length, filetype })
     }
 
     /// Makes a file of bytes that were read completely.
-    fn held(bytes: Vec<u8>) -> Self {
+    fn held(bytes: Vec<u8>, path: &Path) -> Self {
         let length = bytes.len() as u64;
-        let filetype = FileType::of(&bytes[..bytes.len().min(HEAD_BYTES)], length);
+        let filetype = recognised(&bytes[..bytes.len().min(HEAD_BYTES)], length, path);
         Self { rest: None, head: bytes, length, filetype }
     }
 
@@ -73,8 +77,21 @@ impl Opened {
     }
 }
 
-fn unpacked(packed: impl Read) -> io::Result<Opened> {
-    within_memory(MultiGzDecoder::new(packed)).map(Opened::held)
+fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
+    within_memory(MultiGzDecoder::new(packed)).map(|bytes| Opened::held(bytes, path))
+}
+
+/// Returns a file's type. Unknown bytes in a file named `.stl` are STL whose length does not match its count of
+/// triangles, by which binary STL is recognised otherwise; the reader of STL reports what is wrong.
+fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
+    match FileType::of(head, length) {
+        FileType::Foreign(Foreign { name: UNKNOWN, .. })
+            if MeshFormat::from_ending(path) == Some(MeshFormat::Stl) =>
+        {
+            FileType::Mesh(MeshFormat::Stl)
+        }
+        other => other,
+    }
 }
 
 /// Reads all of a stream of unknown length, up to half of the free memory.

@@ -9,11 +9,12 @@ mod ply;
 mod stl;
 
 use super::obj::{self, Permitted, Reach};
-use super::{Camera, Mesh};
+use super::{Camera, Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::filetype::{FileType, MeshFormat, Opened};
 use crate::memory::Available;
 use crate::reader::Kind;
+use crate::words::counted;
 use glam::DVec3;
 use std::path::Path;
 
@@ -26,6 +27,9 @@ pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 /// triangles, the last two twice for a short time. (Measured for OBJ: 3.2 with dragons of 202,520 and 810,080
 /// triangles, 2026-11-20.)
 const READING_FACTOR: u64 = 4;
+
+/// The sine of the largest angle at a corner of a triangle that counts as a line.
+const THIN: f64 = 1e-6;
 
 /// The contents of a mesh file, with notes on what was ignored.
 #[derive(Clone, Default)]
@@ -74,13 +78,26 @@ pub(in crate::scene) fn read(
         MeshFormat::Stl => stl::parse(&name, &bytes),
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse(&name, reach, &bytes),
     };
-    let file =
+    let mut file =
         if permitted.quotes || format == MeshFormat::Obj { file? } else { withheld(file, &name, format)? };
     if file.mesh.triangles.is_empty() {
         return Err(Error::input(format!("{name}: no triangles: {} has no face", format.name()))
             .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
     }
+    file.notes.extend(invisible(&file.mesh));
     Ok(file)
+}
+
+/// Returns a note if no triangle of a mesh can be seen.
+fn invisible(mesh: &Mesh) -> Option<String> {
+    let has_area = |triangle: &Triangle| {
+        let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
+        let [ab, ac] = [b - a, c - a];
+        ab.cross(ac).length() > THIN * ab.length() * ac.length()
+    };
+    let triangles = mesh.triangles.len();
+    let note = || format!("nothing is visible: {} without area", counted(triangles, "triangle"));
+    (!mesh.triangles.iter().any(has_area)).then(note)
 }
 
 /// Removes quotations of the file from errors and notes, if raycl may not show its text.

@@ -79,9 +79,8 @@ impl Parts {
             names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
         };
         let positions: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
-        let (settled, origin) = settle(name, &positions)?;
         let with_normals = has(["nx", "ny", "nz"]);
-        let mut mesh = Mesh { positions: settled, materials: vec![Material::default()], ..Mesh::default() };
+        let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
         if with_normals {
             mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
             // Normals that are not finite are replaced.
@@ -112,6 +111,8 @@ impl Parts {
             let what = |what| mistake(name, format!("strip {number}: {what}"));
             strip.triangles(positions.len(), &mut push).map_err(what)?;
         }
+        let (settled, origin) = settle(name, &positions, &mesh.triangles)?;
+        mesh.positions = settled;
         let mut notes = Vec::new();
         let coloured =
             [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
@@ -120,6 +121,10 @@ impl Parts {
             let linear: Vec<Vec3> = self.vertices.iter().map(Vertex::linear).collect();
             colours::paint(&mut mesh, &linear);
             notes.push(colours::note(linear.len()));
+        }
+        let clear = self.vertices.iter().filter(|vertex| vertex.alpha < 1.0).count();
+        if clear > 0 {
+            notes.push(format!("alpha of {} is not used: every surface is opaque", counted(clear, "vertex")));
         }
         notes.extend(self.notes(header, short));
         Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
@@ -159,6 +164,7 @@ struct Vertex {
     normal: Vec3,
     /// As displayed, 0 to 1.
     colour: Vec3,
+    alpha: f32,
 }
 
 impl Vertex {
@@ -169,7 +175,7 @@ impl Vertex {
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Vec3::ZERO }
+        Self { position: DVec3::ZERO, normal: Vec3::ZERO, colour: Vec3::ZERO, alpha: 1.0 }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -189,6 +195,7 @@ impl PropertyAccess for Vertex {
             "red" | "diffuse_red" | "r" => self.colour.x = channel(),
             "green" | "diffuse_green" | "g" => self.colour.y = channel(),
             "blue" | "diffuse_blue" | "b" => self.colour.z = channel(),
+            "alpha" | "diffuse_alpha" | "a" => self.alpha = channel(),
             _ => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set

@@ -8,6 +8,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{decimal, quoted};
+use crate::words::counted;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -15,46 +16,86 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// A normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
+/// Number of bytes in which a zero byte shows that a file is not text.
+const HEAD_BYTES: usize = 1 << 10;
+/// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
+const COLOUR: &[u8] = b"COLOR=";
 
 /// Reads a file named `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
-    let mut notes = Vec::new();
-    let corners = if is_binary(bytes) {
-        let attributes = rows(bytes).filter(|row| row[48..] != [0, 0]).count();
-        notes.extend(
-            (attributes > 0)
-                .then(|| format!("attributes of {attributes} facets, such as a colour, are not read")),
-        );
-        binary(bytes)
-    } else {
-        ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?
+    let (corners, notes) = match is_binary(bytes) {
+        true => {
+            let count = held(bytes).map_err(|what| mistake(name, what))?;
+            (binary(bytes, count), notes(bytes, count))
+        }
+        false => (ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?, Vec::new()),
     };
     let (positions, triangles) = joined(&corners);
-    let (positions, origin) = settle(name, &positions)?;
+    let (positions, origin) = settle(name, &positions, &triangles)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
-/// Returns whether the file's length matches its count of triangles. A binary file may also begin with
-/// `solid`.
+/// Returns whether this is a binary file: its length matches its count of triangles, or it has bytes that text
+/// does not have. A binary file may also begin with `solid`.
 fn is_binary(bytes: &[u8]) -> bool {
-    count(bytes).is_some_and(|count| HEADER_BYTES + TRIANGLE_BYTES * count == bytes.len())
+    let Some(count) = count(bytes) else { return false };
+    let head = &bytes[..bytes.len().min(HEAD_BYTES)];
+    let is_text = !head.contains(&0) || contains(head, b"vertex");
+    HEADER_BYTES + TRIANGLE_BYTES * count == bytes.len() || !is_text
 }
 
+fn contains(text: &[u8], part: &[u8]) -> bool {
+    text.windows(part.len()).any(|window| window == part)
+}
+
+/// Returns the count of triangles in the header.
 fn count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?;
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
-fn rows(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
-    bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES)
+/// Returns the number of triangles to be read: the header's, or all if the header says 0, as a program that wrote
+/// to a stream may have left it.
+fn held(bytes: &[u8]) -> std::result::Result<usize, String> {
+    let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
+    match said {
+        0 => Ok(held),
+        _ if said <= held => Ok(said),
+        _ => Err(format!("the header says {said} triangles, but the file holds {held}")),
+    }
+}
+
+fn rows(bytes: &[u8], count: usize) -> impl Iterator<Item = &[u8]> {
+    bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES).take(count)
+}
+
+/// Returns notes on what a binary file has besides triangles.
+fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
+    let mut notes = Vec::new();
+    let attributes = rows(bytes, triangles).filter(|row| row[48..] != [0, 0]).count();
+    if attributes > 0 {
+        notes.push(format!("attributes of {attributes} facets, such as a colour, are not read"));
+    }
+    if contains(&bytes[..HEADER_BYTES], COLOUR) {
+        notes.push("the colour in the header (COLOR=) is not read".to_owned());
+    }
+    if count(bytes) == Some(0) && triangles > 0 {
+        notes.push(format!("the header says 0 triangles: all {triangles} in the file are read"));
+    }
+    let rest = bytes.len() - HEADER_BYTES - TRIANGLE_BYTES * triangles;
+    let are = if rest == 1 { "is" } else { "are" };
+    notes.extend(
+        (rest > 0).then(|| format!("{} after the last triangle {are} ignored", counted(rest, "byte"))),
+    );
+    notes
 }
 
 /// Returns three corners per triangle.
-fn binary(bytes: &[u8]) -> Vec<DVec3> {
+fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     let float = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let corner = |bytes: &[u8]| DVec3::new(float(bytes), float(&bytes[4..]), float(&bytes[8..]));
-    rows(bytes).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
+    rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
 /// Returns three corners per triangle of a text file. It uses only `vertex x y z`, three before each `endfacet`.
@@ -140,6 +181,28 @@ mod tests {
         let ascii = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
         let corners: Vec<Vec3> = ascii.triangles.iter().flat_map(|t| ascii.corners(t)).collect();
         assert_eq!(parse("b.stl", &binary_of(&corners)).unwrap().mesh, ascii);
+    }
+
+    #[test]
+    fn a_count_that_differs_from_the_file_is_noted_or_refused() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y].repeat(2);
+        let whole = binary_of(&corners);
+        let read = |change: &dyn Fn(&mut Vec<u8>)| {
+            let mut bytes = whole.clone();
+            change(&mut bytes);
+            parse("b.stl", &bytes).map(|file| (file.mesh.triangles.len(), file.notes))
+        };
+        let noted = |note: &str| vec![note.to_owned()];
+        let one = noted("50 bytes after the last triangle are ignored");
+        assert_eq!(read(&|bytes| bytes[80] = 1).unwrap(), (1, one));
+        let padded = noted("1 byte after the last triangle is ignored");
+        assert_eq!(read(&|bytes| bytes.push(0)).unwrap(), (2, padded));
+        let all = noted("the header says 0 triangles: all 2 in the file are read");
+        assert_eq!(read(&|bytes| bytes[80] = 0).unwrap(), (2, all));
+        let colour = noted("the colour in the header (COLOR=) is not read");
+        assert_eq!(read(&|bytes| bytes[10..16].copy_from_slice(COLOUR)).unwrap(), (2, colour));
+        let error = read(&|bytes| bytes.truncate(150)).err().unwrap().to_string();
+        assert!(error.contains("the header says 2 triangles, but the file holds 1"), "{error}");
     }
 
     #[test]

@@ -44,6 +44,18 @@ fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
 }
 
 #[test]
+fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    let notes = |faces: &str| {
+        std::fs::write(&path, format!("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\n{faces}")).unwrap();
+        super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Obj, PERMITTED).unwrap().notes
+    };
+    assert_eq!(notes("f 1 2 3\nf 1 1 2\n"), ["nothing is visible: 2 triangles without area"]);
+    assert_eq!(notes("f 1 2 3\nf 1 2 4\n"), Vec::<String>::new());
+}
+
+#[test]
 fn a_file_of_others_is_read_and_nothing_of_its_text_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.stl");

@@ -2,7 +2,7 @@
 
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
-use super::text::{Chunk, Mistake, Source, keyword, quoted, tokens, words};
+use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, words};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
@@ -57,28 +57,6 @@ pub(super) struct FaceChunk {
     lost_normals: Seen,
     /// Faces with fewer than three corners.
     short: Seen,
-}
-
-/// The number of occurrences, and the position of the first.
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    count: usize,
-    first: usize,
-}
-
-impl Seen {
-    fn at(&mut self, offset: usize) {
-        self.first = if self.count == 0 { offset } else { self.first };
-        self.count += 1;
-    }
-
-    /// Combines the counts of consecutive pieces.
-    fn joined(self, later: Self) -> Self {
-        Self {
-            count: self.count + later.count,
-            first: if self.count == 0 { later.first } else { self.first },
-        }
-    }
 }
 
 pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Result<FaceChunk, Mistake> {

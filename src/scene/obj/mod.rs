@@ -53,6 +53,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let chunks = text::chunks(&text);
     let (points, origin) = read_points(&source, &chunks)?;
     let mut notes = Vec::new();
+    points::check_flat(&points, &mut notes).map_err(|mistake| source.error(mistake))?;
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 

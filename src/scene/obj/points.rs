@@ -1,10 +1,11 @@
 //! The first pass: reads vertices and normals, the names of materials, and unsupported statements.
 
 use super::asked::Asked;
-use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
+use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
 use crate::scene::files::linear;
+use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
@@ -23,6 +24,8 @@ pub(super) struct PointChunk {
     pub colours: Vec<Vec3>,
     /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
+    /// Vertices of two numbers.
+    pub flat: Seen,
     /// Unsupported statements.
     pub asked: Asked,
 }
@@ -39,6 +42,21 @@ impl PointChunk {
         self.colours.push((Vec3::new(red, green, blue) / most).map(linear));
     }
 
+    /// Reads a vertex of two numbers, and counts it. Anything else is the given mistake.
+    fn flat_vertex(
+        &mut self,
+        offset: usize,
+        rest: &[u8],
+        origin: DVec3,
+        mistake: Mistake,
+    ) -> Result<Vec3, Mistake> {
+        if tokens(rest).count() != 2 {
+            return Err(mistake);
+        }
+        self.flat.at(offset);
+        position(offset, &mut tokens(rest).chain([&b"0"[..]]), origin)
+    }
+
     /// Returns the bounding box of the positions.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let first = *self.positions.first()?;
@@ -52,12 +70,11 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
     for (offset, line) in chunk.lines() {
         match keyword(line) {
             (b"v", rest) => {
-                let mut tokens = tokens(rest);
-                points.positions.push(match origin {
-                    DVec3::ZERO => position(offset, &mut tokens)?,
-                    _ => relative(offset, &mut tokens, origin)?,
-                });
-                points.colour(tokens);
+                let mut words = tokens(rest);
+                let position = position(offset, &mut words, origin)
+                    .or_else(|mistake| points.flat_vertex(offset, rest, origin, mistake))?;
+                points.positions.push(position);
+                points.colour(words);
             }
             (b"vn", rest) => points.normals.push(vector(offset, "normal", &mut tokens(rest))?),
             (b"f" | b"vt" | b"", _) => {}
@@ -70,6 +87,19 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
         }
     }
     Ok(points)
+}
+
+/// Accepts vertices of two numbers if the file has no others, as in a drawing of a plane; their third is 0.
+/// Otherwise the first of them is a mistake.
+pub(super) fn check_flat(chunks: &[PointChunk], notes: &mut Vec<String>) -> Result<(), Mistake> {
+    let flat = chunks.iter().map(|chunk| chunk.flat).fold(Seen::default(), Seen::joined);
+    let total: usize = chunks.iter().map(|chunk| chunk.positions.len()).sum();
+    if 0 < flat.count && flat.count < total {
+        return Err(Mistake::new(flat.first, "a vertex of 2 numbers; expected three: x y z"));
+    }
+    let note = || format!("{} with two numbers each: z is 0", counted(flat.count, "vertex"));
+    notes.extend((flat.count > 0).then(note));
+    Ok(())
 }
 
 /// Reads the texture coordinates of a piece: two numbers each. The second may be missing, and a third is
@@ -96,7 +126,15 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<Vec3, Mistake> {
+/// Reads a position; `origin` is subtracted from it.
+fn position<'a>(
+    offset: usize,
+    tokens: &mut impl Iterator<Item = &'a [u8]>,
+    origin: DVec3,
+) -> Result<Vec3, Mistake> {
+    if origin != DVec3::ZERO {
+        return relative(offset, tokens, origin);
+    }
     let position = vector(offset, "vertex", tokens)?;
     if position.abs().max_element() <= MAX_COORDINATE {
         return Ok(position);

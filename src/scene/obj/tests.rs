@@ -34,7 +34,7 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles: 3 vertices"),
         ("v nan 0 0\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
         ("\nv 0 1e400 0\n".to_owned(), "test.obj:2: `1e400`"),
-        ("v 0 0\n".to_owned(), "test.obj:1: a vertex of 2 numbers; expected three"),
+        ("v 0 0 0\nv 0 0\n".to_owned(), "test.obj:2: a vertex of 2 numbers; expected three"),
         ("v 1e38 0 0\n".to_owned(), "test.obj:1: vertex (1e38"),
         (format!("{CORNERS}f 0 1 2\n"), "test.obj:4: vertex index `0`"),
         (
@@ -96,6 +96,16 @@ fn faces_of_fewer_than_three_corners_are_left_out_and_told() {
     let file = read(&format!("{CORNERS}f 1 2\nf 1 2 3\nf 3\nf\n")).unwrap();
     assert_eq!(file.mesh.triangles.len(), 1);
     assert_eq!(file.notes, ["line 4: 3 faces of fewer than three corners are left out"]);
+}
+
+#[test]
+fn vertices_of_two_numbers_lie_in_a_plane_if_all_are_so() {
+    let file = read("v 500000 5400000\nv 500001 5400000\nv 500000 5400001 # far\nf 1 2 3\n").unwrap();
+    assert_eq!(file.mesh.positions[1] - file.mesh.positions[0], Vec3::X);
+    assert_eq!(file.mesh.positions[2].z, 0.0);
+    assert_eq!(file.notes, ["3 vertices with two numbers each: z is 0"]);
+    let error = read("v 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n").err().unwrap().to_string();
+    assert!(error.contains("test.obj:1: a vertex of 2 numbers"), "{error}");
 }
 
 #[test]

@@ -23,6 +23,28 @@ impl Mistake {
     }
 }
 
+/// The number of occurrences, and the position of the first.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Seen {
+    pub count: usize,
+    pub first: usize,
+}
+
+impl Seen {
+    pub fn at(&mut self, offset: usize) {
+        self.first = if self.count == 0 { offset } else { self.first };
+        self.count += 1;
+    }
+
+    /// Combines the counts of consecutive pieces.
+    pub fn joined(self, later: Self) -> Self {
+        Self {
+            count: self.count + later.count,
+            first: if self.count == 0 { later.first } else { self.first },
+        }
+    }
+}
+
 /// A text and its name in messages.
 pub(super) struct Source<'a> {
     pub name: &'a str,

@@ -72,6 +72,11 @@ impl<'a> Numbers<'a> {
         self.elements(accessor).map_err(told)
     }
 
+    /// Returns whether an accessor stores nothing, so that all its elements are zero.
+    pub fn is_empty(&self, index: Index<Accessor>) -> bool {
+        is_empty(self.root, index)
+    }
+
     /// Returns the number of components in an accessor's elements.
     pub fn components(&self, index: Index<Accessor>) -> usize {
         self.root.get(index).and_then(|accessor| components(accessor).ok()).unwrap_or(0)
@@ -87,7 +92,6 @@ impl<'a> Numbers<'a> {
         let component = component.0;
         let count = usize::try_from(accessor.count.0.min(MOST_ELEMENTS)).unwrap_or(usize::MAX);
         let mut values = match accessor.buffer_view {
-            None if accessor.sparse.is_none() => return Err("it has no buffer view".to_owned()),
             None => self.zeros(accessor, count)?,
             Some(view) => {
                 let offset = accessor.byte_offset.unwrap_or_default().0;
@@ -102,7 +106,8 @@ impl<'a> Numbers<'a> {
         Ok(values)
     }
 
-    /// Returns the elements of an accessor that only stores those that differ from zero.
+    /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3), of which a sparse
+    /// accessor replaces some.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         // Such elements take no bytes in the file, so their number must be limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
@@ -158,6 +163,12 @@ impl<'a> Numbers<'a> {
         }
         Ok(Place { bytes: &buffer[range], stride, component, normalised })
     }
+}
+
+/// As [`Numbers::is_empty`].
+pub(super) fn is_empty(root: &Root, index: Index<Accessor>) -> bool {
+    let accessor = root.get(index);
+    accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())
 }
 
 fn components(accessor: &Accessor) -> Parsed<usize> {

@@ -99,8 +99,11 @@ fn asked(wire: &Wire) -> Asked {
     if wire.emissive_factor.0 != [0.0; 3] {
         asked.add(Wish::Emission, b"emissiveFactor");
     }
-    if pbr.metallic_factor.0 > 0.0 && extension(wire, "KHR_materials_pbrSpecularGlossiness").is_none() {
+    let replaced = ["KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit"];
+    if pbr.metallic_factor.0 > 0.0 && extension(wire, replaced[0]).is_none() {
         asked.add(Wish::Metal, b"metallicFactor");
+    } else if pbr.roughness_factor.0 < 1.0 && replaced.iter().all(|name| extension(wire, name).is_none()) {
+        asked.add(Wish::Shine, b"roughnessFactor");
     }
     for (name, _) in others(wire) {
         let wish = match name.as_str() {

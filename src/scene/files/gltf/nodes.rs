@@ -1,6 +1,7 @@
 //! The nodes of a glTF scene, which place its meshes, cameras and lights.
 
 use super::accessors::Numbers;
+use super::left_out::{self, LeftOut};
 use super::materials::uses_alpha;
 use super::primitives::{Part, Shape};
 use super::textures::ColourMap;
@@ -13,10 +14,10 @@ use crate::scene::normals::MISSING;
 use crate::scene::obj::unmapped;
 use crate::scene::shapes::MAX_TRIANGLES;
 use crate::scene::{Camera, Mapped, Texture, Textures};
-use crate::words::counted;
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::camera::Type;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
+use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
@@ -43,18 +44,6 @@ pub(super) struct Walk<'a> {
     cameras: Vec<(DVec3, Camera)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
-}
-
-/// Counts of unsupported parts.
-#[derive(Default)]
-struct LeftOut {
-    orthographic: usize,
-    spots: usize,
-    skins: usize,
-    targets: usize,
-    clear_colours: usize,
-    lines_and_points: usize,
-    unmapped: usize,
 }
 
 impl<'a> Walk<'a> {
@@ -95,36 +84,51 @@ impl<'a> Walk<'a> {
             walk.visit(node, place).map_err(|what| format!("node {number}: {what}"))?;
             next.extend(node.children.iter().flatten().rev().map(|child| (*child, place)));
         }
+        if walk.starts.is_empty() {
+            walk.add_unplaced()?;
+        }
+        walk.left_out.check(walk.triangles.len())?;
         Ok(walk)
+    }
+
+    /// Adds all meshes of a file whose scene has none, such as a library of meshes.
+    fn add_unplaced(&mut self) -> Parsed<()> {
+        let meshes = self.numbers.root.meshes.len();
+        self.left_out.unplaced = meshes;
+        (0..meshes as u32).try_for_each(|mesh| {
+            self.add_mesh(Index::new(mesh), DMat4::IDENTITY).map_err(|what| format!("mesh {mesh}: {what}"))
+        })
     }
 
     fn visit(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         if let Some(index) = node.mesh {
-            self.starts.push(self.triangles.len() as u32);
             self.left_out.skins += usize::from(node.skin.is_some());
-            let mesh = self
-                .numbers
-                .root
-                .get(index)
-                .ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
-            for primitive in &mesh.primitives {
-                self.left_out.targets +=
-                    usize::from(primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()));
-                let map =
-                    primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
-                match Part::read(&self.numbers, primitive, map.map(|map| map.set))? {
-                    Shape::Triangles(part) => {
-                        let material = primitive.material.and_then(|index| self.numbers.root.get(index));
-                        let is_clear = part.is_clear && material.is_some_and(uses_alpha);
-                        self.left_out.clear_colours += usize::from(is_clear);
-                        self.add(part, map, place)?;
-                    }
-                    Shape::Other => self.left_out.lines_and_points += 1,
-                }
-            }
+            self.add_mesh(index, place)?;
         }
         self.add_camera(node, place)?;
         self.add_light(node, place)
+    }
+
+    fn add_mesh(&mut self, index: Index<GltfMesh>, place: DMat4) -> Parsed<()> {
+        self.starts.push(self.triangles.len() as u32);
+        let mesh = self.numbers.root.get(index);
+        let mesh = mesh.ok_or_else(|| format!("mesh {} does not exist", index.value()))?;
+        for primitive in &mesh.primitives {
+            let has_targets = primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty());
+            self.left_out.targets += usize::from(has_targets);
+            let map = primitive.material.and_then(|index| self.maps.get(index.value()).copied().flatten());
+            match Part::read(&self.numbers, primitive, map.map(|map| map.set))? {
+                Shape::Triangles(part) => {
+                    let material = primitive.material.and_then(|index| self.numbers.root.get(index));
+                    let is_clear = part.is_clear && material.is_some_and(uses_alpha);
+                    self.left_out.clear_colours += usize::from(is_clear);
+                    self.left_out.add(&part);
+                    self.add(part, map, place)?;
+                }
+                Shape::Other => self.left_out.lines_and_points += 1,
+            }
+        }
+        Ok(())
     }
 
     fn add(&mut self, part: Part, map: Option<ColourMap>, place: DMat4) -> Parsed<()> {
@@ -204,6 +208,7 @@ impl<'a> Walk<'a> {
         if !strength.is_finite() || strength.min_element() < 0.0 {
             return Err(format!("light {} has a strength of {strength}", index.value()));
         }
+        self.left_out.ranges += usize::from(light.range.is_some());
         let position = place.transform_point3(DVec3::ZERO);
         self.lights.push(match light.type_ {
             Checked::Valid(punctual::Type::Directional) => {
@@ -224,7 +229,7 @@ impl<'a> Walk<'a> {
         (materials, pictures): (Vec<Material>, Vec<Texture>),
         note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
     ) -> Result<MeshFile> {
-        let (positions, origin) = origin::settle(name, &self.positions)?;
+        let (positions, origin) = origin::settle(name, &self.positions, &self.triangles)?;
         let textures = Textures::of(pictures, self.mapped);
         let mut mesh =
             Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
@@ -236,6 +241,7 @@ impl<'a> Walk<'a> {
         }
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());
+        notes.extend(left_out::other_scenes(self.numbers.root));
         notes.extend(
             (self.cameras.len() > 1).then(|| format!("of {} cameras, the first is used", self.cameras.len())),
         );
@@ -246,22 +252,6 @@ impl<'a> Walk<'a> {
         let lights = self.lights.into_iter().map(|light| light.relative_to(origin)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
         Ok(MeshFile { mesh, origin, more_starts, camera, lights, notes })
-    }
-}
-
-impl LeftOut {
-    fn notes(&self) -> impl Iterator<Item = String> {
-        let notes = [
-            (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
-            (self.spots, "spot light", "shown as lights that shine in all directions"),
-            (self.skins, "skinned mesh", "shown as stored, without its joints"),
-            (self.targets, "primitive with morph targets", "shown without them"),
-            (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
-            (self.lines_and_points, "primitive of lines or points", "left out"),
-        ];
-        notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {
-            format!("{} {} {done}", counted(count, what), if count == 1 { "is" } else { "are" })
-        })
     }
 }
 

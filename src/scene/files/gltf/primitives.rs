@@ -22,6 +22,38 @@ pub(super) struct Part {
     pub triangles: Vec<[u32; 3]>,
     /// 0 if the part has no material; the file's materials start at 1.
     pub material: u32,
+    /// Number of its accessors that store nothing.
+    pub empty: usize,
+    /// Number of triangles that were left out, since they name a position that does not exist.
+    pub dangling: usize,
+}
+
+/// The accessors of a primitive that are used.
+struct Used {
+    positions: Option<Index<Accessor>>,
+    normals: Option<Index<Accessor>>,
+    colours: Option<Index<Accessor>>,
+    coordinates: Option<Index<Accessor>>,
+    indices: Option<Index<Accessor>>,
+}
+
+impl Used {
+    fn of(primitive: &Primitive, set: Option<u32>) -> Self {
+        let attribute = |wanted: Semantic| primitive.attributes.get(&Checked::Valid(wanted)).copied();
+        Self {
+            positions: attribute(Semantic::Positions),
+            normals: attribute(Semantic::Normals),
+            colours: attribute(Semantic::Colors(0)),
+            coordinates: set.and_then(|set| attribute(Semantic::TexCoords(set))),
+            indices: primitive.indices,
+        }
+    }
+
+    /// Returns how many of them store nothing.
+    fn empty(&self, numbers: &Numbers<'_>) -> usize {
+        let all = [self.positions, self.normals, self.colours, self.coordinates, self.indices];
+        all.into_iter().flatten().filter(|index| numbers.is_empty(*index)).count()
+    }
 }
 
 /// The kind of a primitive.
@@ -39,23 +71,18 @@ impl Part {
         else {
             return Ok(Shape::Other);
         };
-        let attribute = |wanted: Semantic| primitive.attributes.get(&Checked::Valid(wanted)).copied();
+        let used = Used::of(primitive, set);
+        // Without positions nothing is visible, although an extension may provide them.
+        let Some(index) = used.positions else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
         };
-        // Without positions nothing is visible, although an extension may provide them.
-        let Some(index) = attribute(Semantic::Positions) else { return Ok(Shape::Other) };
         let positions: Vec<DVec3> = vectors(index)?;
-        let normals: Vec<DVec3> = attribute(Semantic::Normals).map(vectors).transpose()?.unwrap_or_default();
-        let (colours, is_clear) = attribute(Semantic::Colors(0))
-            .map(|index| colours(numbers, index))
-            .transpose()?
-            .unwrap_or_default();
-        let coordinates = set
-            .and_then(|set| attribute(Semantic::TexCoords(set)))
-            .map(|index| coordinates(numbers, index))
-            .transpose()?
-            .unwrap_or_default();
+        let normals: Vec<DVec3> = used.normals.map(vectors).transpose()?.unwrap_or_default();
+        let colours = used.colours.map(|index| colours(numbers, index)).transpose()?;
+        let (colours, is_clear) = colours.unwrap_or_default();
+        let coordinates = used.coordinates.map(|index| coordinates(numbers, index)).transpose()?;
+        let coordinates = coordinates.unwrap_or_default();
         let counts = [
             ("normals", normals.len()),
             ("colours", colours.len()),
@@ -66,15 +93,17 @@ impl Part {
                 return Err(format!("{count} {what} for {} positions", positions.len()));
             }
         }
-        let indices = corners(numbers, primitive, positions.len())?;
+        let indices = corners(numbers, used.indices, positions.len())?;
         let material = primitive.material.map_or(Ok(0), |index| {
             let known = numbers.root.get(index).is_some();
             known
                 .then(|| index.value() as u32 + 1)
                 .ok_or_else(|| format!("material {} does not exist", index.value()))
         })?;
-        let triangles = triangles(mode, &indices);
-        let part = Self { triangles, positions, normals, colours, is_clear, coordinates, material };
+        let (triangles, dangling) = existing(triangles(mode, &indices), positions.len());
+        let empty = used.empty(numbers);
+        let part =
+            Self { triangles, positions, normals, colours, is_clear, coordinates, material, empty, dangling };
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
@@ -122,13 +151,18 @@ fn colours(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<(Vec<Vec3>, 
 }
 
 /// Returns the indices of the triangles' corners in order.
-fn corners(numbers: &Numbers<'_>, primitive: &Primitive, count: usize) -> Parsed<Vec<u32>> {
-    let Some(index) = primitive.indices else { return Ok((0..count as u32).collect()) };
-    let indices: Vec<u32> = numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect();
-    match indices.iter().find(|&&index| index as usize >= count) {
-        Some(index) => Err(format!("position {index} does not exist; there are {count}")),
-        None => Ok(indices),
-    }
+fn corners(numbers: &Numbers<'_>, indices: Option<Index<Accessor>>, count: usize) -> Parsed<Vec<u32>> {
+    let Some(index) = indices else { return Ok((0..count as u32).collect()) };
+    Ok(numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect())
+}
+
+/// Returns the triangles whose corners exist, and the number of the others.
+fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
+    let total = all.len();
+    let exists = |corner: &u32| (*corner as usize) < count;
+    let existing: Vec<_> = all.into_iter().filter(|corners| corners.iter().all(exists)).collect();
+    let dangling = total - existing.len();
+    (existing, dangling)
 }
 
 fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {

@@ -164,18 +164,104 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
 fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     let required =
         |names: &str| read(&triangle().replacen('{', &format!("{{\"extensionsRequired\": [{names}], "), 1));
-    let error = required(r#""KHR_draco_mesh_compression", "KHR_texture_transform", "X_y""#)
-        .err()
-        .unwrap()
-        .to_string();
-    assert!(error.contains("the extensions `KHR_draco_mesh_compression`, `X_y`"), "{error}");
-    let help = |names: &str| miette::Diagnostic::help(&required(names).err().unwrap()).unwrap().to_string();
-    assert!(help(r#""KHR_draco_mesh_compression", "X_y""#).contains("without compression"));
-    assert!(help(r#""KHR_technique_webgl""#).contains("without this extension"));
+    let names = r#""KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_meshopt_compression""#;
+    let error = required(names).err().unwrap();
+    let expected = "the extensions `KHR_draco_mesh_compression`, `EXT_meshopt_compression`, which";
+    assert!(error.to_string().contains(expected), "{error}");
+    assert!(miette::Diagnostic::help(&error).unwrap().to_string().contains("without compression"));
+    let notes = required(r#""KHR_techniques_webgl", "X_y""#).unwrap().notes;
+    let expected = "requires extensions that are not supported, without which the picture may be wrong: \
+        `KHR_techniques_webgl`, `X_y`";
+    assert!(notes.iter().any(|note| note.contains(expected)), "{notes:?}");
     assert!(required(r#""KHR_materials_unlit", "KHR_mesh_quantization""#).is_ok());
     let used =
         read(&triangle().replacen('{', "{\"extensionsUsed\": [\"EXT_mesh_gpu_instancing\"], ", 1)).unwrap();
     assert!(used.notes[0].contains("`EXT_mesh_gpu_instancing`"), "{:?}", used.notes);
+    let used = read(&triangle().replacen(
+        '{',
+        "{\"extensionsUsed\": [\"KHR_materials_variants\", \"KHR_materials_ior\"], ",
+        1,
+    ));
+    assert_eq!(used.unwrap().notes, ["unsupported extensions are ignored: `KHR_materials_variants`"]);
+}
+
+#[test]
+fn an_accessor_without_data_is_zero_and_noted() {
+    let with = |attributes: &str| {
+        let text = triangle().replace(r#"{"POSITION": 0}"#, attributes).replace(
+            r#""type": "SCALAR"}"#,
+            r#""type": "SCALAR"}, {"componentType": 5126, "count": 3, "type": "VEC3"}"#,
+        );
+        read(&text)
+    };
+    let file = with(r#"{"POSITION": 0, "NORMAL": 2}"#).unwrap();
+    assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [Vec3::ZERO; 3]);
+    assert_eq!(file.notes, ["1 accessor without data is read as zeros"]);
+    let unused = with(r#"{"POSITION": 0}"#).unwrap();
+    assert_eq!(unused.notes, Vec::<String>::new());
+    let point = with(r#"{"POSITION": 2}"#).unwrap();
+    assert_eq!((point.mesh.positions, point.origin), (vec![Vec3::ZERO; 3], DVec3::Z * 5.0));
+}
+
+#[test]
+fn positions_in_a_compressed_primitive_are_refused_and_a_copy_of_them_is_read() {
+    let draco = r#""indices": 1, "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0}}"#;
+    let text = triangle().replace(r#""indices": 1"#, draco);
+    assert_eq!(corners(&read(&text).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+    let error = read(&text.replace(r#""accessors": [{"bufferView": 0, "#, r#""accessors": [{"#));
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("requires the extension `KHR_draco_mesh_compression`"), "{error}");
+}
+
+#[test]
+fn triangles_with_positions_that_do_not_exist_are_left_out() {
+    let two = triangle()
+        .replace(r#""indices": 1"#, r#""indices": 1, "mode": 5"#)
+        .replace(r#""count": 3, "type": "SCALAR""#, r#""count": 4, "type": "SCALAR""#);
+    let data = STANDARD.encode([&bytes()[..], &9_u16.to_le_bytes()].concat());
+    let two =
+        two.replace(&STANDARD.encode(bytes()), &data).replace(r#""byteLength": 6"#, r#""byteLength": 8"#);
+    let file = read(&two).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 1);
+    assert_eq!(file.notes, ["1 triangle with a position that does not exist is left out"]);
+}
+
+#[test]
+fn meshes_that_no_node_places_are_shown_and_other_scenes_noted() {
+    let library = triangle().replace(r#""nodes": [0]"#, r#""name": "empty""#);
+    let file = read(&library).unwrap();
+    assert_eq!(corners(&file.mesh), [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    assert_eq!(file.notes, ["1 mesh that no node places is shown without a transform"]);
+    let scenes = triangle().replace(r#""scenes": ["#, r#""scene": 1, "scenes": [{"nodes": []}, "#);
+    let notes = read(&scenes).unwrap().notes;
+    assert_eq!(notes, ["of 2 scenes, number 1, the file's default, is shown"]);
+    let first = scenes
+        .replace(r#""scene": 1, "#, "")
+        .replace(r#"[{"nodes": []}, {"nodes": [0]}]"#, r#"[{"nodes": [0]}, {}]"#);
+    assert_eq!(read(&first).unwrap().notes, ["of 2 scenes, the first is shown"]);
+}
+
+#[test]
+fn parts_that_are_not_used_may_have_any_form() {
+    let odd = r#"{"animations": [{"channels": [{"sampler": 0, "target": {"path": "pointer"}}], "samplers": []}],
+"skins": 1, "extras": 0.5, "#;
+    let file =
+        read(&triangle().replacen('{', odd, 1).replace(r#""mesh": 0"#, r#""mesh": 0, "name": 7"#)).unwrap();
+    assert_eq!(file.mesh, read(&triangle()).unwrap().mesh);
+    assert_eq!(file.notes, ["1 animation is left out: objects stay where the file places them"]);
+}
+
+#[test]
+fn a_light_with_a_range_and_a_glossy_surface_are_noted() {
+    let light = r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "range": 2}]}},
+"materials": [{"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0.2}}], "#;
+    let text = triangle()
+        .replacen('{', light, 1)
+        .replace(r#""indices": 1"#, r#""indices": 1, "material": 0"#)
+        .replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}},"#);
+    let notes = read(&text).unwrap().notes.join("\n");
+    assert!(notes.contains("1 light with a range is shown without it"), "{notes}");
+    assert!(notes.contains("(roughnessFactor)"), "{notes}");
 }
 
 #[test]
@@ -191,7 +277,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         (
             "\"count\": 3, \"type\": \"VEC3\"",
             "\"count\": 2, \"type\": \"VEC3\"",
-            "position 2 does not exist; there are 2",
+            "no triangle has only positions that exist; 1 was left out",
         ),
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),

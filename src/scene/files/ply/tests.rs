@@ -72,3 +72,29 @@ fn a_line_that_is_not_plys_is_ignored_with_a_note() {
         file.notes
     );
 }
+
+#[test]
+fn alpha_of_vertices_is_noted() {
+    let alpha = SQUARE.replace("property uchar blue\n", "property uchar blue\nproperty uchar alpha\n");
+    let alpha = alpha.replace("255 0 0\n", "255 0 0 128\n").replacen("128", "255", 1);
+    let notes = parse("a.ply", alpha.as_bytes()).unwrap().notes;
+    assert!(
+        notes.iter().any(|note| note == "alpha of 3 vertices is not used: every surface is opaque"),
+        "{notes:?}"
+    );
+}
+
+#[test]
+fn vertices_that_no_face_uses_may_be_nan() {
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar uchar vertex_indices\nend_header\n";
+    let floats = [1.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.0, 1.0, 0.0, f32::NAN, 0.0, 0.0];
+    let with = |corners: [u8; 3]| {
+        let floats = floats.iter().flat_map(|value| value.to_le_bytes());
+        parse("a.ply", &header.bytes().chain(floats).chain([3]).chain(corners).collect::<Vec<_>>())
+    };
+    let mesh = with([0, 1, 2]).unwrap().mesh;
+    assert_eq!((mesh.triangles.len(), mesh.positions[3]), (1, Vec3::X));
+    let error = with([0, 1, 3]).err().unwrap().to_string();
+    assert!(error.contains("vertex 3 is at [NaN, 0, 0]"), "{error}");
+}

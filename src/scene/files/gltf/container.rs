@@ -1,0 +1,114 @@
+//! The parts of a glTF file: JSON and, in a binary file (GLB), the bytes of its first buffer.
+
+use super::{Error, Result, mistake};
+use std::borrow::Cow;
+
+/// The first bytes of a binary file.
+const MAGIC: &[u8] = b"glTF";
+/// Number of bytes before the first chunk: the magic, the version and the length of the file.
+const HEADER_BYTES: usize = 12;
+/// Number of bytes before a chunk's contents: their length and the chunk's type.
+const CHUNK_HEADER_BYTES: usize = 8;
+
+/// The JSON and, of a binary file, its first buffer.
+pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
+
+/// Separates the parts. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length in the header
+/// is not used: each chunk has its own, which must end within the file.
+pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
+    if !bytes.starts_with(MAGIC) {
+        return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
+    }
+    match number(bytes, MAGIC.len()) {
+        Some(2) => {}
+        Some(version) => return Err(other_version(name, version)),
+        None => return Err(mistake(name, "the header of this binary glTF file is cut off")),
+    }
+    let what = |what| mistake(name, what);
+    let (json, rest) = chunk(bytes, HEADER_BYTES).map_err(what)?;
+    if json.kind != b"JSON" {
+        return Err(what("the first chunk of this binary glTF file is not JSON".to_owned()));
+    }
+    Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
+}
+
+fn other_version(name: &str, version: u32) -> Error {
+    Error::input(format!("{name}: binary glTF of version {version} is not read; expected 2"))
+        .with_help("export it as glTF 2.0")
+}
+
+/// Returns the contents of the first chunk of bytes from `at` on, if there is one.
+fn buffer(bytes: &[u8], mut at: usize) -> std::result::Result<Option<&[u8]>, String> {
+    // Fewer bytes than a chunk's header are padding.
+    while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {
+        let (found, next) = chunk(bytes, at)?;
+        if found.kind == b"BIN\0" {
+            return Ok(Some(found.contents));
+        }
+        at = next;
+    }
+    Ok(None)
+}
+
+struct Chunk<'a> {
+    kind: &'a [u8],
+    contents: &'a [u8],
+}
+
+/// Returns the chunk at an offset, and the offset after it.
+fn chunk(bytes: &[u8], at: usize) -> std::result::Result<(Chunk<'_>, usize), String> {
+    let cut = || format!("the file ends in the header of the chunk at byte {at}");
+    let length = number(bytes, at).ok_or_else(cut)? as usize;
+    let start = at + CHUNK_HEADER_BYTES;
+    let kind = bytes.get(start - 4..start).ok_or_else(cut)?;
+    let contents = start.checked_add(length).and_then(|end| bytes.get(start..end)).ok_or_else(|| {
+        format!("the chunk at byte {at} has {length} bytes, of which the file holds {}", bytes.len() - start)
+    })?;
+    Ok((Chunk { kind, contents }, start + length))
+}
+
+fn number(bytes: &[u8], at: usize) -> Option<u32> {
+    Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    /// Returns a binary file of version 2 with these chunks, whose header says this length.
+    fn file(length: u32, chunks: &[(&[u8], &[u8])]) -> Vec<u8> {
+        let mut bytes = [b"glTF\x02\0\0\0", &length.to_le_bytes()[..]].concat();
+        for (kind, contents) in chunks {
+            bytes.extend((contents.len() as u32).to_le_bytes());
+            bytes.extend_from_slice(kind);
+            bytes.extend_from_slice(contents);
+        }
+        bytes
+    }
+
+    #[test]
+    fn unknown_chunks_are_skipped_and_the_headers_length_is_not_used() {
+        let chunks: [(&[u8], &[u8]); 3] = [(b"JSON", b"{}  "), (b"ODD?", b"1234"), (b"BIN\0", b"abcd")];
+        for length in [0, 12, 24, 1000] {
+            let bytes = file(length, &chunks);
+            let (json, buffer) = split("a", &bytes).unwrap();
+            assert_eq!((json, buffer.as_deref()), (&b"{}  "[..], Some(&b"abcd"[..])), "{length}");
+        }
+        let padded = [&file(20, &chunks[..1])[..], b"\0\0\0"].concat();
+        assert_eq!(split("a", &padded).unwrap().1, None);
+    }
+
+    #[test]
+    fn what_is_cut_off_or_of_another_version_is_refused() {
+        let whole = file(28, &[(b"JSON", b"{}  "), (b"BIN\0", b"abcd")]);
+        let told = |bytes: &[u8]| split("a", bytes).err().unwrap().to_string();
+        assert!(told(&whole[..6]).contains("the header of this binary glTF file is cut off"));
+        assert!(told(&whole[..14]).contains("the file ends in the header of the chunk at byte 12"));
+        assert!(told(&whole[..22]).contains("the chunk at byte 12 has 4 bytes, of which the file holds 2"));
+        assert!(told(&whole[..34]).contains("the chunk at byte 24 has 4 bytes, of which the file holds 2"));
+        assert!(told(&file(0, &[(b"BIN\0", b"abcd")])).contains("is not JSON"));
+        let older = [b"glTF\x01\0\0\0", &whole[8..]].concat();
+        assert!(told(&older).contains("binary glTF of version 1 is not read; expected 2"));
+    }
+}

@@ -1,0 +1,76 @@
+//! The extensions that a glTF file uses: which are supported, which are noted, and which are refused.
+
+use super::accessors::is_empty;
+use super::{Error, Result, quoted};
+use gltf::json::Root;
+use gltf::json::mesh::{Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+/// Extensions that raycl supports, or on which another note is added if a part of the file uses them.
+const KNOWN: [&str; 4] =
+    ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
+/// Families of such extensions: they only concern surfaces.
+const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
+/// A member of a family that concerns no single surface: it offers other materials to choose from.
+const VARIANTS: &str = "KHR_materials_variants";
+/// Parts of the names of extensions without which there are no positions.
+const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
+/// Largest number of extensions that a note lists.
+const TOLD: usize = 8;
+
+/// The extension that stores a primitive's vertices and triangles in compressed form.
+const DRACO: &str = "KHR_draco_mesh_compression";
+
+fn is_known(extension: &str) -> bool {
+    let in_family = KNOWN_FAMILIES.iter().any(|family| extension.starts_with(family));
+    KNOWN.contains(&extension) || in_family && extension != VARIANTS
+}
+
+fn is_compression(extension: &str) -> bool {
+    COMPRESSIONS.iter().any(|part| extension.contains(part))
+}
+
+/// Refuses a file whose vertices are compressed, and names the extensions.
+pub(super) fn refuse(name: &str, root: &Root) -> Result<()> {
+    let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
+    let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    if lacking.is_empty() && primitives.any(|primitive| is_compressed(root, primitive)) {
+        lacking.push(quoted(DRACO.as_bytes()));
+    }
+    let what = match lacking.len() {
+        0 => return Ok(()),
+        1 => "the extension",
+        _ => "the extensions",
+    };
+    Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
+        .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
+}
+
+/// Returns whether a primitive has its vertices in compressed form only.
+fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
+    let compressed =
+        primitive.extensions.as_ref().is_some_and(|extensions| extensions.others.contains_key(DRACO));
+    let positions = primitive.attributes.get(&Checked::Valid(Semantic::Positions));
+    compressed && positions.is_none_or(|index| is_empty(root, *index))
+}
+
+/// Returns notes on unsupported extensions that no other note mentions.
+pub(super) fn notes(root: &Root) -> impl Iterator<Item = String> {
+    let required = |extension: &String| root.extensions_required.contains(extension);
+    let unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
+    let needed = list(unknown);
+    let unknown =
+        root.extensions_used.iter().filter(|extension| !is_known(extension) && !required(extension));
+    let ignored = list(unknown);
+    let told =
+        |what: &str, names: Vec<String>| (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")));
+    let needed = told(
+        "the file requires extensions that are not supported, without which the picture may be wrong",
+        needed,
+    );
+    needed.into_iter().chain(told("unsupported extensions are ignored", ignored))
+}
+
+fn list<'a>(extensions: impl Iterator<Item = &'a String>) -> Vec<String> {
+    extensions.take(TOLD).map(|extension| quoted(extension.as_bytes())).collect()
+}

@@ -1,0 +1,90 @@
+//! The JSON of a glTF file. Parts that no picture depends on may be of any form.
+
+use super::{Error, Result, mistake, quoted};
+use gltf::json::Root;
+use serde_json::{Map, Value, json};
+
+/// The JSON that is used, and the number of animations, which are not.
+pub(super) struct Read {
+    pub root: Root,
+    pub animations: usize,
+}
+
+/// Reads JSON. If `gltf-json` refuses it, it is read again without the parts that are not used: valid files may
+/// have animations without a node (`KHR_animation_pointer`), scenes without nodes, and extras of any type.
+pub(super) fn read(name: &str, json: &[u8]) -> Result<Read> {
+    match serde_json::from_slice::<Root>(json) {
+        Ok(root) => Ok(Read { animations: root.animations.len(), root }),
+        Err(error) => tidied(json).ok_or_else(|| misread(name, json, &error)),
+    }
+}
+
+/// Returns the JSON without unused parts; `None` if the rest is not valid either.
+fn tidied(json: &[u8]) -> Option<Read> {
+    let mut value: Value = serde_json::from_slice(json).ok()?;
+    let version = &value["asset"]["version"];
+    if !version.as_str().is_some_and(|version| version.starts_with('2')) {
+        return None;
+    }
+    let top = value.as_object_mut()?;
+    let animations = top.remove("animations");
+    let animations = animations.as_ref().and_then(Value::as_array).map_or(0, Vec::len);
+    top.remove("skins");
+    complete(top, "scenes", "nodes", &json!([]));
+    for mesh in objects(top, "meshes") {
+        complete(mesh, "primitives", "attributes", &json!({}));
+    }
+    strip(&mut value);
+    Some(Read { root: serde_json::from_value(value).ok()?, animations })
+}
+
+/// Returns the objects in a list of an object.
+fn objects<'a>(
+    of: &'a mut Map<String, Value>,
+    list: &str,
+) -> impl Iterator<Item = &'a mut Map<String, Value>> {
+    let list = of.get_mut(list).and_then(Value::as_array_mut);
+    list.into_iter().flatten().filter_map(Value::as_object_mut)
+}
+
+/// Gives each object of a list a key if it lacks it.
+fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
+    for object in objects(of, list) {
+        object.entry(key).or_insert_with(|| usual.clone());
+    }
+}
+
+/// Removes names and application-specific data.
+fn strip(value: &mut Value) {
+    match value {
+        Value::Object(object) => {
+            object.remove("extras");
+            object.remove("name");
+            object.values_mut().for_each(strip);
+        }
+        Value::Array(list) => list.iter_mut().for_each(strip),
+        _ => {}
+    }
+}
+
+/// Returns the error for JSON that is not glTF 2.0.
+fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
+    let value = serde_json::from_slice::<Value>(json).ok();
+    let version = value.and_then(|value| match &value["asset"]["version"] {
+        Value::String(text) => Some(text.clone()),
+        Value::Number(number) => Some(number.to_string()),
+        _ => None,
+    });
+    match version {
+        Some(version) if !version.starts_with('2') => {
+            Error::input(format!("{name}: glTF {} is not read; expected 2.0", quoted(version.as_bytes())))
+                .with_help("export it as glTF 2.0")
+        }
+        _ => {
+            let message = error.to_string();
+            // The line is said before the message.
+            let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
+            mistake(&format!("{name}:{}", error.line()), format!("not valid glTF 2.0: {what}"))
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Parts of a glTF file that the picture leaves out or shows differently, and notes on them.
+
+use super::Parsed;
+use super::primitives::Part;
+use crate::words::counted;
+use gltf::json::Root;
+
+/// Counts of such parts.
+#[derive(Default)]
+pub(super) struct LeftOut {
+    pub orthographic: usize,
+    pub spots: usize,
+    pub ranges: usize,
+    pub skins: usize,
+    pub targets: usize,
+    pub clear_colours: usize,
+    pub lines_and_points: usize,
+    pub empty: usize,
+    pub dangling: usize,
+    pub unmapped: usize,
+    /// Meshes of a file whose scene has none.
+    pub unplaced: usize,
+}
+
+impl LeftOut {
+    /// Counts what a part lacks.
+    pub fn add(&mut self, part: &Part) {
+        self.empty += part.empty;
+        self.dangling += part.dangling;
+    }
+
+    /// Refuses a file of which no triangle is left.
+    pub fn check(&self, triangles: usize) -> Parsed<()> {
+        if triangles == 0 && self.dangling > 0 {
+            let were = if self.dangling == 1 { "was" } else { "were" };
+            return Err(format!(
+                "no triangle has only positions that exist; {} {were} left out",
+                self.dangling
+            ));
+        }
+        Ok(())
+    }
+
+    pub fn notes(&self) -> impl Iterator<Item = String> {
+        let notes = [
+            (self.unplaced, "mesh that no node places", "shown without a transform"),
+            (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
+            (self.spots, "spot light", "shown as lights that shine in all directions"),
+            (self.ranges, "light with a range", "shown without it"),
+            (self.skins, "skinned mesh", "shown as stored, without joints"),
+            (self.targets, "primitive with morph targets", "shown without them"),
+            (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
+            (self.lines_and_points, "primitive of lines or points", "left out"),
+            (self.empty, "accessor without data", "read as zeros"),
+            (self.dangling, "triangle with a position that does not exist", "left out"),
+        ];
+        notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {
+            format!("{} {} {done}", counted(count, what), if count == 1 { "is" } else { "are" })
+        })
+    }
+}
+
+/// Notes which of several scenes is shown.
+pub(super) fn other_scenes(root: &Root) -> Option<String> {
+    let shown = match root.scene {
+        Some(scene) => format!("number {}, the file's default, is shown", scene.value()),
+        None => "the first is shown".to_owned(),
+    };
+    (root.scenes.len() > 1).then(|| format!("of {} scenes, {shown}", root.scenes.len()))
+}
