@@ -131,7 +131,7 @@ mod tests {
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
         let strategy = preset(tiles).unwrap().strategy;
-        let local_size = strategy.local_size(&device.limits, [1, 1]);
+        let local_size = strategy.local_size(&device.info.limits, [1, 1]);
         let prepared = session.sampling(Sampling::all(count)).prepare(&strategy, SIZE, local_size);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
