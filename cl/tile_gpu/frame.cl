@@ -65,7 +65,8 @@ typedef struct {
 #endif
 } Pixel;
 
-// Returns whether a place in the grid has a ray: a pixel with enough samples is treated like one outside the image.
+// Returns the ray at a place in the grid. A pixel with enough samples is treated like one outside the image, and so are
+// sub-pixels for which the frame has no sample.
 #if SAMPLED
 INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
     const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
