@@ -131,10 +131,19 @@ impl<'a, R: Real> Caster<'a, R> {
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 
-    /// Returns the lights that are so low above the hit's triangle that rounding decides what their shadow
-    /// rays hit first. Rounding moves a hit by the fraction `part` of the largest of three lengths: the hit's
-    /// distance, its distance from the scene's origin, and the largest distance of its triangle from that
+    /// Returns by how much rounding may move a hit off its triangle's plane: the fraction `part` of the largest of three
+    /// lengths: the hit's distance, its distance from the scene's origin, and the largest distance of its triangle from that
     /// origin. A test of the triangle subtracts numbers of this size.
+    pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
+        let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
+        let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
+        let [point, _] = surface_at(self.scene, ray, hit);
+        let lengths = [point, a - point, b - point, c - point].map(|vector| vector.dot(vector).sqrt());
+        (b - a).cross(c - a).normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part)
+    }
+
+    /// Returns the lights that are so low above the hit's triangle that rounding, which moves it off its plane
+    /// ([`Self::off_plane`]), decides what their shadow rays hit first.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -143,13 +152,9 @@ impl<'a, R: Real> Caster<'a, R> {
         bias: R,
         part: R,
     ) -> Option<Grazing<R>> {
-        let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
-        let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let off = self.off_plane(ray, hit, part);
         let [point, shading_normal] = surface_at(self.scene, ray, hit);
-        let lengths = [point, a - point, b - point, c - point].map(|vector| vector.dot(vector).sqrt());
-        let rounding = lengths.into_iter().fold(hit.t, R::max) * part;
-        let grazing = Grazing { normal, rounding, bias };
+        let grazing = Grazing { normal: off.normalize_or_zero(), rounding: off.dot(off).sqrt(), bias };
         sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
     }
 

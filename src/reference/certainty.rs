@@ -97,7 +97,7 @@ impl Asked<'_> {
 }
 
 /// Casts the pixel. Then it casts it again with its ray nudged in each direction along the image's axes, with half and
-/// twice the shadow bias, with surfaces near lights counted as occluders or not, with the edges of holes moved by
+/// twice the shadow bias, with shadow rays from a little above and below its hit's plane, with surfaces near lights counted as occluders or not, with the edges of holes moved by
 /// rounding, and with the possible roundings of grazing light. If two surfaces coincide, either is correct, so those behind are included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
@@ -126,6 +126,10 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
             };
             sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
         }
+        for off in off_plane(caster, &ray, hit) {
+            let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
+            sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
+        }
         if let Some(grazing) = caster.grazing(seen, &ray, hit, bias, OFF_PLANE) {
             caster
                 .grazed(seen, &ray, hit, grazing)
@@ -138,6 +142,17 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         asked.turn_sky(&mut sample, |seen| caster.radiance(seen, &ray, Some(hit), bias));
     }
     sample
+}
+
+/// Returns the ways in which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring triangle then
+/// starts above or below that one, which moving the ray in the hit's own plane does not reveal.
+fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
+    let off = caster.off_plane(ray, hit, OFF_PLANE);
+    [off, -off]
+}
+
+fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
+    Sight { point: sight.point + off, ..*sight }
 }
 
 /// Returns the result of [`sample`] faster, if one search serves all nudges. That is so if the whole beam of nudged
@@ -175,6 +190,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let point = |(ray, hit): &(Ray<f64>, Hit<f64>)| ray.origin + ray.direction * hit.t;
     let centre = point(&(ray, hit));
     let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
+    let offs = off_plane(caster, &ray, &hit);
+    let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
     let points = Points { triangle, centre, spread: 1.01 * spread };
     let shadows = Shadows::new(seen, tree, points, bias);
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
@@ -192,6 +209,12 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     if shadows.some_are_unsure() {
         for (factor, part) in [(0.5, 0.0), (2.0, 0.0), (1.0, AT_LIGHT), (1.0, -AT_LIGHT)] {
             sample.consider(radiance(&(ray, hit), bias * factor, part));
+        }
+        for off in offs {
+            let reaches = |sight: &Sight<f64>| {
+                shadows.reaches(sight.light).unwrap_or_else(|| caster.reaches(&moved(sight, off), bias))
+            };
+            sample.consider(caster.shaded(seen, &ray, Some(&hit), &reaches));
         }
     }
     asked.turn_sky(&mut sample, |seen| radiance_of(seen, &(ray, hit), bias, 0.0));

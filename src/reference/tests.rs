@@ -210,3 +210,23 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     };
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }
+
+/// A sample's shadow ray there rises to a light of the room 0.3 degrees above its triangle, and passes a neighbour that it is 0.2
+/// degrees below: all kernels find it blocked, since rounding lifts its start off its plane.
+#[test]
+fn a_shadow_ray_along_a_neighbour_is_uncertain() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table.toml");
+    let scene = crate::scene::load_scene(&path).map(|loaded| loaded.scene);
+    let scene = scene.unwrap_or_else(|error| panic!("{error}"));
+    let (size, [x, y]) = ([321, 243], [115, 127]);
+    let pixel = y * size[0] as usize + x;
+    let samples = crate::scene::pixel_samples(16);
+    let reference = reference_of(&scene, size, Culling::None, &[pixel], (&samples, &|_| 16));
+    let doubt = reference.doubts.iter().find(|doubt| doubt.pixel == pixel);
+    let doubt = doubt.unwrap_or_else(|| panic!("certain: {:?}", reference.radiance.pixels[pixel]));
+    let kernels = [2.55171e-3, 5.13738e-3, 8.48109e-3];
+    for (channel, value) in kernels.into_iter().enumerate() {
+        let range = 0.9999 * doubt.low[channel]..=1.0001 * doubt.high[channel];
+        assert!(range.contains(&value), "{value} {range:?}");
+    }
+}
