@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 /// A pixel has at most 2^2 sub-pixels across and down: as many as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
-/// A frame whose tiles are shared divides pixels only while it has at most this many rays: 1 GiB of buffers between kernels.
-const MOST_SHARED_RAYS: u64 = 1 << 26;
+/// A frame whose tiles are shared divides pixels only while it has at most this many rays, each of which takes 16 bytes in
+/// the buffers between kernels: 512 MiB, enough for 16 samples of 1920 x 1080 pixels.
+const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The sizes on which a strategy's needs depend.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -168,4 +169,30 @@ impl Workload {
 /// Returns the size in pixels of the block that a work-item covers.
 fn block(strategy: &Strategy) -> (usize, usize) {
     if strategy.traversal == Traversal::Tile { strategy.tile.pixels() } else { strategy.block() }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn shared_tiles_divide_pixels_as_finely_as_their_buffers_allow() {
+        let strategy = preset("tile-group").unwrap().strategy;
+        let of = |image_size| Workload { image_size, many_samples: true, ..Workload::CUBE };
+        let bits = |workload: Workload| workload.shared_subpixel_bits(&strategy);
+        let sizes = [[1920, 1080], [3840, 2160], [16_384, 16_384]];
+        assert_eq!(sizes.map(|size| bits(of(size))), [2, 1, 0]);
+        assert_eq!(of([1920, 1080]).nearest_count(&strategy), 16 * 1920 * 1080);
+        let full_hd = of([1920, 1080]);
+        for other in [
+            Workload { many_samples: false, ..full_hd },
+            Workload { soft_lights: true, ..full_hd },
+            Workload { sky: true, ..full_hd },
+        ] {
+            assert_eq!((bits(other), other.shared_rays(&strategy)), (0, 1920 * 1080));
+        }
+        assert_eq!(full_hd.shared_subpixel_bits(&preset("tile").unwrap().strategy), 0);
+    }
 }
