@@ -57,21 +57,21 @@
     BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
-// A ray's place in the grid.
+// A ray from the eye: its place in the grid, and whether it is cast.
 typedef struct {
     int x, y, inside;
 #if SAMPLED
     float ray_x, ray_y; // where in the image it passes through its pixel
 #endif
-} Pixel;
+} EyeRay;
 
 // Returns the ray at a place in the grid. A pixel with enough samples is treated like one outside the image, and so are
 // sub-pixels for which the frame has no sample.
 #if SAMPLED
-INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
+INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
     const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
     const int2 pixel = at >> group->bits;
-    Pixel ray;
+    EyeRay ray;
     ray.x = at.x;
     ray.y = at.y;
     ray.inside = (at.x < grid.x) & (at.y < grid.y) & (sample < group->samples);
@@ -83,8 +83,8 @@ INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
 #define RAY_AT_X(ray) (ray).ray_x
 #define RAY_AT_Y(ray) (ray).ray_y
 #else
-INLINED Pixel ray_at(Group *group, int2 at, int2 grid) {
-    Pixel ray;
+INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
+    EyeRay ray;
     ray.x = at.x;
     ray.y = at.y;
     ray.inside = (at.x < grid.x) & (at.y < grid.y);
@@ -104,15 +104,15 @@ INLINED int2 place_in_row(Group *group, int row, int ray) {
 }
 
 // Returns a lane's ray in the work-group's own row of the grid, which may be a band of it.
-INLINED Pixel tile_pixel(Group *group, int ray, int2 grid) {
+INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
     return ray_at(group, place_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray), grid);
 }
 
-INLINED uint index_of(Pixel ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
+INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
 // Returns a ray's direction of depth 1, like camera_ray.
-INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel) {
-    const float x = RAY_AT_X(pixel), y = RAY_AT_Y(pixel);
+INLINED Vec3 way_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
+    const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
                 corner.z + x * step_x.z + y * step_y.z);
 }
@@ -120,14 +120,14 @@ INLINED Vec3 pixel_way(float4 corner, float4 step_x, float4 step_y, Pixel pixel)
 // Returns this lane's rays inside the image.
 INLINED uint rays_inside(Group *group, int2 grid) {
     uint inside = 0;
-    EACH_RAY(ray) inside |= tile_pixel(group, ray, grid).inside ? 1u << ray : 0u;
+    EACH_RAY(ray) inside |= tile_ray(group, ray, grid).inside ? 1u << ray : 0u;
     return inside;
 }
 
 // Makes the tile's rays from the eye, which begin at the near plane and never end.
 INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways) {
     EACH_RAY(ray) {
-        const Vec3 way = pixel_way(corner, step_x, step_y, tile_pixel(group, ray, grid));
+        const Vec3 way = way_of(corner, step_x, step_y, tile_ray(group, ray, grid));
         ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
     }
     ways->per_begin = eye.w > 0.0f ? reciprocal(eye.w) : FAR;
@@ -159,8 +159,8 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     uint hits = 0;
     // Every ray of the tile is stored, also those that hit nothing: shading reads all of them.
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(group, ray, grid);
-        if (pixel.inside) nearest[index_of(pixel, grid)] = beam.place[ray];
+        const EyeRay eye_ray = tile_ray(group, ray, grid);
+        if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = beam.place[ray];
         hits |= beam.place[ray] != NO_HIT ? 1u << ray : 0u;
     }
     return hits;

@@ -2,7 +2,7 @@
 
 // Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that they reach.
 INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float4 *surfaces,
-                            CAMERA_PARAMETERS, Pixel pixel, int place, const __global float *lights, uint left_over, float bias,
+                            CAMERA_PARAMETERS, EyeRay eye_ray, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
     uint reached = 0;
     for (uint left = left_over; left; left &= left - 1) {
@@ -11,14 +11,14 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
 #if SOFT
         // Such a ray starts at its own hit and needs no row prepared for the light.
         if (goes_apart(sources, light)) {
-            Meeting hit = meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
-            hit.pixel = pixel;
+            Meeting hit = meet(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), place);
+            hit.pixel = eye_ray;
             if (reaches(group, tree, sources, light, at, &hit, bias, stack))
                 reached |= left & (0u - left);
             continue;
         }
 #endif
-        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
         // The ray again, from the light. It is the only ray of its shaft, whose box is a point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
@@ -33,7 +33,7 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
     return reached;
 }
 
-INLINED Pixel ray_of(Group *group, uint index, int2 grid) {
+INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
 
@@ -48,7 +48,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                             ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
                                             entry.y, bias, stack);
-        // One pixel per group and entry, so that no atomic is needed.
+        // One ray from the eye per group and entry, so that no atomic is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
     }
 }
@@ -108,14 +108,14 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 
 // Adds the radiance from those of a round's lights that reach a pixel; `reached` has one bit per light.
 INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
-                         const __global float *materials, CAMERA_PARAMETERS, Pixel pixel, int place,
+                         const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int place,
                          const __global float *lights, uint reached, float4 *sum) {
     // Only the triangle's index was stored, so the hit is computed again.
-    const Ray from_eye = pixel_ray(eye, corner, step_x, step_y, pixel);
+    const Ray from_eye = unit_ray(eye, corner, step_x, step_y, eye_ray);
     Meeting meeting = meet(tree, surfaces, from_eye, place);
     meeting.normal = normalize_or_zero(meeting.normal);
 #if SOFT
-    meeting.pixel = pixel;
+    meeting.pixel = eye_ray;
 #endif
     Surface surface;
     load_material(materials + MATERIAL_FLOATS * meeting.material, &surface);
@@ -129,7 +129,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
 #if ENVIRONMENT
     if (SHOWS_SKY(sources))
-        received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, pixel.x, pixel.y, &surface,
+        received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, eye_ray.x, eye_ray.y, &surface,
                                               meeting.normal, negate(from_eye.direction)));
 #endif
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
@@ -148,7 +148,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #endif
 
 // Returns one sample of a lane's pixel in a row of work-groups.
-INLINED Pixel sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
+INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;
     const int2 first = place_in_row(group, row, ray) << group->bits;
@@ -173,15 +173,15 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int count = *queued;
         for (int i = first; i < count; i += groups) {
             const uint2 entry = queue[i];
-            const Pixel pixel = ray_of(&group, entry.x, GRID_OF(image_size));
+            const EyeRay eye_ray = ray_of(&group, entry.x, GRID_OF(image_size));
             const int place = nearest[entry.x];
-            uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, pixel, place,
+            uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
                 // Lights that were known to reach it, and those found now.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
-                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel, place, lights_of_round,
+                shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray, place, lights_of_round,
                             reached, &sum);
                 image[entry.x] = AFTER_ROUND(image[entry.x], sum);
             }
@@ -200,25 +200,25 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             int place[RAYS];
             uint reached[RAYS];
             EACH_RAY(ray) { // the loads of all rays at once
-                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
-                place[ray] = pixel.inside ? nearest[index_of(pixel, grid)] : NO_HIT;
+                const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
+                place[ray] = eye_ray.inside ? nearest[index_of(eye_ray, grid)] : NO_HIT;
             }
             EACH_RAY(ray) {
-                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
-                reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(pixel, grid)] : 0;
+                const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
+                reached[ray] = place[ray] != NO_HIT && SOURCE_COUNT(light_count) ? lit[index_of(eye_ray, grid)] : 0;
                 waiting |= reached[ray] & SOME_LEFT_OVER ? 1u << ray : 0u;
             }
             EACH_RAY(ray) {
-                const Pixel pixel = sample_in_row(&group, row, ray, sample, grid);
+                const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
                 // Later rounds of lights add to what earlier ones left in the image.
                 if (!first_light) sum[ray] += place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
                 if (HAS_LIGHT(reached[ray], place[ray]))
-                    shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, pixel,
+                    shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,
                                 place[ray], lights_of_round, reached[ray] & ~SOME_LEFT_OVER, &sum[ray]);
             }
         }
         EACH_RAY(ray) {
-            const Pixel first = sample_in_row(&group, row, ray, 0, grid);
+            const EyeRay first = sample_in_row(&group, row, ray, 0, grid);
             const uint at = (uint)(first.y >> SUBPIXEL_BITS) * (uint)image_size.x + (uint)(first.x >> SUBPIXEL_BITS);
             if (first.inside && !HAS(waiting, ray)) image[at] = AFTER_ROUND(image[at], sum[ray]);
         }

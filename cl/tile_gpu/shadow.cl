@@ -33,7 +33,7 @@ typedef struct {
     float t;
 #endif
 #if SOFT
-    Pixel pixel;
+    EyeRay pixel; // soft light casts one sample of each pixel, so the grid is the image
 #endif
 } Meeting;
 
@@ -61,28 +61,28 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     return meeting;
 }
 
-INLINED Ray pixel_ray(CAMERA_PARAMETERS, Pixel pixel) {
+INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     Pixels one;
 #if SAMPLED
     one.x = one.y = 0;
-    one.sample_x = pixel.ray_x;
-    one.sample_y = pixel.ray_y;
+    one.sample_x = eye_ray.ray_x;
+    one.sample_y = eye_ray.ray_y;
 #else
-    one.x = pixel.x;
-    one.y = pixel.y;
+    one.x = eye_ray.x;
+    one.y = eye_ray.y;
 #endif
-    one.inside = pixel.inside;
+    one.inside = eye_ray.inside;
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
 // Returns the hit without its material: enough to know which lights the surface faces, and where rays to them begin.
-INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, Pixel pixel, int place) {
+INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
 #if PLANES_OF_ORIGIN // which give t and weights at once; in slivers their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
     const __global float4 *normals = surfaces + 3 * (size_t)place;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
-    const Vec3 way = pixel_way(corner, step_x, step_y, pixel);
+    const Vec3 way = way_of(corner, step_x, step_y, eye_ray);
     // Four dot products at once: the weights, whose sum is not 1 yet, and 1 / t.
     const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
     Meeting meeting;
@@ -93,7 +93,7 @@ INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surface
     meeting.material = 0;
     return meeting;
 #else
-    return meet(tree, surfaces, pixel_ray(eye, corner, step_x, step_y, pixel), place);
+    return meet(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), place);
 #endif
 }
 
@@ -142,10 +142,10 @@ INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *s
     ways->per_begin = FAR;
     ways->per_end = 1.0f;
     EACH_RAY(ray) { // no branch, so that the loads of all rays overlap
-        const Pixel pixel = tile_pixel(group, ray, grid);
+        const EyeRay eye_ray = tile_ray(group, ray, grid);
         const int hit = HAS(wanted, ray) != 0;
-        const int place = hit ? nearest[index_of(pixel, grid)] : 0;
-        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, pixel, place);
+        const int place = hit ? nearest[index_of(eye_ray, grid)] : 0;
+        const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
         const Vec3 offset = subtract(light, meeting.point);
         const Vec3 way = way_to_hit(offset, bias);
         cast |= hit & faces(meeting, offset, bias) ? 1u << ray : 0u;
@@ -189,13 +189,13 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 }
 
 // Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
-INLINED void leave(Group *group, Pixel pixel, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
+INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // continues even if no lane has an entry: a compiler for barriers failed after a return here
     // One atomic operation per group; each lane finds its entry by its rank among those with one.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
-    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(pixel, grid), lights);
+    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
 }
 
 // The buffers for the results of shadow rays.
@@ -229,13 +229,13 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
         left_over |= BITS_OF_LIGHT(left, light);
     }
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(group, ray, grid);
+        const EyeRay eye_ray = tile_ray(group, ray, grid);
         // This pixel's bits of both words: one bit per light, and one for being in the queue.
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
-        if (HAS(hits, ray)) found.lit[index_of(pixel, grid)] = BITS_OF_PIXEL(reached, ray) | left;
+        if (HAS(hits, ray)) found.lit[index_of(eye_ray, grid)] = BITS_OF_PIXEL(reached, ray) | left;
     }
     for (int ray = 0; ray < RAYS; ray++)
-        leave(group, tile_pixel(group, ray, grid), grid, BITS_OF_PIXEL(left_over, ray), found.queue,
+        leave(group, tile_ray(group, ray, grid), grid, BITS_OF_PIXEL(left_over, ray), found.queue,
               found.queued);
 }
 
@@ -255,8 +255,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
     const int2 grid = GRID_OF(image_size);
     uint hits = 0;
     EACH_RAY(ray) {
-        const Pixel pixel = tile_pixel(&group, ray, grid);
-        hits |= pixel.inside && nearest[index_of(pixel, grid)] != NO_HIT ? 1u << ray : 0u;
+        const EyeRay eye_ray = tile_ray(&group, ray, grid);
+        hits |= eye_ray.inside && nearest[index_of(eye_ray, grid)] != NO_HIT ? 1u << ray : 0u;
     }
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
