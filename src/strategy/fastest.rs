@@ -40,10 +40,8 @@ const TILES: Way = Way::Tiles { large: false, separate: false };
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// A CPU whose vectors hold 16 rays.
+    /// A CPU, whose vectors hold the rays of tiles, however wide its own vectors are.
     TilesInVectors,
-    /// Other CPUs.
-    Packets,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
     /// Other GPUs.
@@ -120,8 +118,7 @@ impl Class {
     /// Returns the class of a device.
     pub fn of(limits: &DeviceLimits) -> Self {
         match limits.is_cpu {
-            true if widest(limits.native_width) == Width::W16 => Self::TilesInVectors,
-            true => Self::Packets,
+            true => Self::TilesInVectors,
             false if limits.lane_operations >= LaneOperations::PtxShuffles => Self::SharedTiles,
             false => Self::SingleRays,
         }
@@ -134,7 +131,7 @@ impl Class {
             (Self::TilesInVectors, true) => Some(constants::CPU_WATERTIGHT),
             (Self::SharedTiles, false) => Some(constants::GPU),
             (Self::SharedTiles, true) => Some(constants::GPU_WATERTIGHT),
-            (Self::Packets | Self::SingleRays, _) => None,
+            (Self::SingleRays, _) => None,
         }
     }
 
@@ -146,7 +143,7 @@ impl Class {
             Self::SharedTiles => {
                 vec![TILES, tiles(true, false), tiles(false, true), tiles(true, true)]
             }
-            Self::Packets | Self::SingleRays => Vec::new(),
+            Self::SingleRays => Vec::new(),
         };
         [Way::Exhaustive, Way::Single].into_iter().chain(tiles).collect()
     }
@@ -285,16 +282,24 @@ mod tests {
     #[test]
     fn devices_without_tiles_walk_trees_one_by_one() {
         let task = |triangles| Task { triangles, pixels: PIXELS, ..Task::default() };
-        let (cpu, gpu) =
-            (limits(true, 8, LaneOperations::Barriers), limits(false, 1, LaneOperations::Barriers));
-        let (packets, local_size) = choice(&cpu, &task(10_000));
-        assert_eq!((packets.traversal, packets.width, local_size), (Traversal::Bvh, Width::W8, [4, 4]));
+        let gpu = limits(false, 1, LaneOperations::Barriers);
         let (single, local_size) = choice(&gpu, &task(10_000));
         assert_eq!((single.traversal, single.width, local_size), (Traversal::Bvh, Width::W1, [8, 8]));
-        for limits in [cpu, gpu] {
-            assert!(!choice(&limits, &task(TREE_TRIANGLES - 1)).0.needs_tree());
-            assert!(choice(&limits, &task(TREE_TRIANGLES)).0.needs_tree());
+        assert!(!choice(&gpu, &task(TREE_TRIANGLES - 1)).0.needs_tree());
+        assert!(choice(&gpu, &task(TREE_TRIANGLES)).0.needs_tree());
+    }
+
+    /// Tiles have vectors of 16 rays, which compilers split for narrower hardware.
+    #[test]
+    fn cpus_cast_tiles_whatever_the_width_of_their_vectors() {
+        let task = Task { triangles: 10_000, pixels: PIXELS, ..Task::default() };
+        for width in [1, 4, 8, 16] {
+            let (strategy, local_size) = choice(&limits(true, width, LaneOperations::Barriers), &task);
+            assert_eq!((strategy, local_size), (preset("tile").unwrap().strategy, [1, 1]), "{width}");
         }
+        let (packets, _) =
+            Way::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
+        assert_eq!((packets.traversal, packets.width), (Traversal::Bvh, Width::W8));
     }
 
     #[test]
