@@ -35,6 +35,7 @@ typedef struct {
     int bits;                    // a frame casts 2^bits x 2^bits rays for each pixel,
     int samples;                 // or a few less,
     const __global float *places; // at these x and y in their pixel
+    uint tile;                    // where the group's tile begins in the grid of rays: see packed_tile
 #endif
 } Group;
 

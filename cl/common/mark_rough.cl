@@ -12,8 +12,8 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
     return (float4)(shown.xyz, 0.0f);
 }
 
-// Sets how many samples a block wants: `most` if it is rough. The pixels around it count too, since the filter of a
-// pixel's samples reaches into them.
+// Sets how many samples a block wants: `most` if it is rough, which also adds it to the list of rough blocks. The pixels
+// around it count too, since the filter of a pixel's samples reaches into them.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
@@ -30,5 +30,8 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
         }
     }
     // One channel that differs visibly is enough.
-    wanted[block] = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS ? most : first;
+    const int is_rough = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS;
+    wanted[block] = is_rough ? most : first;
+    // The order of the list varies from run to run, but each block is cast alone.
+    if (is_rough) rough[atomic_inc(rough_counter)] = ROUGH_BLOCK(block % across, block / across);
 }

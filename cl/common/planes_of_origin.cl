@@ -35,7 +35,7 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     // Six times the volume between the origin and the triangle: near zero, the origin lies in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
-    int hit = fabs(height) > 1e-5f * distance * size1 * size2;
+    int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;
 #if CULL_BACK
     hit &= height * front > 0.0f;
 #endif

@@ -6,6 +6,11 @@
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
 #endif
 
+// A rough block in the list of those that get more samples: its column below its row, 16 bits each.
+#define ROUGH_BLOCK(x, y) ((uint)(y) << 16 | (uint)(x))
+#define ROUGH_X(block) ((block) & 0xffffu)
+#define ROUGH_Y(block) ((block) >> 16)
+
 int sampled_blocks(int pixels) { return (pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK; }
 
 // Returns whether a pixel of the image gets another sample after `earlier` ones.

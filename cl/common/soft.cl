@@ -140,7 +140,7 @@ Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, va
     const varying t = flip_sign(dot3(*e2, r), sign); // multiplied by size
     Mask stopped = (w1 >= -slack1) & (w2 >= -slack2) & (w1 + w2 <= size + slack1 + slack2);
     // A triangle seen edge-on stops nothing.
-    stopped &= (size > 1e-5f * size1 * size2) & (t > 0.0f) & (t / size < t_max);
+    stopped &= (size > EDGE_ON_ROUNDING * size1 * size2) & (t > 0.0f) & (t / size < t_max);
 #if CULL_BACK
     stopped &= a > 0.0f;
 #endif

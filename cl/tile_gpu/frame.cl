@@ -15,12 +15,13 @@
 //      8  9 10 11      the narrower its beam, and the fewer nodes it visits.
 //     12 13 14 15
 #if SAMPLED
-#define BIND_SAMPLES                 \
-    group.wanted = wanted;           \
-    group.earlier = earlier;         \
-    group.bits = (int)subpixel_bits; \
+#define BIND_SAMPLES                       \
+    group.wanted = wanted;                 \
+    group.earlier = earlier;               \
+    group.bits = (int)subpixel_bits;       \
     group.samples = (int)samples_of_frame; \
-    group.places = places;
+    group.places = places;                 \
+    group.tile = own_tile(&group, rough, (int)rough_count);
 #define SUBPIXEL_BITS group.bits
 #define SAMPLES_OF_FRAME group.samples
 #else
@@ -29,6 +30,41 @@
 #define SAMPLES_OF_FRAME 1
 #endif
 #define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
+
+// Returns where a group's tile begins in the grid of rays, if tiles cover the grid, in a row of work-groups.
+INLINED int2 tile_in_row(Group *group, int row) {
+    // Work-group, tile within it.
+    const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
+    const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
+    return (int2)(tile_x * TILE_X, tile_y * TILE_Y);
+}
+
+#if SAMPLED
+// Packs where a tile begins into one register. All tiles begin at multiples of 8 x 4 rays: y is above the lower 16 bits.
+INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x / 8); }
+INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
+#define TILE_OUTSIDE 0xffffffffu // beyond every grid
+
+// Returns where the group's own tile begins. With `rough_count`, tiles cover only that many blocks of pixels, and a
+// block is at least as large as a tile. The grid then has few work-groups, whose tiles are numbered. Here each block
+// has 16 x 16 rays, which are four tiles:
+//
+//     rough[0]: 0 1    rough[1]: 4 5
+//               2 3              6 7
+INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count) {
+    const int row = (int)get_global_id(1) / LOCAL_Y, side = SAMPLED_BLOCK << group->bits;
+    if (!rough_count) return packed_tile(tile_in_row(group, row));
+    const int across = side / TILE_X, tiles = across * (side / TILE_Y);
+    const int number = (row * (int)get_num_groups(0) + (int)get_group_id(0)) * LOCAL_Y + group->number;
+    // The last work-groups may have nothing to do.
+    if (number >= rough_count * tiles) return TILE_OUTSIDE;
+    const uint block = rough[number / tiles];
+    const int tile = number % tiles;
+    const int2 start = (int2)((int)ROUGH_X(block), (int)ROUGH_Y(block)) * side;
+    return packed_tile(start + (int2)(tile % across * TILE_X, tile / across * TILE_Y));
+}
+#endif
+
 // A group with its stack, and with the triangles of a leaf that its rays have to test.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
@@ -94,18 +130,20 @@ INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
 #define RAY_AT_Y(ray) ((ray).y + 0.5f)
 #endif
 
-// Returns the place of a lane's ray in a row of work-groups, if each place has one ray; a tile consists of blocks of 8 x 4.
-INLINED int2 place_in_row(Group *group, int row, int ray) {
+// Returns the place of a lane's ray in its tile, which consists of blocks of 8 x 4 rays.
+INLINED int2 place_in_tile(Group *group, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
-    // Work-group, tile within it, block within the tile, pixel within the block.
-    const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
-    const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
-    return (int2)(tile_x * TILE_X + ray % across * 8 + lane % 8, tile_y * TILE_Y + ray / across * 4 + lane / 8);
+    return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns a lane's ray in the work-group's own row of the grid, which may be a band of it.
+// Returns a lane's ray in the group's own tile.
 INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
-    return ray_at(group, place_in_row(group, (int)get_global_id(1) / LOCAL_Y, ray), grid);
+#if SAMPLED
+    const int2 tile = unpacked_tile(group->tile);
+#else
+    const int2 tile = tile_in_row(group, (int)get_global_id(1) / LOCAL_Y);
+#endif
+    return ray_at(group, tile + place_in_tile(group, ray), grid);
 }
 
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }

@@ -13,8 +13,8 @@ use super::setup::{
     Setup, Working, background_arguments, camera_arguments, sample_argument, scene_arguments,
 };
 use super::shared::Shared;
-use super::steps::Steps;
-use super::subpixels::{frames, most_bits, subpixel_arguments};
+use super::steps::{Extent, Steps};
+use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
@@ -36,6 +36,8 @@ pub struct Caster {
     samples: Option<Samples>,
     /// How finely a frame can divide pixels, to cast several samples of each.
     most_bits: u32,
+    /// Rays across and down in a tile, if frames can cast only some tiles.
+    tile: Option<[usize; 2]>,
     size: [u32; 2],
     /// True if the background is transparent, so that images have coverage.
     transparent: bool,
@@ -66,6 +68,7 @@ impl Caster {
         if let Some(prepared) = &prepared {
             arguments = arguments.with("prepared", prepared);
         }
+        let tile = strategy.shared_tile().filter(|_| band.is_none());
         let parts = Parts { setup, arguments, working: &working, prepared: prepared.as_ref(), band };
         let mut steps = match strategy.passes {
             _ if strategy.shares_tiles() => {
@@ -93,6 +96,7 @@ impl Caster {
             working,
             samples,
             most_bits,
+            tile,
             size,
             transparent,
             records_ms,
@@ -118,16 +122,16 @@ impl Caster {
 
     /// Casts the frame `frames` times, waits for the last one, and returns the mean times of one.
     pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
-        self.cast_finely(frames, 0)
+        self.cast_extent(frames, Extent::default())
     }
 
-    /// Does the same with pixels that are divided into 2^`bits` sub-pixels across and down.
-    fn cast_finely(&self, frames: u32, bits: u32) -> Result<FrameTimes, LaunchError> {
+    /// Does the same with other rays.
+    fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
         for _ in 0..frames {
             for (phase, step) in &self.steps {
-                events.push((*phase, step.enqueue(&self.queue, bits)?));
+                events.push((*phase, step.enqueue(&self.queue, extent)?));
             }
         }
         self.queue.commands.finish()?;
@@ -154,17 +158,20 @@ impl Caster {
     /// mean. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
-        let all = |samples: &[Sample], times: FrameTimes| {
-            let cast =
-                |times: FrameTimes, samples: &[Sample]| Ok(times.and(&self.cast_together(camera, samples)?));
+        let all = |samples: &[Sample], rough: Option<usize>, times: FrameTimes| {
+            let cast = |times: FrameTimes, samples: &[Sample]| {
+                Ok(times.and(&self.cast_together(camera, samples, rough)?))
+            };
             frames(samples, self.most_bits).try_fold(times, cast)
         };
         let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
-            return all(&first, FrameTimes::default());
+            return all(&first, None, FrameTimes::default());
         };
         samples.want_all(&self.queue)?;
-        let times = all(&first, FrameTimes::default())?;
-        all(&rest, times.and(&samples.mark(&self.queue, sampling)?))
+        let times = all(&first, None, FrameTimes::default())?;
+        let (rough, marked) = samples.mark(&self.queue, sampling)?;
+        let times = times.and(&marked);
+        if rough == 0 { Ok(times) } else { all(&rest, Some(rough), times) }
     }
 
     /// Returns how many samples the pixels of an adaptive picture got.
@@ -176,11 +183,17 @@ impl Caster {
     /// Casts one frame with one sample of every pixel that needs more samples, and adds it to the mean in the
     /// image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
-        self.cast_together(camera, slice::from_ref(sample))
+        self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Does the same with consecutive samples of one round.
-    fn cast_together(&self, camera: &Camera, samples: &[Sample]) -> Result<FrameTimes, LaunchError> {
+    /// Does the same with consecutive samples of one round. Pixels that need more samples may be known to lie in a number of
+    /// rough blocks.
+    fn cast_together(
+        &self,
+        camera: &Camera,
+        samples: &[Sample],
+        rough: Option<usize>,
+    ) -> Result<FrameTimes, LaunchError> {
         let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
         // The kernel places several samples; for one, the camera is shifted.
         let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
@@ -190,8 +203,13 @@ impl Caster {
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
             numbers.place(&self.queue, samples)?;
         }
+        // Only if tiles fit into blocks.
+        let tiles =
+            rough.zip(self.tile).and_then(|(blocks, tile)| Some(blocks * tiles_of_block(tile, bits)?));
+        let listed = if tiles.is_some() { rough.unwrap_or(0) } else { 0 };
+        let arguments = arguments.with("rough_count", listed as u32);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))?;
-        self.cast_finely(1, bits)
+        self.cast_extent(1, Extent { bits, tiles })
     }
 
     /// Returns the kernels of a frame in their order.

@@ -4,7 +4,7 @@ use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
 use super::frame::{FrameTimes, Phase};
 use super::parts::{Parts, builder};
-use super::steps::Step;
+use super::steps::{Extent, Step};
 use super::subpixels::{places, subpixel_arguments};
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
@@ -20,6 +20,9 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
+    /// The blocks that get more samples than the first ones, and their number.
+    rough: Buffer<u32>,
+    rough_counter: Buffer<u32>,
     /// Where each sample of a frame lies in its pixel.
     places: Buffer<f32>,
     /// Number of samples of each pixel that hit something, if a picture of the sky is behind everything.
@@ -38,8 +41,10 @@ impl Samples {
         let pixels = workload.image_size.iter().map(|side| *side as usize).product();
         let hits_before = (workload.sky_texels > 0).then(|| allocate(queue, pixels)).transpose()?;
         let places = allocate(queue, places(&[]).len())?;
-        let wanted = allocate(queue, blocks)?;
-        let samples = Self { wanted, places, hits_before, size: workload.image_size, mark: None };
+        let [wanted, rough] = [allocate(queue, blocks)?, allocate(queue, blocks)?];
+        let rough_counter = allocate(queue, 1)?;
+        let size = workload.image_size;
+        let samples = Self { wanted, rough, rough_counter, places, hits_before, size, mark: None };
         samples.place(queue, &[])?;
         samples.want_all(queue)?;
         Ok(Some(samples))
@@ -49,6 +54,8 @@ impl Samples {
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.places);
         let arguments = arguments.with("earlier", 0_u32);
+        let arguments = arguments.with("rough", &self.rough).with("rough_count", 0_u32);
+        let arguments = arguments.with("rough_counter", &self.rough_counter);
         let (arguments, _) = subpixel_arguments(arguments, &[]);
         match &self.hits_before {
             Some(hits) => arguments.with("hits_before", hits),
@@ -91,15 +98,18 @@ impl Samples {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
 
-    /// Lets only rough blocks get more than the first samples. Returns the time that took.
-    pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
-        let Some(step) = &self.mark else { return Ok(FrameTimes::default()) };
+    /// Lets only rough blocks get more than the first samples. Returns the number of these blocks, and the time that took.
+    pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<(usize, FrameTimes), LaunchError> {
+        let Some(step) = &self.mark else { return Ok(Default::default()) };
         let start = Instant::now();
         let arguments = Arguments::default().with("first", sampling.first).with("most", sampling.most);
         step.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
-        let marked = step.enqueue(queue, 0)?;
-        queue.commands.finish()?;
-        Ok(FrameTimes::of(&[(Phase::Whole, marked)], start.elapsed().as_secs_f64() * 1e3, 1)?)
+        self.rough_counter.cmd().queue(&queue.commands).fill(0, None).enq()?;
+        let marked = step.enqueue(queue, Extent::default())?;
+        let mut count = [0];
+        self.rough_counter.cmd().queue(&queue.commands).read(&mut count[..]).enq()?;
+        let times = FrameTimes::of(&[(Phase::Whole, marked)], start.elapsed().as_secs_f64() * 1e3, 1)?;
+        Ok((count[0] as usize, times))
     }
 
     /// Reads the numbers.
@@ -171,7 +181,8 @@ mod tests {
 
         fn new() -> Self {
             let before = "#define MARK_ROUGH_PARAMETERS __global uint *wanted, const __global float4 *means, \
-                          int2 image_size, float exposure, uint first, uint most";
+                          int2 image_size, float exposure, uint first, uint most, \
+                          __global uint *rough, volatile __global uint *rough_counter";
             let options = format!("-D SAMPLED_BLOCK={SAMPLED_BLOCK} -D ROUGH_STEPS={ROUGH_STEPS}");
             let files = ["common/samples.cl", "common/mark_rough.cl"];
             Self { device: Alone::of([before, ""], &files, &options) }

@@ -4,6 +4,15 @@ use super::Queue;
 use super::frame::Phase;
 use ocl::{Buffer, Event, Kernel, SpatialDims};
 
+/// Which rays a frame casts.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Extent {
+    /// Each pixel has 2^`bits` rays across and down.
+    pub bits: u32,
+    /// If only some tiles are cast: their number.
+    pub tiles: Option<usize>,
+}
+
 /// One command of a frame.
 pub(super) enum Step {
     /// Sets every value of a buffer.
@@ -23,9 +32,8 @@ impl Step {
         }
     }
 
-    /// Enqueues the command; where work-items own rays, with 2^`bits` times as many of them across and down as for one
-    /// sample of each pixel.
-    pub fn enqueue(&self, queue: &Queue, bits: u32) -> ocl::Result<Event> {
+    /// Enqueues the command; where work-items own rays, with as many of them as the frame casts.
+    pub fn enqueue(&self, queue: &Queue, extent: Extent) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {
             Self::Fill(buffer, value) => {
@@ -33,9 +41,13 @@ impl Step {
             }
             Self::Run(kernel) | Self::Cast(kernel) => {
                 let mut run = kernel.cmd().queue(&queue.commands);
-                if bits > 0 && matches!(self, Self::Cast(_)) {
-                    run = run.global_work_size(finer(kernel.default_global_work_size(), bits));
-                    run = run.global_work_offset(finer(kernel.default_global_work_offset(), bits));
+                if matches!(self, Self::Cast(_)) {
+                    let finer = |dimensions| finer(dimensions, extent.bits);
+                    let size = finer(kernel.default_global_work_size());
+                    let local = kernel.default_local_work_size();
+                    run =
+                        run.global_work_size(extent.tiles.map_or(size, |tiles| rows_for(tiles, size, local)));
+                    run = run.global_work_offset(finer(kernel.default_global_work_offset()));
                 }
                 // SAFETY: the kernel was built with every argument that its source declares, each buffer is
                 // as long as the sizes passed with it, and all of them outlive the queue's `finish` in
@@ -55,5 +67,33 @@ fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     }
 }
 
+/// Returns dimensions with only as many rows of work-groups as tiles need. A work-group has as many tiles as it has rows of
+/// work-items.
+fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims {
+    match (size, local) {
+        (SpatialDims::Two(across, down), SpatialDims::Two(local_across, local_down)) => {
+            let rows = tiles.div_ceil(across / local_across * local_down).max(1);
+            SpatialDims::Two(across, (rows * local_down).min(down))
+        }
+        _ => size,
+    }
+}
+
 /// The commands of a frame in order, each with its purpose.
 pub(super) type Steps = Vec<(Phase, Step)>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_tiles_need_few_rows_of_work_groups() {
+        let size = |tiles, local_down| {
+            let [all, local] = [[320, 64], [32, local_down]].map(|[x, y]| SpatialDims::Two(x, y));
+            rows_for(tiles, all, local).to_lens().map(|lens| lens[1])
+        };
+        // Ten work-groups side by side, of one tile each, or of four.
+        assert_eq!([0, 1, 10, 11, 9999].map(|tiles| size(tiles, 1).ok()), [1, 1, 1, 2, 64].map(Some));
+        assert_eq!([1, 40, 41, 9999].map(|tiles| size(tiles, 4).ok()), [4, 4, 8, 64].map(Some));
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::arguments::Arguments;
 use super::setup::{Setup, sees_sky};
+use crate::manifest::SAMPLED_BLOCK;
 use crate::scene::Sample;
 use crate::strategy::{MOST_SUBPIXEL_BITS as MOST_BITS, Passes, Traversal};
 use ocl::prm::Float16;
@@ -30,6 +31,14 @@ pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     }
     let vectors = strategy.traversal == Traversal::Tile;
     if vectors && strategy.passes == Passes::Fused && !sees_sky(scene) { MOST_BITS } else { 0 }
+}
+
+/// Returns the number of tiles in a block of equally many samples, if tiles fit into blocks. `tile` is a tile's rays across
+/// and down.
+pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
+    let side = (SAMPLED_BLOCK as usize) << bits;
+    let fits = tile.iter().all(|rays| side.is_multiple_of(*rays));
+    fits.then(|| tile.iter().map(|rays| side / rays).product())
 }
 
 /// Divides a round's samples into frames that divide pixels as finely as `most_bits`, or less. Most sub-pixels of a frame
@@ -100,6 +109,14 @@ mod tests {
         // The lanes of a pixel are next to each other.
         assert_eq!([0, 1, 4, 5].map(|lane| number_of_lane(1, lane)), [0, 1, 2, 3]);
         assert_eq!([1, 2, 3, 4, 5, 16, 17].map(bits_for), [0, 1, 1, 1, 2, 2, 2]);
+    }
+
+    #[test]
+    fn tiles_are_listed_if_they_fit_into_blocks() {
+        let tiles = |tile| [0, 1, 2].map(|bits| tiles_of_block(tile, bits));
+        assert_eq!(tiles([8, 8]), [None, Some(1), Some(4)]);
+        assert_eq!(tiles([16, 8]), [None, None, Some(2)]);
+        assert_eq!(tiles([16, 16]), [None, None, Some(1)]);
     }
 
     #[test]

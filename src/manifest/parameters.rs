@@ -71,22 +71,27 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// The same for tiles that groups share; `places` has x and y of each sample in its pixel.
+/// The same for tiles that groups share: `places` has x and y of each sample in its pixel. The frame casts only rough
+/// blocks of pixels, unless their number is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
     p(Sampled, FLOATS, "places"),
+    p(Sampled, "const __global uint *restrict", "rough"),
+    p(Sampled, "const uint", "rough_count"),
 ];
 /// How many of a pixel's earlier samples hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
 /// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in
-/// it is rough, and if something is.
+/// it is rough, and if something is. Rough blocks are listed.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),
     p(Sampled, "const uint", "first"),
     p(Sampled, "const uint", "most"),
     p(Sampled, "__global uint *restrict", "wanted"),
+    p(Sampled, "__global uint *restrict", "rough"),
+    p(Sampled, "volatile __global uint *", "rough_counter"),
 ];
 /// The planes prepared for the eye and a round's lights, and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =

@@ -12,7 +12,7 @@ const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
 /// Number of bisections when a position in the filter is searched; more than double precision needs.
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel gets one in this many of the samples.
-const FIRST_OF: u32 = 8;
+const FIRST_OF: u32 = 16;
 /// The least share of a pixel's width that the cone of one of several samples has, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds of Owen's scrambling.
@@ -123,13 +123,18 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 }
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
-/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger.
+/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The first is
+/// the most central, since with adaptive sampling it may be a pixel's only one. An exclusive or brings it to the front:
+/// aligned blocks of the sequence stay together, and only blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
     }
-    let place = |number: u32, axis: usize| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))) as f32;
-    (0..count).map(|number| [place(number, 0), place(number, 1)]).collect()
+    let offset = |number: u32| [0, 1].map(|axis| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))));
+    let distance = |number: &u32| offset(*number).map(|part| part * part).iter().sum::<f64>();
+    let by_distance = |a: &u32, b: &u32| distance(a).total_cmp(&distance(b));
+    let central = (0..count.next_power_of_two()).min_by(by_distance).unwrap_or(0);
+    (0..count).map(|number| offset(number ^ central).map(|part| part as f32)).collect()
 }
 
 /// Converts 32 bits to a number between 0 and 1.
@@ -225,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn an_eighth_of_adaptive_samples_is_for_every_pixel_and_the_others_continue_their_positions() {
+    fn a_sixteenth_of_adaptive_samples_is_for_every_pixel_and_the_others_continue_their_positions() {
         let all = pixel_samples(16);
         for sampling in [Sampling::adaptive(16), Sampling::all(16), Sampling { first: 3, most: 16 }] {
             let [first, rest] = sampling.rounds();
@@ -239,7 +244,7 @@ mod tests {
                 assert_eq!((sample.earlier, sample.offset), (earlier, expected.offset));
             }
         }
-        assert_eq!([1, 2, 16, 20].map(|most| Sampling::adaptive(most).first), [1, 1, 2, 3]);
+        assert_eq!([1, 2, 16, 17, 64].map(|most| Sampling::adaptive(most).first), [1, 1, 1, 2, 4]);
         assert!(Sampling::adaptive(2).is_adaptive() && !Sampling::adaptive(1).is_adaptive());
     }
 
@@ -248,6 +253,23 @@ mod tests {
         let counts = SampleCounts::new([6, 5], vec![1, 2, 3, 4]);
         assert_eq!([[0, 0], [3, 3], [4, 3], [3, 4], [5, 4]].map(|place| counts.at(place)), [1, 1, 2, 3, 4]);
         assert_eq!(counts.mean(), f64::from(16 + 2 * 8 + 3 * 4 + 4 * 2) / 30.0);
+    }
+
+    #[test]
+    fn the_first_sample_is_the_most_central_and_the_others_are_evenly_distributed() {
+        let distance = |offset: &[f32; 2]| offset[0].hypot(offset[1]);
+        for count in [2, 4, 16, 64] {
+            let offsets = pixel_offsets(count);
+            let [first, least] =
+                [&offsets[..1], &offsets].map(|some| some.iter().map(distance).fold(9.0, f32::min));
+            assert_eq!(first, least, "{count}");
+            // Each half of the samples has as many on one side of the centre as on the other.
+            for half in offsets.chunks(count as usize / 2).filter(|half| half.len() > 1) {
+                let left = half.iter().filter(|offset| offset[0] < 0.0).count();
+                assert_eq!(2 * left, half.len(), "{count}");
+            }
+        }
+        assert!(distance(&pixel_offsets(16)[0]) < 0.15, "{:?}", pixel_offsets(16)[0]);
     }
 
     #[test]

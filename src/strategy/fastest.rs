@@ -297,8 +297,7 @@ mod tests {
             let (strategy, local_size) = choice(&limits(true, width, LaneOperations::Barriers), &task);
             assert_eq!((strategy, local_size), (preset("tile").unwrap().strategy, [1, 1]), "{width}");
         }
-        let (packets, _) =
-            Way::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
+        let (packets, _) = Way::Single.strategy(&limits(true, 8, LaneOperations::Barriers), false).unwrap();
         assert_eq!((packets.traversal, packets.width), (Traversal::Bvh, Width::W8));
     }
 

@@ -154,6 +154,11 @@ impl Strategy {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
 
+    /// Returns the rays across and down in a tile that 32 work-items share.
+    pub fn shared_tile(&self) -> Option<[usize; 2]> {
+        self.shares_tiles().then(|| self.tile.pixels().into())
+    }
+
     /// Returns the number of lights per round for work-items that share a tile. A word has one bit for each
     /// pair of a light and one of a work-item's rays, and one more.
     pub fn lights_of_round(&self) -> usize {

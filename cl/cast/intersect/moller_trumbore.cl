@@ -50,7 +50,7 @@ Row row_of(Corners corners) {
     const float size1 = uniform_size(row.b), size2 = uniform_size(row.c);
     SLACK1(row) = ROUNDING * size2;
     SLACK2(row) = ROUNDING * size1;
-    EDGE_ON(row) = 1e-5f * size1 * size2;
+    EDGE_ON(row) = EDGE_ON_ROUNDING * size1 * size2;
 #endif
     return row;
 }

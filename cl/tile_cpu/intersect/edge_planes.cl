@@ -64,7 +64,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     store_plane(edge_plane(lanes_difference(corner_c, corner_b), c, b), turn, prepared->edges[1]);
     store_plane(edge_plane(lanes_difference(corner_a, corner_c), a, c), turn, prepared->edges[2]);
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
-    vstore8(1e-5f * bundle->longest * size1 * size2, 0, prepared->edge_on);
+    vstore8(EDGE_ON_ROUNDING * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
     // Shadow rays run from the light, where front faces look like back faces.
     return LANE_BITS8(any ? height < 0.0f : height > 0.0f);

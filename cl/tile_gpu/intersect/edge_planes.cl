@@ -40,7 +40,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->b = quad(v, per_z.y);
     triangle->c = quad(w, per_z.z);
     // A triangle seen edge-on is not hit, as in common/planes_of_origin.cl.
-    int wanted = used & (fabs(height) > 1e-5f * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
+    int wanted = used & (fabs(height) > EDGE_ON_ROUNDING * uniform_size(a) * uniform_size(e1) * uniform_size(e2));
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
