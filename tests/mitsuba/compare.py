@@ -46,7 +46,7 @@ def main():
         for changes in ([], ["mip_levels=true"]):
             own = by_raycl(raycl, file, samples, *changes)
             found = likeness(own, theirs), likeness(blocks(own), blocks(theirs))
-            print(f"{name} {' '.join(changes)}: {found[0]:.1f} dB, means of blocks {found[1]:.1f} dB; "
+            print(f"{', '.join([name, *changes])}: {found[0]:.1f} dB, means of blocks {found[1]:.1f} dB; "
                   f"mean radiance {own.mean():.5f} and {theirs.mean():.5f}")
             failed += [name] if found[0] < LEAST or found[1] < LEAST_OF_BLOCKS else []
             show(folder, name, own, theirs)
