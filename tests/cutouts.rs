@@ -208,10 +208,14 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     // Where alphas are the cutoff, rounding makes no holes; only one texel is a hole.
     let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
     RgbaImage::from_fn(8, 8, hole).save(place.path("leaf.png")).expect("a picture");
+    let whole = of("", "1").0;
     let solid = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.2,", "1").0;
     let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = place.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
+    // The hole alone. Without the step less, an eighth of the solid pixels would be holes too.
+    let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
+    assert!(10 * few < all, "{few} {all}");
     leaf().save(place.path("leaf.png")).expect("a picture");
     let (blended, said) = of("\"alphaMode\": \"BLEND\",", "0.9");
     has(

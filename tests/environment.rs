@@ -139,6 +139,15 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     }
 }
 
+/// A blunt highlight has many half vectors whose mirrored direction is below the surface.
+#[test]
+fn what_is_mirrored_from_below_a_surface_is_dark() {
+    let place = place(&SCENE.replace("shininess = 60", "shininess = 2"));
+    render(&place, &["--verify", "--strategy", "bvh"]);
+    let lighter = ("common/environment.cl", "max(dot3(way, normal), (varying)(0.0f))", "dot3(way, normal)");
+    place.notices(lighter, "bvh", &["--verify", "--samples", "1"]);
+}
+
 /// Under a uniform picture, a highlight seen from straight above reflects the integral of its lobe.
 #[test]
 fn a_shiny_surface_mirrors_what_its_highlight_says_on_average() {

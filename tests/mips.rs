@@ -140,6 +140,23 @@ fn a_broken_level_is_a_wrong_picture() {
     }
 }
 
+/// Their last levels are one texel high or wide.
+#[test]
+fn levels_of_pictures_with_few_rows_or_columns_keep_one_of_them() {
+    let place = floor();
+    for (size, from, to) in [
+        ([64, 4], "level.height = max(level.height / 2, 1)", "level.height = level.height / 2"),
+        ([4, 64], "level.width = max(level.width / 2, 1)", "level.width = level.width / 2"),
+    ] {
+        let pixel = |x: u32, y: u32| Rgb([(60 * x % 256) as u8, (50 * y % 256) as u8, 200]);
+        RgbImage::from_fn(size[0], size[1], pixel).save(place.path("chequers.png")).expect("a picture");
+        for strategy in ["deferred", "tile"] {
+            place.picture(&["--verify", "--strategy", strategy]);
+        }
+        place.notices(("common/textures.cl", from, to), "deferred", &["--verify"]);
+    }
+}
+
 #[test]
 fn an_option_that_is_misspelt_is_refused() {
     let place = floor();

@@ -102,3 +102,43 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
         }
     }
 }
+
+/// More lights than a work-item's word has room for, in two frames of samples: each round of lights adds its part.
+#[test]
+fn rounds_of_lights_add_up_in_the_mean_of_samples() {
+    let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();
+    let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}{lights}"))]);
+    let options = ["--verify", "--samples", "17"];
+    picture(&place, &[&options[..], &["--strategy", "tile-group"]].concat());
+    let whole = (
+        "tile_gpu/shade.cl",
+        "(first_light ? (mean) + (sum) / SAMPLES_SO_FAR",
+        "(first_light ? (mean) + (sum)",
+    );
+    place.notices(whole, "tile-group", &options);
+}
+
+/// A ball of triangles that are smaller than pixels, over the ground.
+const FINE: &str = "[camera]
+position = [0, 1.2, 1.5]
+look_at = [0, -0.7, -3]
+[[light]]
+position = [0, 3, -3]
+power = 60
+[[object]]
+shape = \"sphere\"
+triangles = 20000
+translation = [0, 0, -3]
+[[object]]
+shape = \"ground\"
+";
+
+/// Samples of a pixel may lie farther apart down than across: a small box is met by the lowest of them alone.
+#[test]
+fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
+    let place = Place::with(&[("scene.toml", FINE)]);
+    let options = ["--verify", "--samples", "4"];
+    picture(&place, &[&options[..], &["--strategy", "tile"]].concat());
+    let across = ("tile_cpu/camera.cl", "most_lane(samples->y) - rays.y", "most_lane(samples->x) - rays.y");
+    place.notices(across, "tile", &options);
+}

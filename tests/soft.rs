@@ -135,6 +135,19 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
         let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
+    // The sky follows the lights of the second round, which are counted from the round's first.
+    let lights: String =
+        (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
+    place.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
+    let mut command = place.raycl(&[&usual[..], &ends].concat());
+    command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
+    let kernels = place.kernels(
+        "tile_gpu/soft.cl",
+        "const int source = sources->first_light + light;\n    return",
+        "const int source = light;\n    return",
+    );
+    let message = place.mistake(&[&usual[..], &ends, &["--cl-dir", &kernels]].concat(), 1);
+    has(&message, &["the picture is wrong: "]);
 }
 
 /// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as to the panel, and lights
@@ -216,6 +229,17 @@ fn a_stopped_ray_to_the_sky_stops_no_other() {
             ["render", "scene.toml", "--width", "161", "--height", "93", "--device", &device, "--force"];
         place.output(&[&usual[..], &["-o", "a.png", "--verify", "--strategy", strategy]].concat());
     }
+}
+
+/// Rays to the light meet the square from below: its back.
+#[test]
+fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
+    let place = Place::with(&[("scene.toml", SQUARE)]);
+    for strategy in ["wide-common-origin,culling=back", "bvh-packet,culling=back", "tile,culling=back"] {
+        picture(&place, &["--strategy", strategy, "--samples", "2", "--verify"]);
+    }
+    let both_sides = ("common/soft.cl", "stopped &= a > 0.0f;", "");
+    place.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
 }
 
 /// Rays that go on by the bias too far.

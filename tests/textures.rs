@@ -202,6 +202,13 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     let clamp = of(r#"{"wrapS": 33071, "wrapT": 33071}"#, "");
     let mirror = of(r#"{"wrapS": 33648, "wrapT": 33648}"#, "");
     assert!(repeat != clamp && clamp != mirror && repeat != mirror);
+    // Each axis has its own.
+    let across = of(r#"{"wrapS": 33071, "wrapT": 33648}"#, "");
+    let down = of(r#"{"wrapS": 33648, "wrapT": 33071}"#, "");
+    assert!(
+        [&clamp, &mirror, &across].iter().all(|other| **other != down) && across != clamp && across != mirror
+    );
+    place.notices(("common/textures.cl", "down = wrap >> 8 & 15", "down = wrap & 15"), "tile", &["--verify"]);
     // Beyond the upper left corner, a clamped picture has that corner's colour: red.
     let corner = clamp[(24, 11)].0;
     assert!(corner[0] > corner[1] && corner[0] > corner[2], "{corner:?}");

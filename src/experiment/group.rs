@@ -39,6 +39,12 @@ impl OpenGroup {
         Self { points, whole: 0, visits: 0, reason: None, home: None }
     }
 
+    /// Returns a group that was visited this often.
+    #[cfg(test)]
+    pub fn visited(visits: u32, points: Vec<PendingPoint>) -> Self {
+        Self { visits, ..Self::new(points) }
+    }
+
     /// Returns the number of visits.
     pub fn visits(&self) -> u32 {
         self.visits

@@ -64,3 +64,35 @@ pub fn serve(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::pending::PendingPoint;
+    use super::*;
+    use crate::record::Record;
+
+    #[test]
+    fn between_two_visits_of_a_group_all_others_have_their_turn() {
+        let group = |(point, visits): (usize, u32)| {
+            let pending = PendingPoint::new([point, 0, 0], String::new(), Record::default());
+            OpenGroup::visited(visits, vec![pending])
+        };
+        for seed in 0..8 {
+            let waiting = Waiting::new([(0, 2), (1, 1), (2, 1), (3, 2)].map(group).into(), seed);
+            let taken = || waiting.take(None).map(|group| group.points()[0].point);
+            let mut order: Vec<usize> = std::iter::from_fn(taken).collect();
+            order[..2].sort_unstable();
+            order[2..].sort_unstable();
+            assert_eq!(order, [1, 2, 0, 3], "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn groups_are_first_visited_in_the_plans_order_and_a_finished_one_not_at_all() {
+        let pending = |point| PendingPoint::new([point, 0, 0], String::new(), Record::default());
+        let groups = [vec![pending(0)], Vec::new(), vec![pending(2)]].map(OpenGroup::new);
+        let waiting = Waiting::new(groups.into(), 1);
+        let taken = || waiting.take(Some(0)).map(|group| group.points()[0].point);
+        assert_eq!([taken(), taken(), taken()], [Some(0), Some(2), None]);
+    }
+}

@@ -250,6 +250,18 @@ mod tests {
     }
 
     #[test]
+    fn rates_have_the_units_of_their_columns() {
+        // 400,000 primary rays in 5 ms of a frame of 10 ms, and half as many shadow rays.
+        let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
+        let record = Record { primary_ms, shadow_rays, ..measured("pocl", "wide", 1, 10.0) };
+        let text = summary_markdown(&judged([record]), &[], "?", "!");
+        let row =
+            text.lines().find(|line| line.contains("**wide**") && line.starts_with('|')).expect("a row");
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        assert_eq!(cells[7..10], ["60.0", "80.0", "40.0"], "{text}");
+    }
+
+    #[test]
     fn names_and_questions_are_text_and_no_markdown() {
         let hostile = "<b>|\n# \u{1b}";
         let records = judged([measured(hostile, hostile, 8, 84.0)]);

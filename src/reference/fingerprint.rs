@@ -1,20 +1,40 @@
 //! Identifies the source of the casters on the host.
 
-/// The source files that cast a baseline's rays.
-const SOURCES: [&str; 6] = [
-    include_str!("cast.rs"),
-    include_str!("intersect.rs"),
-    include_str!("ray.rs"),
-    include_str!("real.rs"),
-    include_str!("shade.rs"),
-    include_str!("traverse.rs"),
+/// The source files that cast a baseline's rays, in this folder.
+const SOURCES: [(&str, &str); 10] = [
+    ("cast", include_str!("cast.rs")),
+    ("cutouts", include_str!("cutouts.rs")),
+    ("environment", include_str!("environment.rs")),
+    ("intersect", include_str!("intersect.rs")),
+    ("ray", include_str!("ray.rs")),
+    ("real", include_str!("real.rs")),
+    ("shade", include_str!("shade.rs")),
+    ("soft", include_str!("soft.rs")),
+    ("texture", include_str!("texture.rs")),
+    ("traverse", include_str!("traverse.rs")),
 ];
 
 /// Returns a hash of the casters' source, the counterpart of a kernel's program hash.
 pub fn fingerprint() -> String {
     let mut hasher = blake3::Hasher::new();
-    for text in SOURCES {
+    for (_, text) in SOURCES {
         hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
     }
     hasher.finalize().to_hex()[..16].to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_that_a_caster_uses_is_hashed() {
+        for (name, text) in SOURCES {
+            let used = text.lines().filter_map(|line| line.strip_prefix("use super::")?.split("::").next());
+            let used: Vec<&str> = used.collect();
+            let is_hashed = |file: &&str| SOURCES.iter().any(|(hashed, _)| hashed == file);
+            assert!(used.iter().all(is_hashed), "{name}.rs uses {used:?}: hash each of them");
+        }
+        assert!(SOURCES.iter().all(|(name, text)| *name == "real" || text.contains("use super::")));
+    }
 }

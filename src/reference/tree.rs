@@ -302,6 +302,18 @@ mod tests {
     }
 
     #[test]
+    fn no_corner_is_farther_from_a_point_than_the_trees_reach() {
+        let scene = fixtures::sphere(24);
+        let tree = Tree::new(&scene.mesh, Culling::None);
+        for point in [DVec3::ZERO, DVec3::new(0.5, -0.2, 0.1), DVec3::new(-3.0, 7.0, 1.0)] {
+            let distances = scene.mesh.positions.iter().map(|corner| corner.as_dvec3().distance(point));
+            let farthest = distances.fold(0.0, f64::max);
+            let reach = tree.reach(point);
+            assert!((farthest..2.0 * farthest).contains(&reach), "{point}: {reach}, farthest {farthest}");
+        }
+    }
+
+    #[test]
     fn the_tree_finds_what_the_exhaustive_search_finds() {
         for scene in [
             fixtures::single_triangle(),

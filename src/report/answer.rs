@@ -296,6 +296,17 @@ mod tests {
     }
 
     #[test]
+    fn the_next_point_is_said_to_take_longer_and_not_shorter() {
+        let records = judged([measured("gpu", "naive", 8, 40.0), measured("gpu", "wide", 4, 10.0)]);
+        let answers = answers(&groups(&records));
+        let sure = &answers[0].sure;
+        assert!(
+            sure.contains(" The next, naive at 8 x 8, takes 4.00 times (4.00 to 4.00) as long."),
+            "{sure}"
+        );
+    }
+
+    #[test]
     fn nothing_measured_is_said() {
         let records = [infeasible("gpu", "naive", 32, "work-group: too large")];
         let answers = answers(&groups(&records));

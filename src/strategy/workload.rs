@@ -175,7 +175,7 @@ fn block(strategy: &Strategy) -> (usize, usize) {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::strategy::preset;
+    use crate::strategy::{TileSize, preset};
 
     #[test]
     fn shared_tiles_divide_pixels_as_finely_as_their_buffers_allow() {
@@ -194,5 +194,15 @@ mod tests {
             assert_eq!((bits(other), other.shared_rays(&strategy)), (0, 1920 * 1080));
         }
         assert_eq!(full_hd.shared_subpixel_bits(&preset("tile").unwrap().strategy), 0);
+    }
+
+    #[test]
+    fn a_row_of_work_groups_is_as_high_as_the_tiles_of_one() {
+        let strategy = Strategy { tile: TileSize::T8x4, ..preset("tile-group").unwrap().strategy };
+        let of = |tiles| Workload { local_size: [32, tiles], ..Workload::CUBE }.group_height(&strategy);
+        // If their number is even, two are side by side.
+        assert_eq!([1, 2, 3, 4, 8].map(of), [4, 4, 12, 8, 16]);
+        let rays = Workload { local_size: [16, 2], ..Workload::CUBE };
+        assert_eq!(rays.group_height(&preset("deferred").unwrap().strategy), 2);
     }
 }

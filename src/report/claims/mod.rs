@@ -118,6 +118,19 @@ mod tests {
     }
 
     #[test]
+    fn times_rise_from_each_point_to_the_next() {
+        let points = [1, 4, 8].map(|side| format!("'naive {side}x{side} on teapot'")).join(", ");
+        let rises = format!("kind = 'rises', at_least = 1.5, over = [{points}]");
+        let told = |times: [f64; 3]| {
+            let all = [1, 4, 8].into_iter().zip(times);
+            let records: Vec<Record> = all.map(|(side, ms)| measured("gpu", "naive", side, ms)).collect();
+            verdict(&rises, &records)
+        };
+        assert_eq!(told([10.0, 20.0, 40.0]), Verdict::Held);
+        assert_eq!([told([40.0, 20.0, 10.0]), told([10.0, 20.0, 24.0])], [Verdict::NotHeld; 2]);
+    }
+
+    #[test]
     fn times_of_two_runs_are_not_compared() {
         let [slow, fast] = [measured("gpu", "naive", 1, 100.0), measured("gpu", "naive", 4, 10.0)];
         let told = |runs: &[&[Record]]| claim(FALLS, runs).verdict;

@@ -177,6 +177,12 @@ mod tests {
     }
 
     #[test]
+    fn zero_and_minus_zero_are_one_corner() {
+        let text = TWO.replace("VERTEX 1 0 0", "VERTEX 1 -0 -0").replace("VERTEX .0 1 0", "VERTEX -.0 1 0");
+        assert_eq!(parse("a.stl", text.as_bytes()).unwrap().mesh.positions.len(), 4);
+    }
+
+    #[test]
     fn a_binary_file_holds_the_same() {
         let ascii = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
         let corners: Vec<Vec3> = ascii.triangles.iter().flat_map(|t| ascii.corners(t)).collect();

@@ -247,6 +247,18 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
 }
 
 #[test]
+fn vertices_have_the_colours_of_their_own_lines_and_are_white_without() {
+    let text = format!(
+        "{CORNERS}v 0 0 1 0 1 0\nv 1 0 1 0 1 0\nv 0 1 1 0 1 0\nv 0 0 2 0 0 255\nv 1 0 2 0 0 255\nv 0 1 2 0 0 255\n\
+         v 0 0 3\nv 1 0 3\nv 0 1 3\nf 1 2 3\nf 4 5 6\nf 7 8 9\nf 10 11 12\n"
+    );
+    let mesh = read(&text).unwrap().mesh;
+    let colours: Vec<Vec3> =
+        mesh.triangles.iter().map(|triangle| mesh.material(triangle).lambertian).collect();
+    assert_eq!(colours, [Vec3::ONE, Vec3::Y, Vec3::Z, Vec3::ONE]);
+}
+
+#[test]
 fn notes_stay_short_and_counts_are_readable() {
     let words: String = (0..1_000).map(|i| format!("word{i}{}\n", "x".repeat(100))).collect();
     let notes = notes_of(&words, "");

@@ -88,6 +88,20 @@ fn nodes_turn_scale_mirror_and_nest() {
     assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
 }
 
+/// The least number of a signed type is as far from 0 as the one above it (glTF 2.0, 3.11).
+#[test]
+fn normalised_numbers_go_from_minus_one_to_one() {
+    let mut quantised = [[0_i8, 0, 0], [-128, 0, 0], [0, 127, -127]].concat();
+    quantised.resize(36, 0);
+    let quantised = quantised.iter().map(|number| number.to_le_bytes()[0]);
+    let data: Vec<u8> = quantised.chain(bytes()[36..].iter().copied()).collect();
+    let text = triangle()
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
+        .replace(r#""componentType": 5126,"#, r#""componentType": 5120, "normalized": true,"#);
+    let mesh = read(&text).unwrap().mesh;
+    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(-1.0, 0.0, 5.0), Vec3::new(0.0, 1.0, 4.0)]);
+}
+
 #[test]
 fn a_far_node_is_centred() {
     let file = read(&triangle().replace("[0, 0, 5]", "[500000, 5400000, 0]")).unwrap();
