@@ -51,8 +51,8 @@ pub struct Args {
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
-    /// Predict the occupancy of a run's points from the registers in its records. DIR is a folder of results,
-    /// or its records.jsonl
+    /// Predict the occupancy of a run's points from the numbers of registers in its records. DIR is a folder
+    /// of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
     /// Print the paper's table, and the occupancy that follows from its 63 registers per work-item
@@ -121,7 +121,7 @@ impl Question {
     }
 }
 
-/// Prints the table. An unknown compute capability is a mistake of the user.
+/// Prints the table. An unknown compute capability is a user error.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);

@@ -70,7 +70,7 @@ fn ask_with(
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
     Ok(serde_json::from_str(last).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);
-        let last_words = words.lines().next_back().unwrap_or("it said nothing");
+        let last_words = words.lines().next_back().unwrap_or("it printed nothing");
         format!("a driver ended the process that listed its devices ({}; {last_words})", output.status)
     }))
 }

@@ -258,7 +258,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Gives a checked record the names of its draft, since a worker only knows about one folder of kernels.
+/// Copies the names of a draft to its checked record, since a worker only knows about one folder of kernels.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

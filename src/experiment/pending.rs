@@ -178,8 +178,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point as one of two folders of kernels. It is not the preset any more, since that means the
-/// built-in kernels.
+/// Labels a point as one of two folders of kernels. It is no longer the preset, since a preset's name stands
+/// for the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;

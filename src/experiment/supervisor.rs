@@ -147,8 +147,8 @@ impl<'a> Supervisor<'a> {
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker that has a wanted scene keeps it. Any other worker of the device takes over a wanted scene
-        // that no worker has.
+        // A worker whose scene is still needed keeps it. Any other worker of the device takes over a needed
+        // scene that no worker has.
         let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(kept);
         for post in wanted {

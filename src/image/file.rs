@@ -33,8 +33,7 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
 /// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
 ///
-/// Another extension or a missing folder is a mistake of the user; a file that cannot be written is a failed
-/// run.
+/// Another extension or a missing folder is a user error; a file that cannot be written is a failed run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -80,7 +79,7 @@ fn format_of(target: &Target) -> Result<Format> {
 
 /// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance.
 ///
-/// A missing file, or one that is not a picture, is a mistake of the user.
+/// A missing file, or one that is not a picture, is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))

@@ -48,7 +48,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder, or the folder of a given journal. A folder without records is a mistake of the user.
+    /// Reads a folder, or the folder of a given journal. A folder without records is a user error.
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, journal) = match path.is_file() {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),

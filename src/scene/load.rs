@@ -50,8 +50,8 @@ impl Shot {
 /// is framed as in experiments: seen from the right, above and in front, for images at least as wide as high,
 /// with a key light and a fill light, and with its normals turned to the viewer.
 ///
-/// # Errors A mistake of the user, with its file and line: a file that cannot be read, an unknown key, a
-/// value out of range, an index out of bounds, no triangles.
+/// # Errors A user error, with its file and line: a file that cannot be read, an unknown key, a value out of
+/// range, an index out of bounds, no triangles.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }

@@ -36,8 +36,8 @@ pub(super) fn flatten(mesh: &mut Mesh) {
 }
 
 /// Reverses the normals of every triangle whose front does not face `eye`, so that a mesh with inward-facing
-/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing single
-/// ones would disturb the shading along outlines.
+/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing some of
+/// them would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {

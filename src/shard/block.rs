@@ -44,7 +44,8 @@ const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// Smaller pieces measure control points more often. They must shorten the longest shard by this fraction.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for this number of shards. The same costs give the same blocks.
+/// Cuts groups of comparable points into blocks for this number of shards. Equal costs always result in equal
+/// blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
     let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();

@@ -18,7 +18,7 @@ pub struct Shard {
 const MOST: u32 = 100_000;
 
 impl Shard {
-    /// Returns the shard of this number, from 1.
+    /// Returns the shard with this number, from 1.
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),

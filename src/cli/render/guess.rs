@@ -88,14 +88,14 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of samples per pixel. A bare mesh has its own default; the file's name tells whether it is one
-/// before it is read.
+/// Returns the number of samples per pixel. A bare mesh has a default of its own; whether the file is one is
+/// decided by its name, before it is read.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)
 }
 
-/// The scene's file as it is, and all arguments that choose a program.
+/// Identifies the scene's file in its present state, and all arguments that affect which program is chosen.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;

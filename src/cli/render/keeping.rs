@@ -15,10 +15,10 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a process began to make a binary.
 const KIND: &str = "order";
-/// After this time, a process that began counts as dead.
+/// A process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// A program that is to be stored.
+/// A program to be stored.
 #[derive(Serialize, Deserialize)]
 struct Order {
     /// The device's identity.

@@ -54,7 +54,7 @@ impl Preprocessed {
 /// compiler's own macros, and of `__has_builtin(NAME)`, for conditions; elsewhere in the text such macros are
 /// not expanded.
 ///
-/// An `#error` that is reached, an unknown directive and a wrong use of a macro are mistakes of the user.
+/// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {

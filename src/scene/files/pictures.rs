@@ -19,7 +19,7 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// An error about a picture, in words that follow the picture's name.
+/// An error about a picture; its words follow the picture's name in a message.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.

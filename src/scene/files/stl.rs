@@ -99,7 +99,7 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
 }
 
 /// Returns three corners per triangle of a text file. It uses only `vertex x y z`, three before each `endfacet`.
-/// The error has the line.
+/// An error names the line.
 fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
     let mut corners = Vec::new();
     let lines = || bytes.split(|&byte| byte == b'\n');
