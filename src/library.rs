@@ -98,8 +98,8 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// interrupted run. Points are measured in worker processes, which are this program started again; therefore
 /// `main` must begin with [`serve_if_worker`].
 ///
-/// # Errors If the config has a mistake (the message gives its line), if the folder holds files of something
-/// else, or if the run is interrupted. A point that fails is not an error: its record has the reason.
+/// # Errors If the config has a mistake (the message gives its line), if the folder contains files that are
+/// not results, or if the run is interrupted. A point that fails is not an error: its record has the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Bytes; `u64::MAX` if this system does not report it.
     pub bytes: u64,
-    /// The file it was read from.
+    /// The file from which it was read.
     pub source: String,
 }
 

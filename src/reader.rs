@@ -5,7 +5,7 @@ use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 
-/// The purpose that a file is read for.
+/// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A scene or an experiment.
@@ -29,7 +29,7 @@ pub enum Kind {
 }
 
 /// The largest file in MiB that is read for each purpose; `None` means that only the free memory limits it.
-/// `docs/scenes.md` and `docs/reliability.md` give the same limits.
+/// `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),

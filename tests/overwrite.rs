@@ -25,7 +25,7 @@ fn refused(place: &Place, arguments: &[&str], file: &str, parts: &[&str]) {
 }
 
 const STRANGE: &str = "raycl did not make it";
-const CHANGED: &str = "was changed since raycl made it";
+const CHANGED: &str = "has been changed since raycl made it";
 
 /// Renders with these arguments.
 fn render(place: &Place, more: &[&str]) {

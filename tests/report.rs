@@ -197,7 +197,7 @@ fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
     let edited = [&edited[..], b"\n"].concat();
     std::fs::write(out.join(name), &edited).expect("it writes");
     let (_, complaint) = outcome(command, 2);
-    assert!(complaint.contains("was changed since raycl made it"), "{complaint}");
+    assert!(complaint.contains("has been changed since raycl made it"), "{complaint}");
     assert!(complaint.contains("`--force` replaces it"), "{complaint}");
     assert_eq!(std::fs::read(out.join(name)).expect("a file"), edited);
     outcome(&forced, 0);

@@ -282,7 +282,7 @@ fn the_fingerprint_is_that_of_this_builder() {
     let found = &hasher.finalize().to_hex()[..16];
     assert_eq!(
         FINGERPRINT, found,
-        "builder or layout changed: make accel::FINGERPRINT the hash that was found"
+        "the builder or the layout has changed: set accel::FINGERPRINT to the hash that was found"
     );
 }
 

@@ -147,7 +147,7 @@ fn is_permutation(order: &[u32], count: usize) -> Verdict {
     for &number in order {
         match seen.get_mut(number as usize) {
             Some(seen) if !*seen => *seen = true,
-            _ => return Err(format!("triangle {number} comes twice or is none of {count}")),
+            _ => return Err(format!("triangle {number} occurs twice, or is not one of {count}")),
         }
     }
     Ok(())

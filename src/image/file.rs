@@ -102,7 +102,8 @@ pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target
     target.write(|file| shown_png(image, display, Some(key), file))
 }
 
-/// Returns the key of a frame that raycl wrote and that was not changed since; `None` for any other file.
+/// Returns the key of a frame that raycl wrote and that has not been changed since; `None` for any other
+/// file.
 pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
@@ -271,7 +272,7 @@ mod tests {
             let mut edited = std::fs::read(&path).unwrap();
             *edited.last_mut().unwrap() ^= 1;
             std::fs::write(&path, &edited).unwrap();
-            assert!(again(&path, false).unwrap().contains("was changed since raycl made it"), "{name}");
+            assert!(again(&path, false).unwrap().contains("has been changed since raycl made it"), "{name}");
             let other = b"a photograph of somebody's";
             std::fs::write(&path, other).unwrap();
             assert!(again(&path, false).unwrap().contains("raycl did not make it"), "{name}");
@@ -307,7 +308,7 @@ mod tests {
             let path = folder.path().join(name);
             std::fs::write(&path, with_the_mark_of_another(name)).unwrap();
             assert!(image::open(&path).is_ok(), "{name} is a picture");
-            assert!(again(&path, false).unwrap().contains("was changed since"), "{name}");
+            assert!(again(&path, false).unwrap().contains("has been changed since"), "{name}");
         }
     }
 

@@ -13,7 +13,7 @@ const ROUND_TRIPS: u32 = 100;
 const PIECES: u32 = 5;
 /// After this time, the processors are taken to be busy with other programs.
 const PATIENCE: Duration = Duration::from_millis(5);
-/// Looks at the word between two looks at the clock.
+/// Number of reads of the word between two reads of the clock.
 const LOOKS: u32 = 64;
 
 /// The word that is passed on, alone on its cache lines (some processors fetch two at once).

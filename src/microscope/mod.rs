@@ -141,7 +141,7 @@ impl Microscope {
         drop(hush);
         let refused = |log: &str| {
             let message = log.lines().find(|line| !line.trim().is_empty());
-            let message = message.unwrap_or("the compiler gave no message");
+            let message = message.unwrap_or("the compiler printed no message");
             format!("The program could not be compiled with {option}, so there is no line table: {message}")
         };
         self.noting(built.map_err(|error| refused(&error.log)))

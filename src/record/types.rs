@@ -75,10 +75,10 @@ pub struct Record {
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
-    /// The device that it was measured on, if points were distributed over several devices of one kind.
+    /// The device on which it was measured, if points were distributed over several devices of one kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine that it was measured on, if an experiment is measured on several.
+    /// The machine on which it was measured, if an experiment is measured on several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
     /// The attempt that measured it, if the folder was merged from several.

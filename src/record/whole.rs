@@ -25,8 +25,8 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Writes a whole file like [`write_whole`], if it can be made again from records: it need not be on the disk
-/// when this returns.
+/// Writes a whole file like [`write_whole`], if it can be regenerated from records: it need not be on the
+/// disk when this returns.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
@@ -46,7 +46,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free space in this one")
+            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
     })
 }
 
@@ -71,7 +71,7 @@ fn replace(
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free space in this one")
+            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
     })
 }
 

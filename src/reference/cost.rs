@@ -43,10 +43,10 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
 
-/// The tree that costs are counted in.
+/// The tree in which costs are counted.
 ///
 /// # Errors
-/// If the scene has more triangles than a tree can name.
+/// If the scene has more triangles than a tree can index.
 pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }

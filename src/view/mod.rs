@@ -92,8 +92,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which says
-    /// whether files have changed.
+    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which
+    /// returns whether files have changed.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
         loop {

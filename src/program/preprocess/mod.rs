@@ -36,7 +36,7 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The remaining lines.
     pub lines: Vec<Line>,
-    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not give.
+    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not pass.
     /// They counted as absent.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except those in branches that are not compiled.
@@ -130,7 +130,8 @@ impl Preprocessor {
         let place = i64::from(line) + self.offset;
         let file = if self.file.is_empty() { "the text" } else { &self.file };
         Error::input(format!("{file}, line {place}: {message}")).with_help(
-            "give what it asks for by --local-size or an axis, or mend that line; --cl-dir names the folder",
+            "set what it asks for with --local-size or an axis, or correct that line; --cl-dir names the \
+             folder",
         )
     }
 
@@ -188,7 +189,7 @@ impl Preprocessor {
     /// the next line.
     fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
-        let next = next.ok_or_else(|| self.mistake(line, "#line wants a number"))?;
+        let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;
         self.offset = next - i64::from(line) - 1;
         if let Some(file) = code.get(1) {
             let name = file.text.trim_matches('"');
@@ -206,7 +207,7 @@ impl Preprocessor {
         let decided = match (name, named) {
             ("ifdef", Some(named)) => Ok(self.compiler.is_defined(&self.macros, &named)),
             ("ifndef", Some(named)) => Ok(!self.compiler.is_defined(&self.macros, &named)),
-            ("ifdef" | "ifndef", None) => Err(format!("#{name} wants a name")),
+            ("ifdef" | "ifndef", None) => Err(format!("#{name} needs a name")),
             _ => condition::holds(code, &self.macros, &mut self.compiler),
         };
         decided.map_err(|message| self.mistake(line, message))

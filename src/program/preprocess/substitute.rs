@@ -5,7 +5,7 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body for a call with these arguments. Errors have the line of the argument.
+/// Returns the body for a call with these arguments. An error names the line of the argument.
 pub(super) fn substitute(
     macros: &Macros,
     called: &Macro,
