@@ -97,7 +97,7 @@ enum Command {
         /// List the devices and end
         #[arg(long)]
         list: bool,
-        /// Compile the program given on standard input, store it in the cache and end
+        /// Compile the program that is read from standard input, store it in the cache and end
         #[arg(long, conflicts_with = "list")]
         keep: bool,
         /// Use the kernels of this folder

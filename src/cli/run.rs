@@ -342,7 +342,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Prints the results and their paths. Failed points give an error with exit code 1.
+/// Prints the results and their paths. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);

@@ -49,7 +49,8 @@ fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>>
     ask_with(cl_dir, &[])
 }
 
-/// Returns the child process's answer. The inner error says how the process ended if it gave no valid answer.
+/// Returns the child process's answer. The inner error states how the process ended if it sent no valid
+/// answer.
 fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],

@@ -28,7 +28,7 @@ pub struct KeyParts<'a> {
 }
 
 /// Returns the key of a measurement: 32 hexadecimal digits of BLAKE3 over the parts. The length of each part
-/// is hashed before it, so that different parts never give the same input.
+/// is hashed before it, so that different parts never result in the same input.
 pub fn key(parts: &KeyParts<'_>) -> String {
     let KeyParts { scene_hash, device, state, emulate, strategy, .. } = *parts;
     let KeyParts { local_size, image_size, program_hash, timing, tree, .. } = *parts;

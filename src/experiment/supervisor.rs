@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 
 /// The time between two checks whether the user has interrupted a waiting run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Number of workers that a point may kill before it is given up. The first one may have died from an outside
-/// cause.
+/// Number of workers that a point may kill before raycl gives up on it. The first one may have died from an
+/// outside cause.
 const ATTEMPTS: u32 = 2;
-/// After this many points were given up, no other point is tried twice.
+/// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
 
 /// Starts workers.
@@ -307,7 +307,7 @@ impl<'a> Supervisor<'a> {
         let death = match loss {
             Loss::HungFor(limit) => {
                 let reason =
-                    format!("it gave no answer in {} s, and its process was ended", limit.as_secs_f64());
+                    format!("it did not answer within {} s, and its process was ended", limit.as_secs_f64());
                 return Some(PointFailure::new(Outcome::TimedOut, reason));
             }
             Loss::Died(death) => death,

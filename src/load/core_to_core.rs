@@ -57,8 +57,8 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
 }
 
-/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange is over, or
-/// nothing comes until `end`.
+/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange
+/// is over, or if nothing comes until `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {

@@ -37,7 +37,7 @@ pub struct Microscope {
     /// The text that was compiled; its first line is line 1.
     #[serde(skip)]
     pub source: String,
-    /// What a reader has to know, such as a disassembler that is missing.
+    /// What a reader must know, for example that a disassembler is missing.
     pub notes: Vec<String>,
     /// The kernels, each as every assembler wrote it.
     pub listings: Vec<Listing>,

@@ -238,7 +238,7 @@ pub struct Record {
     pub program_hash: Option<String>,
     /// The seed for the order of rounds.
     pub seed: Option<u64>,
-    /// The git revision that raycl was built from, with "-dirty" if there were uncommitted changes.
+    /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
     pub revision: Option<String>,
 }

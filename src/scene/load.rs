@@ -56,7 +56,7 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }
 
-/// Loads a scene after changing values, each given by a dotted path in the file, such as `camera.position` or
+/// Loads a scene after changing values, each named by a dotted path in the file, such as `camera.position` or
 /// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only entry.
 ///
 /// # Errors As [`load_scene`]; also if a path does not exist.

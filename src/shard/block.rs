@@ -1,5 +1,5 @@
-//! Cuts a plan into blocks and gives the blocks to shards. Points that are compared stay together if possible, and no
-//! shard has much more work than another.
+//! Cuts a plan into blocks and assigns the blocks to shards. Points that are compared stay together if
+//! possible, and no shard has much more work than another.
 
 use serde::{Deserialize, Serialize};
 

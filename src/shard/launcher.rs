@@ -1,6 +1,6 @@
-//! Reads the number that a launcher gave this process. Every launcher that starts several processes sets
-//! environment variables, but the variables' names differ, and numbers start at 0 or at 1. The table is in
-//! this file.
+//! Reads the number that a launcher assigned to this process. Every launcher that starts several processes
+//! sets environment variables, but the variables' names differ, and numbers start at 0 or at 1. The table is
+//! in this file.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 /// Reads a variable of the environment.
 type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-/// The numbers that a launcher gave.
+/// The numbers that a launcher assigned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Told {
     /// The launcher and its variables, for messages.
@@ -82,8 +82,8 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that the innermost launcher gave this process. The number of shards is `of` if given,
-/// else the launcher's count.
+/// Returns the shard that the innermost launcher assigned to this process. The number of shards is `of` if
+/// given, else the launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;

@@ -30,7 +30,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
         return Err(Error::input(
             "two folders of kernels can only be compared on one machine, in the same rounds",
         )
-        .with_help("leave out --shard, or give only one --cl-dir"));
+        .with_help("leave out --shard, or use only one --cl-dir"));
     }
     let sources = two_kernels::sources(&args.cl_dir, false)?;
     let experiment = config::load(&args.config, &args.set)?;

@@ -185,8 +185,8 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it gives the file and line of
-    /// the next line.
+    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it states the file and line
+    /// of the next line.
     fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
         let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;

@@ -197,8 +197,7 @@ impl Comparison {
     }
 
     /// Returns the regressions of more than `limit_percent`, one line each, and the points that ran before
-    /// and fail now. Of 50 comparisons of equal programs, at most one
-    /// reports a regression.
+    /// and fail now. At most one in 50 comparisons of equal programs reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }

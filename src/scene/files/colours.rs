@@ -7,8 +7,8 @@ use std::collections::HashMap;
 
 /// Number of steps of a colour's channel, as in most files.
 const FINE: f32 = 255.0;
-/// Number of steps for a mesh that has more colours than 16-bit indices can address; they give at most 32,768
-/// colours.
+/// Number of steps for a mesh that has more colours than 16-bit indices can address; with these steps there
+/// are at most 32,768 colours.
 const COARSE: f32 = 31.0;
 /// Number of materials that 16-bit indices can address.
 const MOST: usize = 1 << 16;

@@ -1,5 +1,5 @@
 //! Merges attempts into one folder of results, like that of a single run. It uses neither a device nor a
-//! clock: the same attempts always give the same folder. The attempts' folders are not changed.
+//! clock: the same attempts always result in the same folder. The attempts' folders are not changed.
 
 mod again;
 mod choice;
