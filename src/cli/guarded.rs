@@ -20,6 +20,7 @@ pub fn is_inside() -> bool {
 /// standard input cannot be run twice.
 ///
 /// # Errors
+///
 /// Fails if a driver ended the child and leaving drivers out does not help.
 pub fn run(reads_standard_input: bool) -> Result<()> {
     let status = attempt(&[])?;

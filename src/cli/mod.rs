@@ -156,7 +156,9 @@ impl Command {
 impl Cli {
     /// Parses the process's arguments. A mistake in them ends the process with exit code 2 and a suggestion.
     ///
-    /// # Errors Fails if the user's settings contain a mistake. Workers do not read the settings.
+    /// # Errors
+    ///
+    /// Fails if the user's settings contain a mistake. Workers do not read the settings.
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();

@@ -74,7 +74,8 @@ fn is_icd(file: &Path) -> bool {
 /// library gets an .icd file too, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
-/// A file that cannot be copied or written.
+///
+/// Fails if a file cannot be copied or written.
 pub fn only(drivers: &[Driver], folder: &Path) -> io::Result<[(&'static str, OsString); 2]> {
     for (place, driver) in drivers.iter().enumerate() {
         let copy = folder.join(format!("{place:03}.icd"));

@@ -39,7 +39,9 @@ fn failed(why: impl std::fmt::Display) -> Error {
 
 /// Returns why a child process with these environment variables lists no device; `None` if it lists one.
 ///
-/// # Errors If that process cannot be started.
+/// # Errors
+///
+/// Fails if that process cannot be started.
 pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
     let answer = ask_with(None, variables)?;
     Ok(answer.err())

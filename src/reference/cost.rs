@@ -38,7 +38,9 @@ pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> 
 
 /// Returns the cost of every pixel if each ray traverses a tree, nearer boxes first.
 ///
-/// # Errors If the scene has more triangles than a tree can index.
+/// # Errors
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
@@ -46,7 +48,8 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
 /// The tree in which costs are counted.
 ///
 /// # Errors
-/// If the scene has more triangles than a tree can index.
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }

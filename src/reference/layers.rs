@@ -35,7 +35,9 @@ pub struct Layers {
 
 /// Returns the layers of a scene. `object_starts` has the number of each object's first triangle, in order.
 ///
-/// # Errors If the scene has more triangles than a tree can index.
+/// # Errors
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
     let [width, height] = size;
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));

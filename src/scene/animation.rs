@@ -67,7 +67,9 @@ impl Animation {
 
     /// Checks that the scene of each of these frames can be read; nothing is loaded.
     ///
-    /// # Errors A user error, with its location in the file.
+    /// # Errors
+    ///
+    /// Returns a user error, with its location in the file.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -83,7 +85,9 @@ impl Animation {
 
     /// Returns the scene of a frame. If its mesh is the last frame's, they share it.
     ///
-    /// # Errors As [`super::load_scene`].
+    /// # Errors
+    ///
+    /// The same as those of [`super::load_scene`].
     pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
         let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
         if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {

@@ -25,7 +25,9 @@ impl Scene {
     /// Checks what all later code relies on: finite numbers in their ranges, indices in bounds, a camera with
     /// a direction. [`super::load_scene`] has done so already; a scene made in code should be checked once.
     ///
-    /// # Errors A message about the first problem.
+    /// # Errors
+    ///
+    /// Returns a message about the first problem.
     pub fn validate(&self) -> Result<()> {
         check_mesh(&self.mesh)?;
         self.validate_view()?;

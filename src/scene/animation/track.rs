@@ -49,7 +49,9 @@ impl Track {
 
     /// Refuses to replace the value of an earlier track.
     ///
-    /// # Errors Both have the same path, or the earlier track's value is a part of this one's.
+    /// # Errors
+    ///
+    /// Fails if both have the same path, or if the earlier track's value is a part of this one's.
     pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
         let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
         let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
