@@ -23,8 +23,8 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// Where the rays of a block lie: the first ones' coordinates from the block's first pixel, and the others' distance
-// from those.
+// Where the rays of a block lie: the coordinates of its first column and row, relative to the block's first pixel, and
+// the distances from there to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;

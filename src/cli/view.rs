@@ -41,9 +41,10 @@ pub struct Args {
 fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
-        "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. Scene and kernels are read again when they \
-         change.\n\nExamples:\n  raycl view scenes/teapot.toml\n  raycl view bunny.obj --plain --width 1280 --height 720\n  \
-         raycl view scenes/table.toml --spin --seconds 10 --json",
+        "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. The scene and the kernels \
+         are read again when they change.\n\nExamples:\n  raycl view scenes/teapot.toml\n  raycl view \
+         bunny.obj --plain --width 1280 --height 720\n  raycl view scenes/table.toml --spin --seconds 10 \
+         --json",
         keys.join("\n")
     )
 }

@@ -1,4 +1,4 @@
-//! Selects devices by name and kind. Numbers are not supported, since they differ between machines.
+//! Selects devices by name and kind, not by number, since numbers differ between machines.
 
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};

@@ -131,8 +131,8 @@ impl OpenGroup {
         sink.advances(self.whole * self.points.len());
     }
 
-    /// Checks every point; a point that fails gets its record. On the first visit, a point is checked as soon as its
-    /// program is built, while those of later points are still being built.
+    /// Checks every point; for a point that fails, stores its record. On the first visit, a point is checked
+    /// as soon as its program is built, while those of later points are still being built.
     fn check(
         &mut self,
         run: &Run<'_>,

@@ -18,8 +18,8 @@ pub struct KeyParts<'a> {
     pub local_size: &'a str,
     /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of source, defines and build options; for a baseline, of its source and of how raycl was
-    /// built.
+    /// The hash of the source, the defines and the build options; for a baseline, of its source and of how
+    /// raycl was built.
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,

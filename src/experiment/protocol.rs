@@ -115,7 +115,7 @@ pub enum Reply {
     Checked {
         /// The record so far.
         record: Box<Record>,
-        /// True if the point can be cast; if not, the record has the reason.
+        /// True if the point can be cast; if not, the record states the reason.
         ready: bool,
     },
     /// To a cast.

@@ -77,7 +77,8 @@ impl Code {
         row
     }
 
-    /// Returns a row per source line, in the order of lines. `source` has the text of each line, from line 1 on.
+    /// Returns a row per source line, in the order of lines. `source` contains the text of each line, from
+    /// line 1 on.
     pub fn by_line(&self, source: &[&str]) -> Vec<Row> {
         let mut rows: BTreeMap<u32, Row> = BTreeMap::new();
         for (line, one) in self.instructions.iter().filter_map(|one| Some((one.line?, one))) {

@@ -16,7 +16,7 @@ pub const HOST: &str = "host";
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The device or the host has too little memory; `reason` has the arithmetic.
+    /// The device or the host has too little memory; `reason` contains the arithmetic.
     Infeasible,
     /// Its preset is meant for devices of another kind, so it was neither built nor timed.
     OtherKind,
@@ -234,7 +234,7 @@ pub struct Record {
     /// Number of samples taken while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
-    /// The hash of source, defines and build options.
+    /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
     /// The seed for the order of rounds.
     pub seed: Option<u64>,

@@ -63,7 +63,7 @@ impl Sources {
     }
 }
 
-/// A value before its header is read: axis, name, and the folders that have a file of it.
+/// A value before its header is read: its axis, its name, and the folders that contain a file of it.
 struct Named {
     axis: &'static str,
     name: String,

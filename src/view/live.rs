@@ -218,7 +218,7 @@ impl Live {
         })
     }
 
-    /// Takes the next device, with the strategy and local size that are usual for it.
+    /// Takes the next device, with the usual strategy and local size for it.
     ///
     /// # Errors
     ///
@@ -248,8 +248,8 @@ impl Live {
         Ok(())
     }
 
-    /// Reads scene and kernels again, and keeps strategy and local size. If this fails, everything stays as
-    /// it was.
+    /// Reads the scene and the kernels again, and keeps the strategy and the local size. If this fails,
+    /// everything stays as it was.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
         let loaded = self.subject.load(true, self.dressed)?;

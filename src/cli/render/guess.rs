@@ -1,5 +1,5 @@
-//! Guesses the program that a picture needs before its scene is read, so that it can be built early: the
-//! program of the last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
+//! Guesses, before a scene is read, which program its picture needs, so that the program can be built early:
+//! the one used last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
 //! time.
 
 use super::{Args, is_dressed};

@@ -50,7 +50,7 @@ impl Preprocessed {
     }
 }
 
-/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` has the values of the
+/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` contains the values of the
 /// compiler's own macros, and of `__has_builtin(NAME)`, for conditions; elsewhere in the text such macros are
 /// not expanded.
 ///
