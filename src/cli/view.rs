@@ -82,10 +82,8 @@ struct Report {
 /// Shows a scene until the user ends it.
 pub fn run(args: Args) -> Result<()> {
     if args.subject.scene.as_os_str() == STANDARD_INPUT {
-        return Err(Error::input("standard input cannot be watched").with_help(
-            "name the scene's file instead \
-            of `-`",
-        ));
+        return Err(Error::input("standard input cannot be watched")
+            .with_help("name the scene's file instead of `-`"));
     }
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;

@@ -174,11 +174,9 @@ impl fmt::Display for Expected {
         }
         match known {
             _ if known == points => write!(f, ", based on earlier times"),
-            some => write!(
-                f,
-                " for {some} of them, based on earlier times; the times of the others are \
-                unknown"
-            ),
+            some => {
+                write!(f, " for {some} of them, based on earlier times; the times of the others are unknown")
+            }
         }
     }
 }

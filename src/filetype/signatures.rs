@@ -56,8 +56,7 @@ pub(super) const SIGNATURES: &[Signature] = &[
         0,
         b"version https://git-lfs",
         "a Git LFS pointer, not the file itself",
-        "`git lfs pull` downloads the \
-        file",
+        "`git lfs pull` downloads the file",
     ),
 ];
 

@@ -37,10 +37,7 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
                 .filter_map(|group| over_best(group, group.best_where(|record| record.name == **name)?));
             cell(
                 slower.collect(),
-                &format!(
-                    "{name} on {device}: at the best local size for each scene and \
-                image size"
-                ),
+                &format!("{name} on {device}: at the best local size for each scene and image size"),
             )
         };
         ((*name).to_owned(), devices.iter().map(cell).collect())

@@ -40,8 +40,7 @@ pub(super) fn check(
     if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
         let Sampling { first, most } = sampling;
         let message = format!(
-            "the picture is wrong: some pixels have a number of samples other than {first} or \
-                {most}"
+            "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
         );
         return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
     }
