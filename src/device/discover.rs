@@ -138,7 +138,7 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Gives each device a unique label: its name if that is unique, else its slug. Devices must be numbered
+/// Assigns a unique label to each device: its name if that is unique, else its slug. Devices must be numbered
 /// before.
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();

@@ -33,7 +33,7 @@ pub struct PendingPoint {
     pub fits: bool,
     /// The result of building its program ahead, if it was built for this point.
     pub built: Option<Built>,
-    /// The hash of its picture, once that was compared with the reference.
+    /// The hash of its picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
     /// Its samples from complete launches.
     pub taken: Vec<Taken>,

@@ -71,12 +71,12 @@ pub struct Task<'a> {
     pub scene: usize,
     /// Its key.
     pub key: &'a str,
-    /// The hash of its picture, once that was compared with the reference.
+    /// The hash of its picture, once the picture has been compared with the reference.
     pub verified: Option<&'a str>,
 }
 
 impl Task<'_> {
-    /// Returns the key of its worker: device and scene.
+    /// Returns the key of its worker: the device and the scene.
     fn post(&self) -> (usize, usize) {
         (self.device, self.scene)
     }

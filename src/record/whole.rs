@@ -31,7 +31,8 @@ pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file unless it exists, and returns whether it did. If several processes try, one succeeds.
+/// Writes a file unless it exists already, and returns whether it was written. If several processes try, one
+/// succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<bool> {

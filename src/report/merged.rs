@@ -34,8 +34,8 @@ pub fn labels(folders: &[Folder]) -> Vec<String> {
     folders.iter().map(name).collect()
 }
 
-/// Gives scenes with the same content the same name, and adds the folders' labels to scenes that have the
-/// same name but different content.
+/// Renames scenes with the same content so that they have the same name, and adds the folders' labels to
+/// scenes that have the same name but different content.
 fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
     for (folder, label) in folders.iter().zip(labels) {

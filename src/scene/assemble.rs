@@ -1,4 +1,4 @@
-//! Makes a [`Scene`] of the wire types, with the checks that TOML types cannot make.
+//! Makes a [`Scene`] from the wire types, with the checks that TOML types cannot make.
 
 mod objects;
 mod sky;
@@ -115,7 +115,7 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
     }
 }
 
-/// The objects of a scene, joined to one mesh.
+/// The objects of a scene, joined into one mesh.
 #[derive(Clone)]
 pub(super) struct Joined {
     mesh: Arc<Mesh>,

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Gives every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none are
-/// smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
+/// Assigns to every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none
+/// are smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)

@@ -115,7 +115,7 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     loads.into_iter().fold(0.0, f64::max)
 }
 
-/// Joins the pieces of a group that are in the same shard to one block, so that they are measured together.
+/// Joins the pieces of a group that are in the same shard into one block, so that they are measured together.
 fn joined(blocks: Vec<Block>) -> Vec<Block> {
     let mut joined: Vec<Block> = Vec::new();
     for block in blocks {

@@ -42,7 +42,7 @@ impl Header {
         facts: Vec::new(),
     };
 
-    /// Returns the word of a key; empty if the header does not have the key.
+    /// Returns the word of a key; an empty one if the header does not have the key.
     pub(super) fn word(&self, key: &str) -> &'static str {
         match self.fact(key) {
             Some(Said::Word(word)) => word,
@@ -50,7 +50,7 @@ impl Header {
         }
     }
 
-    /// Returns the number of a key.
+    /// Returns the number of a key; `None` if the header does not have the key.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         match self.fact(key) {
             Some(Said::Number(number)) => Some(number),

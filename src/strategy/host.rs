@@ -19,7 +19,7 @@ const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// The bytes of the host's memory in use at each moment that may be the worst.
+/// The bytes of the host's memory that are in use at each moment at which the use may be largest.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,

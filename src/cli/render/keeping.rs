@@ -1,5 +1,5 @@
 //! Stores a program in the cache if the driver needs a long time to return its binary. The picture does not
-//! wait: a background process of low priority does it.
+//! wait for this: a background process with low priority does it.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};

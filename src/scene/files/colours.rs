@@ -23,8 +23,8 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Gives each triangle a material: the mean colour of its corners, multiplied by its material's. `colours`
-/// are linear, one per position.
+/// Assigns a material to each triangle: the mean colour of its corners, multiplied by its material's.
+/// `colours` are linear, one per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     for steps in [FINE, COARSE] {
         let (materials, numbers) = painted(mesh, colours, steps);
