@@ -163,8 +163,7 @@ pub(super) struct LightWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SkyWire {
-    /// Radiance from directly above: one number is white, three are red, green and blue [required without a
-    /// picture].
+    /// Radiance from directly above: one number is white, three are red, green and blue [required without a picture].
     pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
