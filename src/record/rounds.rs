@@ -78,7 +78,9 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let bad = means.iter().filter(|mean| mean.taken() > DISTURBED * mean.processors);
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
-        true => format!(", and other virtual machines took the time of {}", significant(worst.stolen, 2)),
+        true => {
+            format!(", and other virtual machines took another {} processors", significant(worst.stolen, 2))
+        }
         false => String::new(),
     };
     Some(format!(
@@ -158,7 +160,9 @@ mod tests {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
-            said.ends_with("at most 0.010 of its 2 processors, and other virtual machines took 0.40."),
+            said.ends_with(
+                "kept 0.010 processors of 2 busy, and other virtual machines took another 0.40 processors."
+            ),
             "{said}"
         );
     }
