@@ -4,7 +4,7 @@ use miette::{Result, bail};
 use raycl::{run_experiment, serve_if_worker};
 
 fn main() -> Result<()> {
-    // Points are measured by processes of their own, which are this program.
+    // Points are measured by separate processes, which run this program.
     serve_if_worker();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [config, out, devices @ ..] = &words[..] else { bail!("usage: experiment CONFIG OUT [DEVICE]...") };

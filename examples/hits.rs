@@ -1,4 +1,5 @@
-//! Says what each object of a scene covers: `cargo run --example hits -- scenes/still-life.toml`.
+//! Prints how much of the picture each object of a scene covers:
+//! `cargo run --example hits -- scenes/still-life.toml`.
 
 use miette::{Result, bail};
 use raycl::{NOTHING, hits, load_scene};

@@ -144,9 +144,10 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
     match wrong <= MOST_GRAZING {
         true => Ok(()),
-        false => {
-            Err(failed(format!("{wrong} of {} rays hit something different than on the host", found.len())))
-        }
+        false => Err(failed(format!(
+            "{wrong} of {} rays hit something different from what they hit on the host",
+            found.len()
+        ))),
     }
 }
 

@@ -1,4 +1,4 @@
-//! Waits for child processes, no longer than a time limit.
+//! Waits for child processes, up to a time limit.
 
 use std::io::Read;
 use std::process::{Child, Output};

@@ -20,7 +20,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// [`Outcome`](crate::record::Outcome).
 #[derive(Debug, Error, Diagnostic)]
 pub enum Error {
-    /// A mistake of the user: exit code 2.
+    /// A user error: exit code 2.
     #[error(transparent)]
     #[diagnostic(transparent)]
     Input(#[from] Box<InputError>),
@@ -44,14 +44,14 @@ pub enum Error {
     },
 }
 
-/// The default remedy for a mistake of the user.
-const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, docs/ its files";
+/// The default remedy for a user error.
+const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, and docs/ its files";
 /// The default remedy for a run that failed.
 const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
-const ELSEWHERE: &str = "free space on its disk, or choose a writable folder with --out DIR";
+const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder with --out DIR";
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, with the command";
 
@@ -125,7 +125,8 @@ impl Error {
     /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "its text is not shown, since it is outside the folder of the file that names it; to see the text, give this file to `raycl render` itself",
+            "its text is not shown, since it is outside the folder of the file that names it; to see the \
+             text, render this file itself with `raycl render`",
         )
     }
 

@@ -1,6 +1,6 @@
 //! Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
 //!
-//! # The stable part
+//! # The stable API
 //!
 //! The items listed here stay compatible between versions, as [Semantic Versioning](https://semver.org) says;
 //! `examples/` has a program for each.
@@ -34,7 +34,7 @@
 //! the results. [`image`] turns radiance into pictures; `output` writes files for the user and never
 //! replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges their
 //! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
-//! documents from its stored records. `cache` stores data between runs that raycl can compute again.
+//! documents from its stored records. `cache` stores data between runs that raycl can recompute.
 
 mod accel;
 mod anchor;

@@ -40,7 +40,9 @@ impl Raycaster {
     /// `gpu`; the first match is used. Without it, the device is the one that `RAYCL_DEVICE` names, or else
     /// the most capable one.
     ///
-    /// # Errors If no device matches, or none is usable.
+    /// # Errors
+    ///
+    /// Fails if no device matches, or none is usable.
     pub fn open(scene: Scene, device: Option<&str>) -> Result<Self> {
         let sources = Sources::Embedded;
         let device = one_device(device, &sources)?;
@@ -59,8 +61,10 @@ impl Raycaster {
     /// one, the fastest strategy known for the device and the scene is used. Compiled programs are stored in
     /// raycl's cache.
     ///
-    /// # Errors If the strategy's values contradict each other, if it needs more memory than the device or
-    /// the host has, or if the driver fails.
+    /// # Errors
+    ///
+    /// Fails if the strategy's values contradict each other, if it needs more memory than the device or the
+    /// host has, or if the driver fails.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         let task = Task::of(&self.scene, size, false);
         let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
@@ -78,8 +82,9 @@ impl Picture {
     /// Writes the picture in the format of the file's extension: PNG and JPEG after the scene's display
     /// transform, EXR and HDR as linear radiance. A file that raycl did not make is never replaced.
     ///
-    /// # Errors If the extension is none of these, if the file cannot be written, or if another program made
-    /// it.
+    /// # Errors
+    ///
+    /// Fails if the extension is none of these, if the file cannot be written, or if another program made it.
     pub fn save(&self, path: &Path) -> Result<()> {
         let choice = Choice { force: false, elsewhere: "another path" };
         save(&self.radiance, self.display, &Target::new(path, choice))
@@ -89,7 +94,9 @@ impl Picture {
 /// Returns what the ray of each pixel hits: depth, normal, triangle and object. The rays are cast on the host
 /// in double precision, without a device.
 ///
-/// # Errors If the scene has more triangles than a tree can index (33,554,432).
+/// # Errors
+///
+/// Fails if the scene has more triangles than a tree can index (33,554,432).
 pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
     layers(&loaded.scene, &loaded.object_starts, size, Culling::None)
 }
@@ -98,8 +105,10 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// interrupted run. Points are measured in worker processes, which are this program started again; therefore
 /// `main` must begin with [`serve_if_worker`].
 ///
-/// # Errors If the config has a mistake (the message gives its line), if the folder holds files of something
-/// else, or if the run is interrupted. A point that fails is not an error: its record has the reason.
+/// # Errors
+///
+/// Fails if the config has a mistake (the message names its line), if the folder contains files that are not
+/// results, or if the run is interrupted. A point that fails is not an error: its record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);

@@ -37,7 +37,7 @@ pub struct Load {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// Measures what others take between one reading and the next.
+/// Measures the processor time that others take between one reading and the next.
 pub struct Watch {
     since: Instant,
     before: Option<Ticks>,
@@ -52,8 +52,8 @@ impl Watch {
         Self { since: Instant::now(), before: ticks() }
     }
 
-    /// Returns what others took since the last reading; `None` if the system does not report it or the
-    /// interval is too short.
+    /// Returns the processor time that others took since the last reading; `None` if the system does not
+    /// report it or the interval is too short.
     pub fn look(&mut self) -> Option<Load> {
         let ms = self.since.elapsed().as_secs_f64() * 1e3;
         if ms < SHORTEST_MS {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Bytes; `u64::MAX` if this system does not report it.
     pub bytes: u64,
-    /// The file it was read from.
+    /// The file from which it was read.
     pub source: String,
 }
 
@@ -44,13 +44,13 @@ impl Available {
 
 const MEMINFO: &str = "/proc/meminfo";
 
-/// Returns the largest amount of memory that this process has had at any time (VmHWM); `None` if the system
+/// Returns the largest amount of memory that this process has used at any time (VmHWM); `None` if the system
 /// does not report it.
 pub fn peak_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmHWM:")
 }
 
-/// Returns the memory that this process has now (VmRSS); `None` if the system does not report it.
+/// Returns the memory that this process uses now (VmRSS); `None` if the system does not report it.
 pub fn resident_bytes() -> Option<u64> {
     kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmRSS:")
 }

@@ -21,6 +21,6 @@ fn file() -> Result<PathBuf> {
     }
     std::env::current_exe().map_err(|error| {
         Error::run(format!("cannot find raycl's own program: {error}"))
-            .with_help("call raycl by its full path")
+            .with_help("start raycl by its full path")
     })
 }

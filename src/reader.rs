@@ -5,7 +5,7 @@ use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
 use std::path::Path;
 
-/// The purpose that a file is read for.
+/// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A scene or an experiment.
@@ -29,7 +29,7 @@ pub enum Kind {
 }
 
 /// The largest file in MiB that is read for each purpose; `None` means that only the free memory limits it.
-/// `docs/scenes.md` and `docs/reliability.md` give the same limits.
+/// `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
@@ -44,7 +44,9 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
 
 /// Opens an ordinary file. Pipes and devices are refused at once, since reading from them may never end.
 ///
-/// # Errors The system's error, or that this is not an ordinary file.
+/// # Errors
+///
+/// Returns the system's error. Also fails if this is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
     // Opening a pipe would wait for its writer, so the path is checked before, and the open file once more.
     ordinary(&path.metadata()?)?;
@@ -66,21 +68,27 @@ fn ordinary(found: &Metadata) -> Result<()> {
 
 /// Reads all of an ordinary file.
 ///
-/// # Errors As [`open`] and [`rest`].
+/// # Errors
+///
+/// The same as those of [`open`] and [`rest`].
 pub fn bytes(path: &Path, kind: Kind) -> Result<Vec<u8>> {
     rest(open(path)?, Vec::new(), kind)
 }
 
 /// Reads all of an ordinary file as text.
 ///
-/// # Errors As [`bytes`], or that the text is not UTF-8.
+/// # Errors
+///
+/// The same as those of [`bytes`]; also fails if the text is not UTF-8.
 pub fn text(path: &Path, kind: Kind) -> Result<String> {
     utf8(bytes(path, kind)?)
 }
 
 /// Returns a file's bytes as text.
 ///
-/// # Errors That they are not UTF-8.
+/// # Errors
+///
+/// Fails if they are not UTF-8.
 pub fn utf8(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
@@ -89,7 +97,9 @@ pub fn utf8(bytes: Vec<u8>) -> Result<String> {
 /// the limit of the file's kind, or, if only memory limits it, at most the size that the file system
 /// reported.
 ///
-/// # Errors The system's error, or that the file is too large.
+/// # Errors
+///
+/// Returns the system's error. Also fails if the file is too large.
 pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let length = file.metadata()?.len();
     let Some((_, what, Some(limit_mib))) = LIMITS_MIB.iter().find(|(known, ..)| *known == kind) else {
@@ -108,7 +118,9 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
 
 /// Checks bytes that did not come from a file against the limit of their kind.
 ///
-/// # Errors That they are too many.
+/// # Errors
+///
+/// Fails if they are too many.
 pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
     match limit {

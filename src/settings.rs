@@ -41,7 +41,9 @@ static USER: OnceLock<Settings> = OnceLock::new();
 
 /// Reads the user's settings file, if there is one. Call it once, before any setting is used.
 ///
-/// # Errors An input error with the file, the line and the most similar valid name. No settings apply then.
+/// # Errors
+///
+/// Returns an input error with the file, the line and the most similar valid name. No settings apply then.
 pub fn load() -> Result<()> {
     let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
     else {

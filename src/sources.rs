@@ -111,7 +111,7 @@ impl Sources {
 const LAYOUT: &str =
     "--cl-dir expects a folder laid out like raycl's cl/, with the files that differ or are new";
 
-/// The longest program that is given to a compiler.
+/// The longest program that is passed to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
 /// The files that are being joined; each is included by the one before.

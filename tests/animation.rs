@@ -254,7 +254,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
         (track("path = \"light.1.power\"\nvalues = [1]"), "missing field `position`", "scene.toml:18"),
         (
             track(&format!("path = \"a{}\"\nvalues = [1]", ".a".repeat(100_000))),
-            "longer than that of any value of a scene",
+            "longer than the path of any value of a scene",
             "scene.toml:18",
         ),
         (track("path = \"camera..x\"\nvalues = [1]"), "between its dots is empty", "scene.toml:18"),

@@ -102,7 +102,7 @@ fn ctrl_c_ends_the_waiting_and_says_how_to_go_on() {
     let second = waiter(&place, &device, &first);
     send_interrupt(second.id());
     assert_eq!(code(second), Some(130));
-    has(&place.text("second.txt"), &["interrupted", "to go on from here", "--resume"]);
+    has(&place.text("second.txt"), &["interrupted", "to continue from here", "--resume"]);
     end(first);
     place.output(&run("second", &device, &["--resume"]));
 }

@@ -143,7 +143,7 @@ fn every_way_to_die_costs_its_point_only() {
         ("kill@cast:4", Outcome::Crashed, "SIGKILL"),
         ("exit@check:3", Outcome::Crashed, "exit status: 7"),
         ("panic@cast:7", Outcome::Crashed, "a fault on purpose"),
-        ("hang@cast:6", Outcome::TimedOut, "no answer in 5 s"),
+        ("hang@cast:6", Outcome::TimedOut, "did not answer within 5 s"),
     ];
     for (fault, outcome, reason) in faults {
         let ground = Ground::new(3);

@@ -100,7 +100,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     // Two strategies at one size tell of the other, too, which has four times the pixels.
     let some = expected(&records[..2], &[]);
     assert_eq!(some.points, [6, 4]);
-    assert!(some.to_string().contains("for 4 of them, by earlier times"), "{some}");
+    assert!(some.to_string().contains("for 4 of them, based on earlier times"), "{some}");
     let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
     assert_eq!(expected(&records, &keys[1..]).points, [1, 1]);
 }

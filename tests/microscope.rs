@@ -18,7 +18,7 @@ fn listing(strategy: &str) -> Value {
     let of_frame = listings.iter().find(|listing| listing["kernel"] == "cast_frame");
     let listing =
         of_frame.unwrap_or_else(|| panic!("no cast_frame: {}", made["microscope"]["notes"])).clone();
-    assert_eq!(listing["rows_are"], "lines", "the compiler gave no line table");
+    assert_eq!(listing["rows_are"], "lines", "the compiler wrote no line table");
     listing
 }
 

@@ -1,4 +1,4 @@
-//! What lies where a command is to write: a file that raycl did not make, or that was changed since, stays without `--force`.
+//! What lies where a command is to write: a file that raycl did not make, or that has been changed since, stays without `--force`.
 //! Reports and comparisons are tested in tests/report.rs.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point};
@@ -25,7 +25,7 @@ fn refused(place: &Place, arguments: &[&str], file: &str, parts: &[&str]) {
 }
 
 const STRANGE: &str = "raycl did not make it";
-const CHANGED: &str = "was changed since raycl made it";
+const CHANGED: &str = "has been changed since raycl made it";
 
 /// Renders with these arguments.
 fn render(place: &Place, more: &[&str]) {

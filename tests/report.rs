@@ -197,7 +197,7 @@ fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
     let edited = [&edited[..], b"\n"].concat();
     std::fs::write(out.join(name), &edited).expect("it writes");
     let (_, complaint) = outcome(command, 2);
-    assert!(complaint.contains("was changed since raycl made it"), "{complaint}");
+    assert!(complaint.contains("has been changed since raycl made it"), "{complaint}");
     assert!(complaint.contains("`--force` replaces it"), "{complaint}");
     assert_eq!(std::fs::read(out.join(name)).expect("a file"), edited);
     outcome(&forced, 0);
@@ -215,7 +215,7 @@ fn pages_and_pictures_that_somebody_made_or_changed_stay() {
     keeps_what_was_changed(&compare, two.path(), "compare.md");
     std::fs::write(two.path().join("plots/compare.svg"), "somebody's").expect("it writes");
     let (_, complaint) = outcome(&compare, 2);
-    assert!(complaint.contains("plots/compare.svg' was changed"), "{complaint}");
+    assert!(complaint.contains("plots/compare.svg' has been changed"), "{complaint}");
 
     let pictures = out();
     let [a, b] = ["a.png", "b.png"].map(|name| pictures.path().join(name).display().to_string());

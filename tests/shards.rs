@@ -241,10 +241,7 @@ fn launchers_and_a_shell_loop_make_the_same_shards() {
     }
     let output = run(&mut ground.command("auto", "1", &[]));
     assert_eq!(output.status.code(), Some(2));
-    has(
-        &String::from_utf8_lossy(&output.stderr),
-        &["no launcher numbered this process", "JOB_COMPLETION_INDEX"],
-    );
+    has(&String::from_utf8_lossy(&output.stderr), &["--shard auto needs a launcher", "JOB_COMPLETION_INDEX"]);
 }
 
 #[test]

@@ -131,7 +131,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     std::fs::write(place.path("room.mtl"), MTL).expect("a file");
     std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
         .expect("a file");
-    has(&place.picture(&["--verify"]).1, &["2 triangles have a texture and no texture coordinates"]);
+    has(&place.picture(&["--verify"]).1, &["2 triangles have a texture but no texture coordinates"]);
     std::fs::write(place.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
     has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
 }

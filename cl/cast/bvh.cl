@@ -64,7 +64,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         }
 #if !ANY_HIT
         const varying reach = REACH;
-        // Hits found since a child was pushed may be nearer than its box: it is dropped without a visit.
+        // A hit found since a child was pushed may be nearer than its box: then the child is dropped without a visit.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

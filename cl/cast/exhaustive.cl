@@ -9,8 +9,8 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself. `open` has
-// the lanes that have hit nothing yet: a lane is finished at its first hit on any triangle.
+// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself. `open`
+// contains the lanes that have hit nothing yet: a lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
@@ -26,7 +26,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if PLANES_OF_ORIGIN
     probe.overlap = overlap_of(origin);
 #endif
-    // If triangles are streamed through __local memory, the loop is over tiles; otherwise one tile has all triangles.
+    // If triangles are streamed through __local memory, the loop is over tiles; otherwise one tile contains all
+    // triangles.
     for (int first = 0; first < scene->geometry.count; first += TILE_STEP(scene)) {
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);

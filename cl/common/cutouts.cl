@@ -1,5 +1,5 @@
 // Cut-outs: triangles with a mask, a texture whose alpha channel says where the surface is. Elsewhere is a hole, through
-// which rays go on. src/reference/cutouts.rs has the same in f64.
+// which rays go on. src/reference/cutouts.rs does the same in f64.
 
 #ifndef LEAST_ALPHA_UNIT
 #error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"

@@ -1,4 +1,4 @@
-// A sky that is a picture of all directions (equirectangular). src/reference/environment.rs has the same in f64.
+// A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
 // The numbers of such a sky take the places of zenith and horizon; its texels follow the lights' radii:
 //
@@ -66,7 +66,7 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
-    // cos^2 = u^(2 / (s + 1)); its difference to 1 keeps its digits where a power would lose them.
+    // cos^2 = u^(2 / (s + 1)); its difference from 1 keeps the digits that a power would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));

@@ -4,6 +4,6 @@
 #error "FAST_MATH: 0 or 1: whether math = fast"
 #endif
 #if FAST_MATH
-#error "the watertight test needs exact signs: not with fast math"
+#error "the watertight test needs exact signs, which fast math does not keep"
 #endif
 #pragma OPENCL FP_CONTRACT OFF

@@ -1,5 +1,5 @@
 // The reflectance of a surface: which part of a light's radiance it reflects towards the eye. From Hughes et al.,
-// Computer Graphics, 3rd ed., chapter 15. src/reference/ has the same in f64.
+// Computer Graphics, 3rd ed., chapter 15. src/reference/ does the same in f64.
 
 // Returns base to the power of exponent, both not negative, as x^y = 2^(y log2 x). The logarithm of zero is infinite, so
 // that zero is a special case: 0^0 is 1, else 0. The built-in pow handles more cases, and is less precise.

@@ -1,4 +1,4 @@
-// Several samples of each pixel. The image holds the mean of those that are cast so far, and every frame adds one to it.
+// Several samples of each pixel. The image holds the mean of those cast so far, and every frame adds one to it.
 // `wanted` says how many a pixel gets, with one number for each block of pixels; mark_rough changes it after the first
 // few samples. A pixel that wants no more is treated like one outside the image: it is not cast and not stored.
 

@@ -2,7 +2,7 @@
 // Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that samples of a pixel,
 // and those of neighbouring pixels, are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of
 // Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
-// sequences of different lights independent. src/reference/soft.rs has the same, and gives the same bits.
+// sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"

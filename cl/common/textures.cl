@@ -1,11 +1,11 @@
 // Textures. All of a scene's textures are in one buffer and not in OpenCL images, so that one source runs on every
-// device and gives the same bits. src/reference/texture.rs has the same in f64.
+// device and computes the same bits. src/reference/texture.rs does the same in f64.
 
 #ifndef TEXTURE_HEAD_WORDS
-#error "TEXTURE_HEAD_WORDS: words that tell of a texture before its texels"
+#error "TEXTURE_HEAD_WORDS: words that describe a texture before its texels"
 #endif
 #if !defined(WRAP_REPEAT) || !defined(WRAP_CLAMP) || !defined(WRAP_MIRROR)
-#error "WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR: numbers of what a texture is beyond its edges"
+#error "WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR: numbers of the ways in which a texture continues beyond its edges"
 #endif
 #ifndef MIPS
 #error "MIPS: 0 or 1: whether textures have mip levels"

@@ -1,13 +1,13 @@
 // A tree in the layout of src/accel/wide.rs, and its triangles in leaf order, as in src/accel/triangles.rs.
 
 #if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
-#error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: its words; STACK_SIZE: entries that the deepest way down the tree can need"
+#error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: its words; STACK_SIZE: entries that the deepest path down the tree can need"
 #endif
 #if !defined(ROW_FLOATS) || ROW_FLOATS != 12
 #error "ROW_FLOATS: floats of a leaf's triangle, of which leaf_corners reads 12"
 #endif
 #if !defined(LEAF_COUNT_SHIFT) || !defined(LEAF_MOST)
-#error "LEAF_COUNT_SHIFT: the bit of a leaf's word from which on it counts its triangles; LEAF_MOST: the most it can"
+#error "LEAF_COUNT_SHIFT: the lowest bit of the triangle count in a leaf's word; LEAF_MOST: the largest count"
 #endif
 
 // A node, in words; a child is a column, so that one load brings a side of many children's boxes:

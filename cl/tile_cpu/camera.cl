@@ -3,7 +3,7 @@
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
-// Returns the number in the frame of each lane's sample.
+// Returns the number of each lane's sample in the frame.
 varying_int sample_of_lane(int bits) {
     const int last = (1 << bits) - 1;
     return (LANE_X & last) | (LANE_Y & last) << bits;
@@ -23,8 +23,8 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// Where the rays of a block lie: the first ones' coordinates from the block's first pixel, and the others' distance
-// from those.
+// Where the rays of a block lie: the coordinates of its first column and row, relative to the block's first pixel, and
+// the distances from there to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;

@@ -1,6 +1,6 @@
-// One ray of a tile that traverses the tree alone. Rays to the sky run into all directions, so that a packet of them
-// would visit the nodes of each of its rays. A single ray tests all children of a node at once, and eight triangles of a
-// leaf at once.
+// One ray of a tile that traverses the tree alone. Rays to the sky run in all directions, so that a packet of them
+// would visit the nodes of each of its rays. A single ray tests all children of a node at once, and eight triangles of
+// a leaf at once.
 
 typedef struct {
     float from[3], way[3]; // the origin and the unit direction

@@ -29,7 +29,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         // Rays that point below the surface are not cast.
         Mask open = hits & (dot3(way, own->normal) > 0.0f);
         open &= !are_stopped_alone(&tree->tree, &from, &way, reach, open);
-        // What is still open sees the sky.
+        // The rays that are still open reach the sky.
         const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(&lighting->soft, way));
         sum[vector] = select3(open, add(sum[vector], received), sum[vector]);
     }

@@ -38,7 +38,7 @@ typedef uint16 ChildWords;
 #error "tiles walk a tree of 8 or 16 children per node"
 #endif
 #ifndef UNUSED_WORD
-#error "UNUSED_WORD: the word of a child that is none"
+#error "UNUSED_WORD: the word of a child that does not exist"
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 

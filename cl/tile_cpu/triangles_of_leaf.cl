@@ -1,4 +1,4 @@
-// Eight triangles of a leaf at once, a lane each.
+// Loads eight triangles of a leaf at once, one per lane.
 
 #define TOGETHER 8
 #if !defined(PADDING_ROWS) || PADDING_ROWS < TOGETHER

@@ -172,8 +172,8 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
     ways->per_end = 0.0f;
 }
 
-// No axis is a pass's twice in one direction: it leaves only rays that have less of it than a leader has of its own. Rays
-// without a direction (not a number) take part in none.
+// Each axis serves at most one pass in each direction, since that pass leaves only rays that have less of the axis than
+// a leader has of its own. Rays without a direction (not a number) take part in no pass.
 #define MOST_PASSES 6
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.

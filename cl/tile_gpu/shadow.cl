@@ -1,6 +1,6 @@
 // Shadow rays of a round of lights: for each light, from it to the hits that face it.
 
-// Limits for a tile and one light: the number of passes, each of rays that are close to each other, and the number of
+// Limits for each tile and light: the number of passes, each of rays that are close to each other, and the number of
 // words taken from the stack. At silhouettes they are never enough; leftover shadow rays are then cast one at a time,
 // each by a whole group.
 #define SHADOW_PASSES 4

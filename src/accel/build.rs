@@ -28,7 +28,7 @@ const HALVING_DEPTH: u32 = 64;
 struct Work<'a> {
     /// Its primitives.
     primitives: &'a mut [Primitive],
-    /// The other buffer, which the primitives move to.
+    /// The other buffer, to which the primitives move.
     spare: &'a mut [Primitive],
     /// The part of the leaf order that belongs to this subtree.
     order: &'a mut [u32],

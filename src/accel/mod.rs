@@ -22,8 +22,8 @@ pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_tria
 pub use wide::WideBvh;
 
 /// A hash of trees over a few fixed meshes. It is part of the key of every point that uses a tree. A change
-/// of builder or layout changes these trees; a test then fails until the hash is updated, and such points are
-/// measured again.
+/// to the builder or the layout changes these trees; a test then fails until the hash is updated, and such
+/// points are measured again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.

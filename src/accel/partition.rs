@@ -36,8 +36,8 @@ fn partition_on<const N: usize, const AXIS: usize>(
     }
 }
 
-/// Writes the primitives of each chunk to both ends, on all cores. `chunks` are pieces of the source with their
-/// bins, which give the size of each piece's two parts.
+/// Writes the primitives of each chunk to both ends, on all cores. `chunks` are pieces of the source with
+/// their bins, which determine the size of each piece's two parts.
 pub(super) fn partition_chunks<const N: usize>(
     chunks: &[(&[Primitive], Bins<N>)],
     target: &mut [Primitive],

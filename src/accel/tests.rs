@@ -172,7 +172,7 @@ fn nodes_on_all_cores_give_a_right_tree() {
     let mesh = random_mesh(7, 100_000, 0.01, 1.0);
     let bvh = Bvh::build(&mesh, 4);
     bvh.validate(&mesh).unwrap();
-    assert_eq!(bvh, Bvh::build(&mesh, 4), "a build gives the same tree every time");
+    assert_eq!(bvh, Bvh::build(&mesh, 4), "every build produces the same tree");
     for (width, leaf_size) in [(2, 4), (8, 8), (32, 32)] {
         WideBvh::new(&bvh, width, leaf_size).unwrap().validate(&mesh).unwrap();
     }
@@ -282,7 +282,7 @@ fn the_fingerprint_is_that_of_this_builder() {
     let found = &hasher.finalize().to_hex()[..16];
     assert_eq!(
         FINGERPRINT, found,
-        "builder or layout changed: make accel::FINGERPRINT the hash that was found"
+        "the builder or the layout has changed: set accel::FINGERPRINT to the hash that was found"
     );
 }
 

@@ -12,7 +12,7 @@ impl Bvh {
     ///
     /// # Errors
     ///
-    /// The first problem found.
+    /// Returns the first problem found.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         if self.nodes.is_empty() != self.order.is_empty() {
@@ -70,7 +70,7 @@ impl WideBvh {
     ///
     /// # Errors
     ///
-    /// The first problem found.
+    /// Returns the first problem found.
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         let mut held = vec![0u32; self.order.len()];
@@ -147,7 +147,7 @@ fn is_permutation(order: &[u32], count: usize) -> Verdict {
     for &number in order {
         match seen.get_mut(number as usize) {
             Some(seen) if !*seen => *seen = true,
-            _ => return Err(format!("triangle {number} comes twice or is none of {count}")),
+            _ => return Err(format!("triangle {number} occurs twice, or is not one of {count}")),
         }
     }
     Ok(())

@@ -107,7 +107,7 @@ impl WideBvh {
     ///
     /// # Errors
     ///
-    /// As [`Self::new`].
+    /// The same as those of [`Self::new`].
     pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
         let own = if width < 32 { Bvh::LEAF_SIZE } else { leaf_size };
         Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
@@ -121,8 +121,8 @@ impl WideBvh {
     ///
     /// # Errors
     ///
-    /// If the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the tree's own,
-    /// or if there are more than 33,554,432 triangles or nodes.
+    /// Fails if the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the
+    /// tree's own, or if there are more than 33,554,432 triangles or nodes.
     pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(bvh, width, leaf_size)?;
         let stride = Self::stride(width);

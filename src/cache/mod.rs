@@ -1,6 +1,6 @@
-//! Stores data between runs that raycl can compute again: compiled programs, lists of devices. Each entry is
-//! one file in a folder of the user's. An entry that is corrupt, has another key or belongs to another user
-//! is ignored.
+//! Stores data between runs that raycl can recompute: compiled programs and lists of devices. Each entry is
+//! one file in a folder that belongs to the user. An entry that is corrupt, has another key or belongs to
+//! another user is ignored.
 
 mod entry;
 mod folder;
@@ -120,7 +120,7 @@ impl Cache {
 
 #[allow(
     clippy::disallowed_methods,
-    reason = "a cache's folder is raycl's, and its entries can be made again"
+    reason = "a cache's folder is raycl's, and its entries can be regenerated"
 )]
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;

@@ -11,9 +11,9 @@ use serde::Serialize;
 #[command(after_help = "Examples:
   raycl cache
   raycl cache clear
-  RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without it
+  RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices, and compiled programs: one for each source, options, device, driver and values of the driver's variables. RAYCL_CACHE_MIB is its limit in MiB (default: 512); the entries whose last use is oldest are removed first. raycl can make all entries again, and does so if one is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices and compiled programs: one program for each combination of source, options, device, driver and values of the driver's variables. RAYCL_CACHE_MIB is its limit in MiB (default: 512); the least recently used entries are removed first. raycl can regenerate every entry, and does so if one is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -59,7 +59,7 @@ fn folder(cache: &Cache) -> Result<String> {
 
 fn why_none(cache: &Cache) -> String {
     match cache.limit_bytes() {
-        0 => format!("{LIMIT} is 0; without it the cache takes at most 512 MiB"),
+        0 => format!("{LIMIT} is 0; if it is not set, the cache takes at most 512 MiB"),
         _ => "set XDG_CACHE_HOME or HOME to an absolute path".to_owned(),
     }
 }
@@ -85,7 +85,7 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
 fn clear(cache: &Cache, json: bool) -> Result<()> {
     let folder = folder(cache)?;
     let (entries, bytes) = cache.clear().map_err(|error| {
-        Error::run(format!("the cache cannot be cleared: {error}")).with_help(format!("it lies in {folder}"))
+        Error::run(format!("the cache cannot be cleared: {error}")).with_help(format!("it is in {folder}"))
     })?;
     if json {
         let removed = Shown { folder: Some(folder), entries, bytes, limit_bytes: cache.limit_bytes() };

@@ -1,4 +1,4 @@
-//! Arguments that several subcommands have: a device, a strategy, a local size, `--set`.
+//! Arguments that several subcommands share: a device, a strategy, a local size, `--set`.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, DeviceLimits, default_place, pick_one, places};
@@ -98,7 +98,8 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Suggests the most similar axis for a misspelt one. No key of a scene resembles an axis.
+/// Refuses a key that is probably a misspelt axis, and suggests that axis. No key of a scene resembles an
+/// axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match nearest(key, names.iter().copied()) {

@@ -24,15 +24,15 @@ pub struct Args {
     /// Compare the times themselves instead of their ratios to the anchor or the baselines of the same run
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is certainly
-    /// slower by more than this, or if a point fails that did not fail before. At most one of 50 comparisons of equal
-    /// programs fails by chance
+    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is
+    /// certainly slower by more than this, or if a point fails that did not fail before. At most one in 50
+    /// comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots here
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they have been changed since
     #[arg(long, requires = "out")]
     force: bool,
     /// Print Markdown instead of a table
@@ -53,7 +53,7 @@ pub(super) fn percent(text: &str) -> std::result::Result<f64, String> {
     fine.ok_or_else(|| format!("'{text}' is not a percentage; expected a number such as 5"))
 }
 
-/// Compares two folders. A folder without results is a mistake of the user.
+/// Compares two folders. A folder without results is a user error.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--out DIR" };
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
@@ -63,7 +63,8 @@ pub fn run(args: Args) -> Result<()> {
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "two points correspond if scene, image size, strategy name and local size are equal; scenes are compared by content",
+            "two points correspond if their scenes, image sizes, strategy names and local sizes are equal; \
+             scenes are compared by content",
         ));
     }
     if let Some(out) = &mut out {
@@ -82,7 +83,8 @@ pub fn run(args: Args) -> Result<()> {
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
             Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))).with_help(
-                "measure both again, one after the other, to distinguish a change from a busy machine",
+                "measure both again, one after the other, to tell whether the programs differ or the machine \
+                 was busy",
             ))
         }
         _ => Ok(()),

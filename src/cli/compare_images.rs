@@ -20,7 +20,7 @@ pub struct Args {
     /// Save the differences as a false-colour picture
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
-    /// Replace FILE.png even if raycl did not write it or it was changed since
+    /// Replace FILE.png even if raycl did not write it or it has been changed since
     #[arg(long, requires = "output")]
     force: bool,
     /// Exit with 1 if the peak signal-to-noise ratio is lower than this
@@ -49,14 +49,14 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel: for 8-bit pictures as a fraction of 255, for radiance as it is.
+    /// The largest error of a channel: as a fraction of 255 for 8-bit pictures, as it is for radiance.
     largest_error: f64,
     largest_error_at: Option<[u32; 2]>,
     largest_relative_difference: f64,
     output: Option<String>,
 }
 
-/// Compares two pictures. Different sizes, or a file that is not a picture, are mistakes of the user.
+/// Compares two pictures. Different sizes and files that are not pictures are user errors.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
-            "{} is {} x {} pixels and {} is {} x {}: only pictures of equal size can be compared",
+            "{} is {} x {} pixels and {} is {} x {}: only pictures of the same size can be compared",
             args.found.display(),
             found.width,
             found.height,
@@ -85,9 +85,9 @@ pub fn run(args: Args) -> Result<()> {
     }
     match (args.fail_below, report.psnr_db) {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
-            "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires {limit} dB"
+            "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires at least {limit} dB"
         ))
-        .with_help("`--output FILE.png` shows where they differ")),
+        .with_help("`--output FILE.png` saves a picture of where they differ")),
         _ => Ok(()),
     }
 }

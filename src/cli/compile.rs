@@ -22,9 +22,9 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: microscope.html (a page: each source line beside its instructions, with counts by kind and memory), source.cl (one text), options.txt, build.log, made.json (registers, bytes, memory instructions, predicted occupancy, the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. Nothing is cast.
+Each strategy gets a folder in DIR: microscope.html (a page: each source line beside its instructions, with counts by kind and memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
 
-Lines follow from the compiler's line table; without one, instructions are counted by part of the kernel. The instructions are PTX, or those of the CPU by objdump (package binutils). If ptxas and nvdisasm are on PATH, there is also ptxas's SASS, which need not be the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
+The compiler's line table assigns instructions to lines; without one, they are counted for each part of the kernel. The instructions are PTX, or those of the CPU as objdump (package binutils) prints them. If ptxas and nvdisasm are on PATH, the page also has ptxas's SASS, which may differ from the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
     /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,
@@ -38,16 +38,16 @@ pub struct Args {
     /// one]
     #[arg(long)]
     device: Option<String>,
-    /// Write source, build log, binary and counts to this folder
+    /// Write the source, build log, binary and counts to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they have been changed since
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object per strategy
     #[arg(long)]
     json: bool,
-    /// Use the kernels of this folder instead of those built in
+    /// Use the kernels of this folder instead of the built-in ones
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }
@@ -62,7 +62,7 @@ struct Compilation {
     build_ms: f64,
     binary_is_ptx: bool,
     kernels: Vec<CompiledKernel>,
-    /// The instructions of each line, if they are written anywhere.
+    /// The instructions of each line; `None` unless the output contains them.
     microscope: Option<Microscope>,
 }
 
@@ -96,7 +96,7 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// The names of all files that a strategy's folder may get.
+/// The names of all files that a strategy's folder may contain.
 const FILES: [&str; 7] =
     [MICROSCOPE, "source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 

@@ -80,7 +80,7 @@ fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>
         }
     }
     for platform in empty_platforms {
-        text += &format!("\nPlatform without a device: {platform}.");
+        text += &format!("\nThis platform has no device: {platform}.");
     }
     text + &match infos.iter().find(|info| Some(info.slug().as_str()) == default) {
         Some(info) => format!("\nWithout --device, raycl casts on {}.", info.describe()),
@@ -117,7 +117,8 @@ mod tests {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
         let slug = cpu.slug();
         let text = text(&[&cpu, &relic], &["Hollow".into()], Some(&slug));
-        for part in ["relic (unusable)", "no compiler", "without a device: Hollow", "casts on cpu"] {
+        for part in ["relic (unusable)", "no compiler", "This platform has no device: Hollow", "casts on cpu"]
+        {
             assert!(text.contains(part), "{text}");
         }
     }

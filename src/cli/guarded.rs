@@ -20,7 +20,8 @@ pub fn is_inside() -> bool {
 /// standard input cannot be run twice.
 ///
 /// # Errors
-/// A driver ended the child, and leaving drivers out does not help.
+///
+/// Fails if a driver ended the child and leaving drivers out does not help.
 pub fn run(reads_standard_input: bool) -> Result<()> {
     let status = attempt(&[])?;
     let Some(cause) = drivers_doing(status) else { return end_as(status) };
@@ -47,7 +48,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
     }
     if reads_standard_input {
         return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
-            .with_help("name a file instead of `-`: raycl then goes on without those drivers"));
+            .with_help("name a file instead of `-`: raycl then continues without those drivers"));
     }
     let folder = tempfile::tempdir().map_err(failed)?;
     let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
@@ -120,6 +121,6 @@ pub fn ends_with_its_parent() {}
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the process that does the work could not be started: {error}")).with_help(
-        "check that raycl's own file can be read and executed, and that the temporary folder is writable",
+        "check that raycl's executable can be read and run, and that the temporary folder is writable",
     )
 }

@@ -23,7 +23,7 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without conditions and macros, and compiles to the program that raycl casts with. Beside a number that had a name, a comment gives the name. Some macros are defined by a device's compiler; they count as undefined, unless --device names a device.")]
+The output is OpenCL C without conditional lines and macros, and compiles to the program with which raycl casts. If a number had a name in the source, a comment beside the number states it. Some macros are defined by a device's compiler; they count as undefined unless --device names a device.")]
 pub struct Args {
     /// A preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
@@ -31,8 +31,8 @@ pub struct Args {
     /// Work-items per work-group [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device whose compiler gets the program: part of its name, platform or vendor, or its kind (cpu,
-    /// gpu) [default: any device]
+    /// The device for whose compiler the program is printed: part of its name, platform or vendor, or its
+    /// kind (cpu, gpu) [default: any device]
     #[arg(long)]
     device: Option<String>,
     /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
@@ -41,17 +41,17 @@ pub struct Args {
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only text that matters to the compiler, so that two sources that compile to the same program
-    /// give the same output
+    /// Print only text that matters to the compiler, so that the output is the same for two sources that
+    /// compile to the same program
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
-    /// Use the kernels of this folder instead of those built in
+    /// Use the kernels of this folder instead of the built-in ones
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }
 
 impl Args {
-    /// Returns whether a device's driver is started for it.
+    /// Returns whether the command starts a device's driver.
     pub(super) fn asks_a_device(&self) -> bool {
         self.device.is_some()
     }
@@ -94,7 +94,7 @@ fn on_device(
     preprocess_for(&Queue::open(device.platform, device.device)?, spec)
 }
 
-/// Returns the sizes that arrays depend on.
+/// Returns the sizes on which arrays depend.
 fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
     let usual = match strategy.shares_tiles() {
         true => [GROUP_LANES, builtins.lanes.usual_groups()],

@@ -13,7 +13,7 @@ use std::path::PathBuf;
   raycl man render | man -l -
   raycl man --out ~/.local/share/man/man1
 
-A packager writes all pages with --out, and completions with `raycl completions`.")]
+Packagers can write all pages with --out, and completions with `raycl completions`.")]
 pub struct Args {
     /// The command whose page to print [default: raycl itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
@@ -21,7 +21,7 @@ pub struct Args {
     /// Write the pages of all commands to this folder instead: raycl.1, raycl-render.1, ...
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they have been changed since
     #[arg(long, requires = "out")]
     force: bool,
 }
@@ -69,7 +69,8 @@ fn page(command: Command) -> Result<Page> {
     let name = command.get_display_name().unwrap_or("raycl").to_owned();
     let mut text = Vec::new();
     let page = Man::new(command).title(name.to_uppercase()).manual("raycl").source(env!("RAYCL_VERSION"));
-    page.render(&mut text).map_err(|error| Error::fault(format!("a man page could not be made: {error}")))?;
+    page.render(&mut text)
+        .map_err(|error| Error::fault(format!("a man page could not be generated: {error}")))?;
     Ok((name, text))
 }
 

@@ -30,7 +30,7 @@ pub struct Args {
     #[arg(long)]
     status: bool,
     /// With --status, seconds between two readings of each process's counter. A network file system may show
-    /// old data for some time; use more seconds than that
+    /// old data for some time; choose an interval longer than that
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one per attempt

@@ -51,9 +51,9 @@ use colour::Colour;
   raycl render scenes/teapot.toml            a picture, and a table of its times
   raycl view scenes/teapot.toml              a window to look around in
   raycl run configs/quick.toml               an experiment: pictures, tables, records
-  raycl run configs/figure-8.toml --dry-run  its points, and those that do not fit
+  raycl run configs/figure-8.toml --dry-run  its points, and which of them do not fit
   raycl strategies                           all strategies: axes and presets
-  raycl kernel naive                         the source of one of them
+  raycl kernel naive                         the source of one strategy
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.
 
@@ -97,7 +97,7 @@ enum Command {
         /// List the devices and end
         #[arg(long)]
         list: bool,
-        /// Compile the program given on standard input, store it in the cache and end
+        /// Compile the program that is read from standard input, store it in the cache and end
         #[arg(long, conflicts_with = "list")]
         keep: bool,
         /// Use the kernels of this folder
@@ -114,7 +114,7 @@ enum Command {
     Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
-    /// Make the documents' figures from stored records, for contributors
+    /// Update the documents' figures from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
     /// Compare `render`'s choices of a strategy with measurements, for contributors
@@ -156,11 +156,13 @@ impl Command {
 impl Cli {
     /// Parses the process's arguments. A mistake in them ends the process with exit code 2 and a suggestion.
     ///
-    /// # Errors If the user's settings have a mistake. Workers do not read the settings.
+    /// # Errors
+    ///
+    /// Fails if the user's settings contain a mistake. Workers do not read the settings.
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // The message for a mistake is also coloured as the command line says.
+        // The message about a mistake is coloured as the command line says, too.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words)
             .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());

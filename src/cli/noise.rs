@@ -17,10 +17,10 @@ pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the experiment that is measured
+    /// Change a value of the experiment to be measured
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// If another process measures on the device, end at once instead of waiting for it
+    /// If another process is measuring on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Print one JSON object per device
@@ -41,7 +41,7 @@ const FILES: [(&str, &str); 2] = [
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot make a temporary folder: {error}"))
-            .with_help("free space in the folder of temporary files, or name another one in TMPDIR")
+            .with_help("free up space in the folder of temporary files, or name another folder in TMPDIR")
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     unpack(folder.path()).map_err(failed)?;
@@ -86,7 +86,7 @@ fn text(noise: &Noise) -> String {
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {
         let words = [others, stolen].map(number);
         lines.push(format!(
-            "  other processes used {} of {all} processors; other virtual machines took {}",
+            "  other processes used {} of {all} processors, and other virtual machines took {}",
             words[0], words[1]
         ));
     }

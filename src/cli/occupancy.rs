@@ -51,8 +51,8 @@ pub struct Args {
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
-    /// Predict the occupancy of a run's points from the registers in its records. DIR is a folder of results,
-    /// or its records.jsonl
+    /// Predict the occupancy of a run's points from the numbers of registers in its records. DIR is a folder
+    /// of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
     /// Print the paper's table, and the occupancy that follows from its 63 registers per work-item
@@ -121,7 +121,7 @@ impl Question {
     }
 }
 
-/// Prints the table. An unknown compute capability is a mistake of the user.
+/// Prints the table. An unknown compute capability is a user error.
 pub fn run(args: Args) -> Result<()> {
     if args.paper {
         return paper::run(&args.local_sizes, args.json);
@@ -132,7 +132,7 @@ pub fn run(args: Args) -> Result<()> {
     let sm = multiprocessor(args.compute_capability.as_deref().unwrap_or("8.6"))?;
     if args.registers == 0 {
         return Err(Error::input("--registers 0: a work-item needs at least 1 register")
-            .with_help("give the number that the compiler prints, such as --registers 32"));
+            .with_help("use the number that the compiler prints, such as --registers 32"));
     }
     let Args { registers, local_bytes, local_bytes_per_item, .. } = args;
     let question = Question { sm, registers, local_bytes, local_bytes_per_item };

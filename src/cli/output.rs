@@ -10,8 +10,7 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::printer;
 
-/// Writes `text` and a line end to standard output, without control characters. A closed pipe is not an
-/// error.
+/// Writes `text` and a newline to standard output, without control characters. A closed pipe is not an error.
 pub fn print(text: impl std::fmt::Display) -> Result<()> {
     write(&printer::plain(&text.to_string()))
 }
@@ -26,7 +25,7 @@ fn write(text: &str) -> Result<()> {
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::run(format!("standard output could not be written: {error}"))
-                .with_help("free space on the disk that it is redirected to"))
+                .with_help("free up space on the disk to which it is redirected"))
         }
         _ => Ok(()),
     }

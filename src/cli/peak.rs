@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
   raycl run configs/beyond.toml --peak=h200-peak.json
   raycl peak --json | jq '.[0].fma_per_s.median'
 
-The figures are medians of repeats, with their quartiles. A latency is measured by one work-item that waits for each result. Latencies in cycles assume the highest clock that the driver names, not the clock during the measurement.")]
+The figures are medians of repeats, with their quartiles. A latency is measured by one work-item that waits for each result. Latencies in cycles assume the highest clock that the driver reports, not the clock during the measurement.")]
 pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the most capable
     /// one]
@@ -30,16 +30,16 @@ pub struct Args {
     /// Store the peak rates in a file, for `raycl run --peak`
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace FILE even if raycl did not write it or it was changed since
+    /// Replace FILE even if raycl did not write it or it has been changed since
     #[arg(long, requires = "out")]
     force: bool,
-    /// If another process measures on the device, end at once instead of waiting for it
+    /// If another process is measuring on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
-    /// Print JSON, a list of devices
+    /// Print a JSON list with one object per device
     #[arg(long)]
     json: bool,
-    /// Use the kernels of this folder instead of those built in
+    /// Use the kernels of this folder instead of the built-in ones
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }
@@ -85,7 +85,7 @@ pub(super) struct Wanted<'a> {
     pub patterns: &'a [String],
     /// The folder of kernels that replaces the built-in ones.
     pub cl_dir: Option<&'a Path>,
-    /// True if the command ends at once when another process measures on a device.
+    /// True if the command ends at once when another process is measuring on a device.
     pub no_wait: bool,
 }
 
@@ -115,7 +115,7 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows its error")
         };
         let mut command = own_program()?;
-        // Its messages go to the user: whom it waits for, or why it failed.
+        // Its messages go to the user: which process it waits for, or why it failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));
         if let Some(folder) = self.cl_dir {

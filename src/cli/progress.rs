@@ -15,7 +15,7 @@ pub struct Bar {
 /// The bar's layout. The text is the last argument of `works_on`; it gets half of a line of 80 columns.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
-/// Writes the time left, which is unknown until the first point has stopped.
+/// Writes the time left, which is unknown until the first point has finished.
 fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
     // If the bar cannot be written, the run continues.
     let _ = match state.pos() {
@@ -68,7 +68,7 @@ pub struct Lines {
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then.
     since: Option<(Instant, usize)>,
-    /// Number of steps, finished since then, of points that were never timed.
+    /// Number of steps finished since then that belong to points that were never timed.
     untimed: usize,
 }
 

@@ -51,16 +51,17 @@ use timeline::Timeline;
 pub struct Args {
     #[command(flatten)]
     subject: Subject,
-    /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the scene's name, .png]
+    /// Where to save the picture: .png, .jpg, .exr or .hdr; - writes a PNG to standard output [default: the
+    /// scene's name with .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Also write depth, normals, triangle and object numbers, tests and nodes per pixel: one .exr with all, or a .png of each
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
-    /// Replace a file even if raycl did not write it or it was changed since
+    /// Replace a file even if raycl did not write it or it has been changed since
     #[arg(long)]
     force: bool,
-    /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or a word of their names
+    /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or part of their names
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "samples", "watch"])]
     devices: Option<String>,
     /// With --devices: also use devices that slow the frame down
@@ -78,7 +79,7 @@ pub struct Args {
     /// Cast the frame this many times and report medians
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
-    /// With --repeat: if another process measures on the device, end at once instead of waiting for it
+    /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Compare the picture with the serial reference; exit with 1 if it is wrong. With =N, compare only N random pixels
@@ -114,9 +115,8 @@ pub fn run(args: Args) -> Result<()> {
         return render(&args);
     }
     if args.reads_standard_input() {
-        return Err(
-            Error::input("standard input cannot be watched").with_help("give --watch the path of a file")
-        );
+        return Err(Error::input("standard input cannot be watched")
+            .with_help("name the scene's file instead of `-`"));
     }
     let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
     watch(&folders, || render(&args))
@@ -220,7 +220,7 @@ fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(dirty_program())
 }
 
-/// Returns a note if soft lights are cast as points.
+/// Returns a note if soft lights are treated as points.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
@@ -234,7 +234,7 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
 }
 
 const KEEPING: &str =
-    "another process stores the compiled program, so that the next start need not compile it";
+    "another process is storing the compiled program, so that the next start need not compile it";
 
 /// The result of `work`, and its duration.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
@@ -243,7 +243,7 @@ fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, ms_since(start))
 }
 
-/// Returns the picture's path; by default it is the scene's name.
+/// Returns the picture's path; the default is the scene's name with `.png`.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.subject.scene);
     let stem = match scene.file_stem() {

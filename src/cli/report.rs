@@ -18,7 +18,7 @@ pub struct Args {
     /// Where to write [default: the first folder]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they were changed since
+    /// Replace files in DIR even if raycl did not write them or they have been changed since
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object that lists the files written
@@ -29,8 +29,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Writes the report, and a single folder's summaries again. It reads records and pictures and uses no
-/// device.
+/// Writes the report and, for a single folder, regenerates its summaries. The command reads records and
+/// pictures, and uses no device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;

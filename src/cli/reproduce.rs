@@ -24,11 +24,11 @@ pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the configs' own]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder to write to: it gets a folder of results for each config, and the page
+    /// The folder to write to: a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it contains files that raycl did not write. A file there that has the name of
-    /// a page or plot is replaced; existing results are kept
+    /// Write into DIR even if it contains files that raycl did not write. A file there with the name of a
+    /// page or plot is replaced; existing results are kept
     #[arg(long)]
     force: bool,
     /// Change a value of every config
@@ -37,10 +37,10 @@ pub struct Args {
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// If another process measures on a device, end at once instead of waiting for it
+    /// If another process is measuring on a device, end at once instead of waiting for it
     #[arg(long, conflicts_with = "page_only")]
     no_wait: bool,
-    /// Measure nothing; make the page from existing results
+    /// Measure nothing; generate the page from existing results
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
     /// Print no progress and no paths
@@ -150,7 +150,8 @@ fn unpack(out: &mut OutFolder) -> Result<()> {
     out.write(&configs.chain(scenes).collect::<Vec<_>>())
 }
 
-/// Returns a file without the line that names its schema for editors, since the schema is not in this folder.
+/// Returns a file's text without the line that names its schema for editors, since the schema is not in this
+/// folder.
 fn alone(text: &str) -> Vec<u8> {
     let rest =
         text.split_once('\n').filter(|(first, _)| first.starts_with("#:schema ")).map(|(_, rest)| rest);

@@ -49,7 +49,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Returns whether a device's driver is started for it.
+    /// Returns whether the command starts a device's driver.
     pub(super) fn measures(&self) -> bool {
         self.cases.is_some()
     }
@@ -98,7 +98,7 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
         let of = args.only.as_ref().map(|word| format!(" with '{word}' in its name")).unwrap_or_default();
         let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
         return Err(Error::input(message)
-            .with_help("each case's `devices` are cpu and gpu; --only takes a part of its name"));
+            .with_help("a case's `devices` are cpu, gpu or both; --only takes part of its name"));
     }
     let _held = hold(&[&device.info], false)?;
     let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
@@ -118,7 +118,7 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     let task = case.task(&scene);
     if !case.is_of_its_kinds(&task) {
         let message = format!("the kinds of the case '{}' do not match its scene: {task:?}", case.name);
-        return Err(Error::input(message).with_help("its `kinds` are few, inside, watertight and dense"));
+        return Err(Error::input(message).with_help("its `kinds` may be few, inside, watertight and dense"));
     }
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)

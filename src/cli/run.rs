@@ -81,7 +81,7 @@ pub struct Args {
     /// measured now
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
-    /// If another process measures on the device, end at once instead of waiting for it
+    /// If another process is measuring on the device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
     /// Print every point and its memory needs; measure nothing
@@ -162,7 +162,7 @@ impl Args {
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
-            .with_help("rename it, or give a link whose name is UTF-8")),
+            .with_help("rename it, or use a link whose name is UTF-8")),
         None => Ok(()),
     }
 }
@@ -220,8 +220,15 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
 /// Refuses a folder of shards, whose results are merged and not measured again.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
-        Some(plan) => Err(Error::input(format!("{} holds an experiment in {} shards", out.display(), plan.header.shards))
-            .with_help("`--shard N/OF` measures one of them, `raycl merge` merges them; or give another folder with --out")),
+        Some(plan) => Err(Error::input(format!(
+            "{} holds an experiment in {} shards",
+            out.display(),
+            plan.header.shards
+        ))
+        .with_help(
+            "`--shard N/OF` measures one of them, `raycl merge` merges them; or choose another \
+                folder with --out",
+        )),
         None => Ok(()),
     }
 }
@@ -335,7 +342,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Prints the results and their paths. Failed points give an error with exit code 1.
+/// Prints the results and their paths. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);

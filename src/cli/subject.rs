@@ -40,7 +40,7 @@ pub struct Subject {
     pub set: Vec<(String, String)>,
     #[command(flatten)]
     pub look: Look,
-    /// Use the kernels of this folder instead of those built in
+    /// Use the kernels of this folder instead of the built-in ones
     #[arg(long, value_name = "DIR")]
     pub cl_dir: Option<PathBuf>,
 }
@@ -85,7 +85,7 @@ impl Subject {
         }
     }
 
-    /// Returns the values of the scene that options and `--set` give. Each value is read as TOML if it is
+    /// Returns the values of the scene that options and `--set` change. Each value is read as TOML if it is
     /// TOML, and otherwise as text.
     fn overrides(&self) -> Result<Vec<(String, toml::Value)>> {
         let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));

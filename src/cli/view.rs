@@ -41,9 +41,10 @@ pub struct Args {
 fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
-        "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. Scene and kernels are read again when they \
-         change.\n\nExamples:\n  raycl view scenes/teapot.toml\n  raycl view bunny.obj --plain --width 1280 --height 720\n  \
-         raycl view scenes/table.toml --spin --seconds 10 --json",
+        "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. The scene and the kernels \
+         are read again when they change.\n\nExamples:\n  raycl view scenes/teapot.toml\n  raycl view \
+         bunny.obj --plain --width 1280 --height 720\n  raycl view scenes/table.toml --spin --seconds 10 \
+         --json",
         keys.join("\n")
     )
 }
@@ -81,7 +82,8 @@ struct Report {
 /// Shows a scene until the user ends it.
 pub fn run(args: Args) -> Result<()> {
     if args.subject.scene.as_os_str() == STANDARD_INPUT {
-        return Err(Error::input("standard input cannot be watched").with_help("give the path of a file"));
+        return Err(Error::input("standard input cannot be watched")
+            .with_help("name the scene's file instead of `-`"));
     }
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;

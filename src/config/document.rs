@@ -1,4 +1,4 @@
-//! The text of a config and the `--set` values merged into it; finds where in them a mistake is.
+//! The text of a config and the `--set` values merged into it; locates mistakes in them.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
 
 /// The default remedy for a mistake.
-const KEYS: &str = "configs/quick.toml is an example of an experiment, and README.md says what its keys mean";
+const KEYS: &str = "configs/quick.toml is an example of an experiment, and README.md explains its keys";
 /// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
@@ -103,7 +103,7 @@ impl Document {
             .with_help(Wanted::Experiment.read())
     }
 
-    /// Returns serde's error in the user's words.
+    /// Rewrites serde's error in plain words.
     fn misfit(&self, error: &toml::de::Error) -> Error {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();

@@ -13,7 +13,7 @@ pub fn not_empty<T>(document: &Document, list: &Spanned<Vec<T>>, key: &str, expe
     Err(document.error(list.span(), format!("'{key}' is empty"), format!("expected at least {expected}")))
 }
 
-/// Returns the list without repetitions, in its order.
+/// Returns the list without repetitions, in the original order.
 pub fn distinct<T: PartialEq>(list: Vec<T>) -> Vec<T> {
     let mut kept = Vec::new();
     for item in list {

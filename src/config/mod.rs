@@ -1,5 +1,5 @@
 //! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`], which
-//! has no types of serde or TOML. Every mistake is reported with its line.
+//! contains no types of serde or TOML. Every mistake is reported with its line.
 
 mod document;
 mod lists;
@@ -35,7 +35,8 @@ pub fn schema() -> serde_json::Value {
 /// line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
-        let otherwise = "give the path of an experiment (.toml), such as configs/quick.toml of raycl's repository; `raycl reproduce` contains those of the paper";
+        let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \
+            `raycl reproduce` contains the paper's experiments";
         Error::unreadable("experiment", path, &error, otherwise)
     };
     let opened = Opened::at(path).map_err(unreadable)?;

@@ -64,7 +64,7 @@ fn strategy() -> Schema {
 }
 
 /// Returns the schema of an axis's value or list of values. Numbers need no quotes. If an axis's values are
-/// files, a folder given by --cl-dir may add more.
+/// files, the folder of --cl-dir may add more.
 fn values(axis: &AxisInfo) -> Schema {
     let known = axis.values().into_iter().map(|(name, _)| Value::from(name));
     let numbers = axis.values().into_iter().filter_map(|(name, _)| name.parse::<i64>().ok()).map(Value::from);

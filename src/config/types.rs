@@ -62,7 +62,9 @@ impl SceneChoice {
 
     /// Loads the scene with the changed values.
     ///
-    /// # Errors As [`load_scene_named_in`].
+    /// # Errors
+    ///
+    /// The same as those of [`load_scene_named_in`].
     pub fn load(&self) -> Result<Loaded> {
         let mut loaded = load_scene_named_in(&self.named_in, &self.path, &self.overrides)?;
         loaded.scene.name.push_str(&self.suffix);

@@ -1,4 +1,4 @@
-//! Checks the wire types and makes an experiment of them.
+//! Checks the wire types and makes an experiment from them.
 
 use std::ops::RangeInclusive;
 use std::path::Path;

@@ -17,14 +17,14 @@ use crate::sources::Sources;
 /// All devices, and platforms without devices.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
-    /// Every device of every platform, in the loader's order; an unusable one has the reason.
+    /// Every device of every platform, in the loader's order; an unusable one states the reason.
     pub devices: Vec<Device>,
     /// Platforms without devices.
     pub empty_platforms: Vec<String>,
 }
 
-/// Lists every device of every platform; an unusable one has the reason. `sources` has the kernel that tests
-/// how work-items can share a tile on a device.
+/// Lists every device of every platform; an unusable one states the reason. `sources` contains the kernel
+/// that tests how work-items can share a tile on a device.
 ///
 /// Returns an error at once if there is no platform or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
@@ -93,7 +93,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let devices =
         namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // In the order in which devices of equal name are numbered.
+    // In the order in which devices with the same name are numbered.
     let mut found =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     found.info.limits.lane_operations = known.limits.lane_operations;
@@ -127,7 +127,7 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Counts, for each device, the earlier ones of equal platform and name.
+/// Counts, for each device, the earlier ones with the same platform and name.
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {
@@ -138,7 +138,7 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Gives each device a unique label: its name if that is unique, else its slug. Devices must be numbered
+/// Assigns a unique label to each device: its name if that is unique, else its slug. Devices must be numbered
 /// before.
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();

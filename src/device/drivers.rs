@@ -70,11 +70,12 @@ fn is_icd(file: &Path) -> bool {
 }
 
 /// Returns the variables under which a loader finds these drivers and no others. Their .icd files are put
-/// into `folder`, which must be empty and must outlive the loader. A driver that is named as a
-/// library gets an .icd file too, since not every loader reads a variable that names libraries.
+/// into `folder`, which must be empty and must outlive the loader. For a driver that is named as a library,
+/// an .icd file is written too, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
-/// A file that cannot be copied or written.
+///
+/// Fails if a file cannot be copied or written.
 pub fn only(drivers: &[Driver], folder: &Path) -> io::Result<[(&'static str, OsString); 2]> {
     for (place, driver) in drivers.iter().enumerate() {
         let copy = folder.join(format!("{place:03}.icd"));

@@ -99,7 +99,7 @@ fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     }
 }
 
-/// Returns whether a kernel with this implementation builds, runs and gives the right answers.
+/// Returns whether a kernel with this implementation builds, runs and produces the right answers.
 fn try_out(
     operations: LaneOperations,
     source: &str,

@@ -57,7 +57,8 @@ fn lowered<T: Ord>(own: T, wished: Option<T>) -> T {
 }
 
 /// Returns the number of rays per vector that suits a device. On a CPU that is the reported number of floats
-/// per native vector, as one of 1, 2, 4, 8, 16; elsewhere it is 1, since lanes are work-items there.
+/// per native vector, rounded down to 1, 2, 4, 8 or 16; elsewhere it is 1, because lanes are work-items
+/// there.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
     if !is_cpu {
         return 1;

@@ -99,7 +99,7 @@ pub struct Builtins {
 pub struct DeviceInfo {
     /// Platform name.
     pub platform: String,
-    /// Platform version, which distinguishes drivers of equal name.
+    /// Platform version, which distinguishes drivers with the same name.
     pub platform_version: String,
     /// Device name.
     pub name: String,
@@ -128,7 +128,7 @@ pub struct DeviceInfo {
     /// Number of threads that it casts with, if known, which it is for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Number of earlier devices of equal platform and name.
+    /// Number of earlier devices with the same platform and name.
     pub twins_before: usize,
     /// Its name in records: the device name, or its slug if another device has the same name.
     pub label: String,

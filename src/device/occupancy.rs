@@ -27,7 +27,7 @@ pub enum Limiter {
     Registers,
     /// `__local` memory.
     Local,
-    /// Not even one group fits; has the arithmetic.
+    /// Not even one group fits; contains the arithmetic.
     CannotLaunch(String),
 }
 

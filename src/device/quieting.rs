@@ -19,8 +19,8 @@ pub fn quieting(device: Device) -> &'static str {
     if pocl { "-w" } else { "" }
 }
 
-/// Discards standard error as long as this lives. PoCL's compiler prints remarks while it makes debug information,
-/// and no option stops it.
+/// Discards standard error as long as this lives. PoCL's compiler prints remarks while it generates debug
+/// information, and no option stops it.
 #[cfg(unix)]
 pub struct Hush {
     stderr: Option<OwnedFd>,

@@ -1,4 +1,4 @@
-//! Selects devices by name and kind. Numbers are not supported, since they differ between machines.
+//! Selects devices by name and kind, not by number, since numbers differ between machines.
 
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};
@@ -7,8 +7,8 @@ use crate::error::{Error, Result, nearest};
 /// every usable device.
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
-/// of a device's name or vendor, upper or lower case. A pattern that matches no usable device is a mistake of
-/// the user.
+/// of a device's name or vendor, upper or lower case. A pattern that matches no usable device is a user
+/// error.
 pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     Ok(selected(&infos, patterns)?.into_iter().map(|place| &devices[place]).collect())
@@ -84,7 +84,7 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     }
 }
 
-/// Returns the texts that patterns are compared with.
+/// Returns the texts with which patterns are compared.
 fn names(info: &DeviceInfo) -> [&str; 4] {
     [&info.platform, &info.platform_version, &info.name, &info.vendor]
 }

@@ -73,7 +73,7 @@ impl Locks {
                 return Err(refused(&holder, device));
             }
             if told.as_ref() != Some(&holder) {
-                says(&format!("waiting for {holder}, which measures on {device}"));
+                says(&format!("waiting for {holder}, which is measuring on {device}"));
                 told = Some(holder);
             }
             if interrupted.load(Ordering::Relaxed) {
@@ -117,7 +117,7 @@ impl Locks {
 }
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
-    Error::run(format!("{holder} measures on {device}")).with_help(
+    Error::run(format!("{holder} is measuring on {device}")).with_help(
         "without --no-wait, raycl waits until that process has ended; two measurements at the same time would disturb each other",
     )
 }

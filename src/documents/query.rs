@@ -139,7 +139,7 @@ fn quotient(one: &Side, other: &Side) -> Told {
     }
 }
 
-/// Returns the value that a JSON pointer leads to.
+/// Returns the value to which a JSON pointer leads.
 fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {

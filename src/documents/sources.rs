@@ -1,4 +1,4 @@
-//! The stored records that figures are made of, each read once.
+//! The stored records from which figures are computed, each read once.
 
 use crate::reader::{self, Kind};
 use crate::record::Folder;

@@ -24,7 +24,7 @@ const LOOK_UP: Duration = Duration::from_millis(100);
 pub struct Program {
     /// The number of the device's worker.
     pub device: usize,
-    /// The hash of source and options, as far as they are known before the tree is built.
+    /// The hash of the source and the options, as far as they are known before the tree is built.
     pub hash: String,
     /// The hash of the scene, if the program uses a tree.
     pub scene: Option<String>,

@@ -1,4 +1,4 @@
-//! Checks a point before it is timed: it must fit, build, run, and give the right image.
+//! Checks a point before it is timed: it must fit, build, run, and produce the right image.
 
 use super::draft::Drafter;
 use super::protocol::Built;
@@ -83,8 +83,8 @@ impl<'a> Checker<'a> {
         build_kernel(self.session(scene)?, strategy, local_size).ok()
     }
 
-    /// Casts a point once and compares its image with the reference, unless the image's hash is `verified`,
-    /// which an earlier launch has compared. Fills in `record` on the way.
+    /// Casts a point once and compares its image with the reference, unless the image has the hash
+    /// `verified`, that of an image compared in an earlier launch. Fills in `record` on the way.
     pub fn check(
         &mut self,
         point: &Point,

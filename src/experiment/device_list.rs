@@ -39,7 +39,9 @@ fn failed(why: impl std::fmt::Display) -> Error {
 
 /// Returns why a child process with these environment variables lists no device; `None` if it lists one.
 ///
-/// # Errors If that process cannot be started.
+/// # Errors
+///
+/// Fails if that process cannot be started.
 pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
     let answer = ask_with(None, variables)?;
     Ok(answer.err())
@@ -49,7 +51,8 @@ fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>>
     ask_with(cl_dir, &[])
 }
 
-/// Returns the child process's answer. The inner error says how the process ended if it gave no valid answer.
+/// Returns the child process's answer. The inner error states how the process ended if it sent no valid
+/// answer.
 fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],
@@ -70,7 +73,7 @@ fn ask_with(
     let last = text.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
     Ok(serde_json::from_str(last).map_err(|_| {
         let words = String::from_utf8_lossy(&output.stderr);
-        let last_words = words.lines().next_back().unwrap_or("it said nothing");
+        let last_words = words.lines().next_back().unwrap_or("it printed nothing");
         format!("a driver ended the process that listed its devices ({}; {last_words})", output.status)
     }))
 }

@@ -70,7 +70,7 @@ impl Run<'_> {
 
     /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
     /// comparable points. Times come from `earlier` records, or else from the amount of computation. A cost's
-    /// place is the point's index in the plan.
+    /// index is that of the point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
@@ -155,7 +155,7 @@ fn strategy(record: &Record) -> String {
 }
 
 impl fmt::Display for Expected {
-    /// Formats as "33 points in 3 launches: about 6m 10s, by earlier times".
+    /// Formats as "33 points in 3 launches: about 6m 10s, based on earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [points, known] = self.points;
         let launches = if self.launches == 1 {
@@ -173,8 +173,10 @@ impl fmt::Display for Expected {
             _ => write!(f, "about {}m {}s", seconds / 60, seconds % 60)?,
         }
         match known {
-            _ if known == points => write!(f, ", by earlier times"),
-            some => write!(f, " for {some} of them, by earlier times; the times of the others are unknown"),
+            _ if known == points => write!(f, ", based on earlier times"),
+            some => {
+                write!(f, " for {some} of them, based on earlier times; the times of the others are unknown")
+            }
         }
     }
 }
@@ -230,7 +232,8 @@ mod tests {
 
     #[test]
     fn a_warm_up_of_long_frames_ends_early() {
-        // Two frames each of 2 and 5 ms, but of 13 ms only what begins in a tenth of the limit of 30 ms.
+        // The 2 ms point casts both of its warm-up frames. For the others the estimate is capped at a tenth
+        // of the 30 ms limit, plus one frame.
         let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
         assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
     }

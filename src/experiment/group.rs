@@ -137,8 +137,8 @@ impl OpenGroup {
         sink.advances(self.whole * self.points.len());
     }
 
-    /// Checks every point; a point that fails gets its record. On the first visit, a point is checked as soon as its
-    /// program is built, while those of later points are still being built.
+    /// Checks every point; for a point that fails, stores its record. On the first visit, a point is checked
+    /// as soon as its program is built, while those of later points are still being built.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -264,7 +264,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Gives a checked record the names of its draft, since a worker only knows about one folder of kernels.
+/// Copies the names of a draft to its checked record, since a worker only knows about one folder of kernels.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -18,8 +18,8 @@ pub struct KeyParts<'a> {
     pub local_size: &'a str,
     /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of source, defines and build options; for a baseline, of its source and of how raycl was
-    /// built.
+    /// The hash of the source, the defines and the build options; for a baseline, of its source and of how
+    /// raycl was built.
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,
@@ -28,7 +28,7 @@ pub struct KeyParts<'a> {
 }
 
 /// Returns the key of a measurement: 32 hexadecimal digits of BLAKE3 over the parts. The length of each part
-/// is hashed before it, so that different parts never give the same input.
+/// is hashed before it, so that different parts never result in the same input.
 pub fn key(parts: &KeyParts<'_>) -> String {
     let KeyParts { scene_hash, device, state, emulate, strategy, .. } = *parts;
     let KeyParts { local_size, image_size, program_hash, timing, tree, .. } = *parts;

@@ -20,7 +20,7 @@ impl Drop for Lock {
 }
 
 impl Lock {
-    /// Takes the lock of a folder, or returns an error that names the process which has it.
+    /// Takes the lock of a folder, or returns an error that names the process that holds it.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(".lock");
         let failed = |error: std::io::Error| Error::unwritable(path.display(), &error);

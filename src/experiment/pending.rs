@@ -33,7 +33,7 @@ pub struct PendingPoint {
     pub fits: bool,
     /// The result of building its program ahead, if it was built for this point.
     pub built: Option<Built>,
-    /// The hash of its picture, once that was compared with the reference.
+    /// The hash of its picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
     /// Its samples from complete launches.
     pub taken: Vec<Taken>,
@@ -178,8 +178,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point as one of two folders of kernels. It is not the preset any more, since that means the
-/// built-in kernels.
+/// Labels a point as one of two folders of kernels. It is no longer the preset, since a preset's name stands
+/// for the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;

@@ -12,9 +12,9 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The number of bytes that are kept of the end of a worker's standard error.
+/// The number of bytes that are kept from the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
-/// The time that a worker may take to end when it is no longer needed.
+/// The longest time that a worker may take to end when it is no longer needed.
 const FAREWELL: Duration = Duration::from_secs(1);
 
 /// Starts workers as processes of this program.
@@ -44,7 +44,8 @@ impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "check that more processes (`ulimit -u`) and memory are available, and run it again with --resume",
+                "check that memory is free and more processes are allowed (`ulimit -u`), and run it again \
+                 with --resume",
             )
         };
         let mut command = own_program()?;

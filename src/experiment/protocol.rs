@@ -60,7 +60,7 @@ pub struct Built {
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.
     pub from_cache: bool,
-    /// The key under which the cache has it; `None` if it could not be stored.
+    /// The key under which the cache stores it; `None` if it could not be stored.
     pub key: Option<String>,
 }
 
@@ -115,7 +115,7 @@ pub enum Reply {
     Checked {
         /// The record so far.
         record: Box<Record>,
-        /// True if the point can be cast; if not, the record has the reason.
+        /// True if the point can be cast; if not, the record states the reason.
         ready: bool,
     },
     /// To a cast.

@@ -1,4 +1,4 @@
-//! The references that images are compared with, computed when they are first needed.
+//! The references with which images are compared, computed when they are first needed.
 
 use crate::reference::{Reference, reference};
 use crate::scene::Scene;

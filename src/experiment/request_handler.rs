@@ -29,7 +29,7 @@ pub struct RequestHandler<'a> {
     checker: Checker<'a>,
     /// The current scene, with its number.
     scene: Option<(usize, Hashed)>,
-    /// The current group, given by one of its points; all points that passed are ready.
+    /// The current group, identified by one of its points; all points that passed are ready.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
     /// The anchor, after its first use.

@@ -16,7 +16,7 @@ pub trait ResultSink {
     fn keep(&mut self, record: Record) -> Result<()>;
     /// Stores a sample of a point.
     fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()>;
-    /// Stores what other processes took while rounds were timed.
+    /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;

@@ -64,7 +64,7 @@ impl Results {
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("--resume continues them; or give another folder with --out"));
+            return Err(error.with_help("--resume continues them; or choose another folder with --out"));
         }
         Self::open(folder, environment)
     }
@@ -164,7 +164,7 @@ impl Results {
         self.samples.append(sample)
     }
 
-    /// Stores what other processes took while rounds were timed.
+    /// Stores the load of other processes while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
         self.rounds.append(load)
     }

@@ -12,10 +12,10 @@ use std::time::{Duration, Instant};
 
 /// The time between two checks whether the user has interrupted a waiting run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Number of workers that a point may kill before it is given up. The first one may have died from an outside
-/// cause.
+/// Number of workers that a point may kill before raycl gives up on it. The first one may have died from an
+/// outside cause.
 const ATTEMPTS: u32 = 2;
-/// After this many points were given up, no other point is tried twice.
+/// After raycl has given up on this many points, no other point is tried twice.
 const PATIENCE: usize = 3;
 
 /// Starts workers.
@@ -71,12 +71,12 @@ pub struct Task<'a> {
     pub scene: usize,
     /// Its key.
     pub key: &'a str,
-    /// The hash of its picture, once that was compared with the reference.
+    /// The hash of its picture, once the picture has been compared with the reference.
     pub verified: Option<&'a str>,
 }
 
 impl Task<'_> {
-    /// Returns the key of its worker: device and scene.
+    /// Returns the key of its worker: the device and the scene.
     fn post(&self) -> (usize, usize) {
         (self.device, self.scene)
     }
@@ -147,8 +147,8 @@ impl<'a> Supervisor<'a> {
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker that has a wanted scene keeps it. Any other worker of the device takes over a wanted scene
-        // that no worker has.
+        // A worker whose scene is still needed keeps it. Any other worker of the device takes over a needed
+        // scene that no worker has.
         let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(kept);
         for post in wanted {
@@ -307,7 +307,7 @@ impl<'a> Supervisor<'a> {
         let death = match loss {
             Loss::HungFor(limit) => {
                 let reason =
-                    format!("it gave no answer in {} s, and its process was ended", limit.as_secs_f64());
+                    format!("it did not answer within {} s, and its process was ended", limit.as_secs_f64());
                 return Some(PointFailure::new(Outcome::TimedOut, reason));
             }
             Loss::Died(death) => death,

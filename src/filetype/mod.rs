@@ -89,7 +89,7 @@ pub struct Foreign {
     pub remedy: &'static str,
 }
 
-/// The purpose that a file was named for.
+/// The purpose for which a file was named.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// To be rendered: a scene or a single mesh.

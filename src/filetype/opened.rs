@@ -30,8 +30,10 @@ pub struct Opened {
 impl Opened {
     /// Opens an ordinary file, or standard input for `-`, and recognises its type.
     ///
-    /// # Errors The system's error; or that it is not an ordinary file; or that it is packed and damaged or
-    /// too large.
+    /// # Errors
+    ///
+    /// Returns the system's error. Also fails if it is not an ordinary file, or if it is packed and either
+    /// damaged or too large.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let head = within_memory(io::stdin().lock())?;
@@ -61,7 +63,9 @@ impl Opened {
 
     /// Reads the whole file, up to the limit of its kind.
     ///
-    /// # Errors As [`reader::rest`].
+    /// # Errors
+    ///
+    /// The same as those of [`reader::rest`].
     pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
         match self.rest {
             Some(file) => reader::rest(file, self.head, kind),
@@ -71,7 +75,9 @@ impl Opened {
 
     /// Reads the whole file as text.
     ///
-    /// # Errors The system's error; or that it is too large; or that it is not UTF-8.
+    /// # Errors
+    ///
+    /// Returns the system's error. Also fails if the file is too large or not UTF-8.
     pub fn text(self, kind: Kind) -> io::Result<String> {
         reader::utf8(self.bytes(kind)?)
     }

@@ -52,7 +52,12 @@ pub(super) const SIGNATURES: &[Signature] = &[
     (0, b"\xcf\xfa\xed\xfe", "a program or library (Mach-O)", ""),
     (0, b"MZ\x90\0", "a program or library (Windows)", ""),
     (0, b"\0asm", "a WebAssembly module", ""),
-    (0, b"version https://git-lfs", "a Git LFS pointer, not the file itself", "`git lfs pull` gets the file"),
+    (
+        0,
+        b"version https://git-lfs",
+        "a Git LFS pointer, not the file itself",
+        "`git lfs pull` downloads the file",
+    ),
 ];
 
 /// Returns the format of a file that has a known signature.

@@ -1,4 +1,4 @@
-//! Recognises a scene that was given as an experiment, and the reverse.
+//! Recognises a scene that was passed as an experiment, and the reverse.
 
 use crate::error::Error;
 use std::path::Path;

@@ -87,7 +87,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         "ply" if rest.is_empty() => Some(FileType::Mesh(MeshFormat::Ply)),
         _ if word.eq_ignore_ascii_case("solid") => Some(FileType::Mesh(MeshFormat::Stl)),
         "OFF" | "COFF" | "NOFF" | "CNOFF" | "STOFF" | "4OFF" | "nOFF" => named("an OFF mesh", EXPORT),
-        "newmtl" => named(MTL, "give the .obj file that names it"),
+        "newmtl" => named(MTL, "name the .obj file that refers to it"),
         "0" if contains(head, b"SECTION") => named("a DXF drawing", EXPORT),
         _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
         _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),

@@ -33,8 +33,7 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
 /// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
 ///
-/// Another extension or a missing folder is a mistake of the user; a file that cannot be written is a failed
-/// run.
+/// Another extension or a missing folder is a user error; a file that cannot be written is a failed run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -80,7 +79,7 @@ fn format_of(target: &Target) -> Result<Format> {
 
 /// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance.
 ///
-/// A missing file, or one that is not a picture, is a mistake of the user.
+/// A missing file, or one that is not a picture, is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
@@ -103,7 +102,8 @@ pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target
     target.write(|file| shown_png(image, display, Some(key), file))
 }
 
-/// Returns the key of a frame that raycl wrote and that was not changed since; `None` for any other file.
+/// Returns the key of a frame that raycl wrote and that has not been changed since; `None` for any other
+/// file.
 pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
@@ -272,7 +272,7 @@ mod tests {
             let mut edited = std::fs::read(&path).unwrap();
             *edited.last_mut().unwrap() ^= 1;
             std::fs::write(&path, &edited).unwrap();
-            assert!(again(&path, false).unwrap().contains("was changed since raycl made it"), "{name}");
+            assert!(again(&path, false).unwrap().contains("has been changed since raycl made it"), "{name}");
             let other = b"a photograph of somebody's";
             std::fs::write(&path, other).unwrap();
             assert!(again(&path, false).unwrap().contains("raycl did not make it"), "{name}");
@@ -308,7 +308,7 @@ mod tests {
             let path = folder.path().join(name);
             std::fs::write(&path, with_the_mark_of_another(name)).unwrap();
             assert!(image::open(&path).is_ok(), "{name} is a picture");
-            assert!(again(&path, false).unwrap().contains("was changed since"), "{name}");
+            assert!(again(&path, false).unwrap().contains("has been changed since"), "{name}");
         }
     }
 

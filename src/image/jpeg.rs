@@ -58,7 +58,7 @@ impl Encoding {
             let (rows, sender) = (rows.to_vec(), self.done.0.clone());
             let (number, width, quality) = (self.begun, self.cut.width, self.quality);
             self.begun += 1;
-            // If the receiver is gone, the band is not needed any more.
+            // If the receiver is gone, the band is no longer needed.
             rayon::spawn(move || drop(sender.send((number, band(&rows, width, quality)))));
         }
     }

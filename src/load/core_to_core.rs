@@ -13,7 +13,7 @@ const ROUND_TRIPS: u32 = 100;
 const PIECES: u32 = 5;
 /// After this time, the processors are taken to be busy with other programs.
 const PATIENCE: Duration = Duration::from_millis(5);
-/// Looks at the word between two looks at the clock.
+/// Number of reads of the word between two reads of the clock.
 const LOOKS: u32 = 64;
 
 /// The word that is passed on, alone on its cache lines (some processors fetch two at once).
@@ -57,8 +57,8 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
 }
 
-/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange is over, or
-/// nothing comes until `end`.
+/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange
+/// is over, or if nothing comes until `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {

@@ -1,4 +1,4 @@
-//! Constants that are shared by host and kernels. Kernels get them as defines.
+//! Constants that the host and the kernels share. Kernels receive them as defines.
 
 use crate::accel::TRIANGLE_WORDS;
 use crate::scene::Material;

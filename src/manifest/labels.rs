@@ -1,5 +1,5 @@
 //! Tests that every label stands for its own code, without a device: which hashes change with a file, and
-//! that two values never give the same program.
+//! that two values never result in the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};
@@ -24,7 +24,8 @@ fn with_a_comment_in(file: &str) -> (tempfile::TempDir, Sources) {
     (folder, sources)
 }
 
-/// For each file, checks that exactly those presets' hashes change whose programs include it.
+/// For each file, checks that a change to it changes the hashes of exactly those presets whose programs
+/// include it.
 #[test]
 fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     let presets: Vec<_> = PRESETS.iter().map(|preset| (preset.name, preset.strategy)).collect();
@@ -73,8 +74,8 @@ fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     values.filter(|(_, strategy)| strategy.contradiction().is_none() && own(strategy)).collect()
 }
 
-/// Checks every value of every axis in every family that accepts it: values with different names must give
-/// different programs or trees.
+/// Checks every value of every axis in every family that accepts it: values with different names must result
+/// in different programs or trees.
 #[test]
 fn values_of_another_name_are_another_program_or_another_tree() {
     let mut seen: HashMap<(&str, &str), usize> = HashMap::new();

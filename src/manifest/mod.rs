@@ -1,6 +1,6 @@
 //! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a set of kernels that casts a frame. Its row has the file that includes all others, its
+//! A [`Family`] is a set of kernels that casts a frame. Its row names the file that includes all others, its
 //! kernels with their parameters, the defines it is compiled with and the values of axes that it supports.
 //! The row determines what is compiled and hashed, how arguments are bound, which kernel's registers are
 //! reported and which strategies are allowed.

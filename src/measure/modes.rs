@@ -123,7 +123,7 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
 }
 
 /// Returns the greatest distance between the two hulls at a point of one of them, and the modal interval that
-/// it gives.
+/// follows from it.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {

@@ -65,8 +65,8 @@ impl StoppingRule {
         MIN_SAMPLES.min(self.max_samples)
     }
 
-    /// Returns the reason to stop after a round, or `None` to continue. `points_ms` has the samples of each
-    /// point, which took `elapsed_ms` in total.
+    /// Returns the reason to stop after a round, or `None` to continue. `points_ms` contains the samples of
+    /// each point, which took `elapsed_ms` in total.
     pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
         let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
         if rounds >= self.min_samples.max(2)

@@ -11,7 +11,8 @@ pub struct Instruction {
     pub text: String,
     /// Its line in the source, by the compiler's line table.
     pub line: Option<u32>,
-    /// The part of the kernel in which it is: the label before it, empty before the first label, or its function.
+    /// The part of the kernel to which it belongs: the label before it, empty before the first label, or its
+    /// function.
     pub part: String,
     /// What it does. Empty for fillers, and for instructions of a processor that is not known here.
     pub kinds: Vec<Kind>,
@@ -38,7 +39,7 @@ pub struct Code {
     pub instructions: Vec<Instruction>,
 }
 
-/// The instructions that were made of a source line, or that are in a part of the kernel.
+/// The instructions that were made from a source line, or that are in a part of the kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// The line in the source; `None` for a part.
@@ -76,7 +77,8 @@ impl Code {
         row
     }
 
-    /// Returns a row per source line, in the order of lines. `source` has the text of each line, from line 1 on.
+    /// Returns a row per source line, in the order of lines. `source` contains the text of each line, from
+    /// line 1 on.
     pub fn by_line(&self, source: &[&str]) -> Vec<Row> {
         let mut rows: BTreeMap<u32, Row> = BTreeMap::new();
         for (line, one) in self.instructions.iter().filter_map(|one| Some((one.line?, one))) {

@@ -37,7 +37,7 @@ pub struct Microscope {
     /// The text that was compiled; its first line is line 1.
     #[serde(skip)]
     pub source: String,
-    /// What a reader has to know, such as a disassembler that is missing.
+    /// What a reader must know, for example that a disassembler is missing.
     pub notes: Vec<String>,
     /// The kernels, each as every assembler wrote it.
     pub listings: Vec<Listing>,
@@ -141,7 +141,7 @@ impl Microscope {
         drop(hush);
         let refused = |log: &str| {
             let message = log.lines().find(|line| !line.trim().is_empty());
-            let message = message.unwrap_or("the compiler gave no message");
+            let message = message.unwrap_or("the compiler printed no message");
             format!("The program could not be compiled with {option}, so there is no line table: {message}")
         };
         self.noting(built.map_err(|error| refused(&error.log)))

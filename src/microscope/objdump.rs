@@ -97,14 +97,14 @@ fn frames(body: &str) -> Vec<&'static str> {
     ["%rbp", "%rbx"].into_iter().filter(set).collect()
 }
 
-/// Returns address and text of "    1137:\tmov    (%rax),%rax", without objdump's comment on an address.
+/// Returns the address and the text of " 1137:\tmov (%rax),%rax", without objdump's comment on an address.
 fn instruction(line: &str) -> Option<(u64, &str)> {
     let (address, text) = line.split_once(":\t")?;
     let text = text.split(" # ").next().unwrap_or(text);
     Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
 }
 
-/// Returns address and line of "kernel.cl    157    0x100b    x". Line 0 stands for none, "-" for the end.
+/// Returns the address and the line of "kernel.cl 157 0x100b x". Line 0 stands for none, "-" for the end.
 fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
     let mut words = row.split_whitespace();
     let (name, number, address) = (words.next()?, words.next()?, words.next()?);

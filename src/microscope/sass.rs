@@ -1,4 +1,5 @@
-//! Reads kernels from SASS, the machine code of NVIDIA's GPUs, that `ptxas` makes of PTX and `nvdisasm` prints:
+//! Reads kernels from SASS, the machine code of NVIDIA's GPUs, that `ptxas` makes from PTX and `nvdisasm`
+//! prints:
 //!
 //! ```text
 //! .text.cast_frame:
@@ -17,7 +18,7 @@ use super::tool::{Folder, Tool};
 pub struct Assembled {
     /// The kernels.
     pub codes: Vec<Code>,
-    /// The messages of ptxas, which have the registers.
+    /// The messages of ptxas, which contain the numbers of registers.
     pub log: String,
 }
 

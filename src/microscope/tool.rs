@@ -1,4 +1,4 @@
-//! Runs disassemblers, if they are installed, no longer than a time limit.
+//! Runs disassemblers, if they are installed, with a time limit.
 
 use crate::child::output_within;
 use std::path::PathBuf;

@@ -37,8 +37,8 @@ const READERS: [&str; 15] = [
 /// Beginnings of the names of instructions that write their last operand without reading it, besides moves.
 const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
 
-/// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that have the address of the
-/// function's stack frame.
+/// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of
+/// the function's stack frame.
 pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     let mut words = text.split_whitespace();
     let name = words.by_ref().find(|word| !PREFIXES.contains(word)).unwrap_or_default();

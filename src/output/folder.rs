@@ -195,7 +195,7 @@ mod tests {
         std::fs::write(out.join("plots/one.svg"), "mine").unwrap();
         let error = OutFolder::open(&out, KEEP).unwrap().check(["page.html", "plots/one.svg"]).unwrap_err();
         assert_eq!(error.exit_code(), 2);
-        assert!(error.to_string().contains("plots/one.svg' was changed since"), "{error}");
+        assert!(error.to_string().contains("plots/one.svg' has been changed since"), "{error}");
         assert!(write(&out, KEEP, "three").is_err());
         // Either all files are written or none.
         assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"two");

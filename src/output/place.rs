@@ -32,7 +32,7 @@ pub(super) enum Name {
 }
 
 /// Refuses to replace folders and devices, and, without `--force`, links and files that raycl did not make or
-/// that were changed since.
+/// that have been changed since.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -59,7 +59,7 @@ pub(super) fn permit(
     match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
         Maker::Raycl => Ok(Name::Replaceable),
         Maker::Changed => {
-            refuse(format!("'{name}' was changed since raycl made it"), choice.help("replaces it"))
+            refuse(format!("'{name}' has been changed since raycl made it"), choice.help("replaces it"))
         }
         Maker::Other => {
             refuse(format!("'{name}' exists, and raycl did not make it"), choice.help("replaces it"))
@@ -77,7 +77,7 @@ pub(super) fn put(
 ) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot write '{}': {error}", path.display()))
-            .with_help(format!("free space on the disk, or write elsewhere with `{}`", choice.elsewhere))
+            .with_help(format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere))
     };
     let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
     write(file.as_file_mut()).map_err(failed)?;

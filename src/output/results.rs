@@ -11,11 +11,11 @@ const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"
 /// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
 /// with them, and replace some. `known` is true if raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // If records.jsonl is not a file, opening it gives the error.
+    // If records.jsonl is not a file, opening it returns the error.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
-    // If the folder cannot be listed, it does not exist, or opening it gives the error.
+    // If the folder cannot be listed, it does not exist, or opening it returns the error.
     let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };

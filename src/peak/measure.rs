@@ -67,7 +67,7 @@ fn latency(seconds: &[f64]) -> Figure {
 
 fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
     let close = (found - expected).abs() <= 1e-3 * expected.abs();
-    if close { Ok(()) } else { Err(failed(format!("{what} gave {found}, not {expected}"))) }
+    if close { Ok(()) } else { Err(failed(format!("{what} returned {found}, not {expected}"))) }
 }
 
 fn fma(rig: &Rig<'_>) -> Result<Figure> {

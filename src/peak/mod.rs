@@ -1,5 +1,5 @@
 //! Measures the peak rates of a device: multiply-adds, copies, `__local` reads, launches, latencies. The
-//! kernels are in `cl/peak/`. A caster's speed can then be given as a share of the peak.
+//! kernels are in `cl/peak/`. A caster's speed can then be stated as a share of the peak.
 
 mod measure;
 mod operations;

@@ -15,11 +15,11 @@ const FLOAT_BYTES: f64 = 4.0;
 pub struct Traffic {
     /// Bytes of the triangle; the rays of a work-item share them.
     pub triangle_bytes: f64,
-    /// The memory in which the triangle is.
+    /// The memory that contains the triangle.
     pub triangle_in: &'static str,
     /// Bytes of the ray; 0 if it is in registers.
     pub ray_bytes: f64,
-    /// The memory in which the ray is.
+    /// The memory that contains the ray.
     pub ray_in: &'static str,
 }
 

@@ -116,8 +116,8 @@ impl BuiltProgram {
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
     }
 
-    /// Returns the program's binary; empty if the driver returns none. Some drivers compile every kernel
-    /// again for it.
+    /// Returns the program's binary; empty if the driver returns none. Some drivers recompile every kernel
+    /// for it.
     pub fn binary(&self) -> Vec<u8> {
         match self.program.info(ProgramInfo::Binaries) {
             Ok(ProgramInfoResult::Binaries(binaries)) => {

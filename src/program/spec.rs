@@ -49,7 +49,7 @@ impl ProgramSpec {
         Ok(Self { source, options: options(strategy, builtins, &defines), files })
     }
 
-    /// Returns a hash of source and options.
+    /// Returns a hash of the source and the options.
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.options.as_bytes()).update(b"\0").update(self.source.as_bytes());

@@ -15,7 +15,7 @@ pub(super) struct Control {
     mean_level: f64,
 }
 
-/// Gives each record of a block the block's control point, which was measured with it.
+/// Assigns to each record of a block the block's control point, which was measured with it.
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
     let mut levels: HashMap<String, Vec<f64>> = HashMap::new();

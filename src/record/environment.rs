@@ -56,7 +56,7 @@ pub struct Source {
     pub path: String,
     /// BLAKE3 hash of its text, or of the names and texts of all files in a folder.
     pub hash: Option<String>,
-    /// Its commit, and whether it was changed since; null outside a git repository.
+    /// Its commit, and whether it has been changed since; null outside a git repository.
     pub git: Option<String>,
 }
 

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 const RECORDS: &str = "records.jsonl";
 /// The journal of control points, by which blocks of a plan are compared.
 pub const CONTROLS: &str = "controls.jsonl";
-/// The file in which `raycl merge` describes the attempts that a folder was merged from.
+/// The file in which `raycl merge` describes the attempts from which a folder was merged.
 pub const MERGE: &str = "merge.json";
 
 /// The records of a run, and where and how it was made.
@@ -30,8 +30,8 @@ pub struct Folder {
     pub path: PathBuf,
     /// Its name in reports: the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in the plan's order and with its names. Scenes of equal name
-    /// are distinguished. Without a plan: the latest record of every point.
+    /// One record per point of the current plan, in the plan's order and with its names. Scenes with the same
+    /// name are distinguished. Without a plan: the latest record of every point.
     pub records: Vec<Record>,
     /// The control points as measured in each block, if the plan is cut into blocks. None of them is in
     /// `records`.
@@ -48,7 +48,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Reads a folder, or the folder of a given journal. A folder without records is a mistake of the user.
+    /// Reads a folder, or the folder of a given journal. A folder without records is a user error.
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, journal) = match path.is_file() {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),

@@ -1,4 +1,4 @@
-//! Finds the git commit of a file or a folder, and whether it was changed since.
+//! Finds the git commit of a file or a folder, and whether it has been changed since.
 
 use std::ffi::OsStr;
 use std::path::Path;

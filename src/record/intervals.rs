@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Gives the records of a journal the intervals of `records`, which were read from it. A record is stored
+/// Copies to the records of a journal the intervals of `records`, which were read from it. A record is stored
 /// when its group ends. Later groups also show how much launches differ, so the final interval is only known
 /// when the whole run has ended.
 ///

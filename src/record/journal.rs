@@ -125,7 +125,7 @@ fn whole_lines(bytes: &[u8]) -> usize {
 
 fn io_error(what: &str, path: &Path, error: &std::io::Error) -> Error {
     Error::run(format!("cannot {what} {}: {error}", path.display()))
-        .with_help("choose another folder with --out DIR, or free space in this one")
+        .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
 }
 
 #[cfg(test)]

@@ -46,7 +46,7 @@ impl PlannedPoint {
         Self { key, scene, scene_file, scene_values, device, name, preset }
     }
 
-    /// Gives a record the names in the plan.
+    /// Changes a record's names to those in the plan.
     fn name(&self, record: &mut Record) {
         let Self { key: _, scene, scene_file, scene_values, device, name, preset } = self.clone();
         (record.scene, record.scene_file, record.scene_values) = (scene, scene_file, scene_values);
@@ -77,7 +77,8 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "`raycl run --resume` writes it again; without this file, the latest record of each point is shown",
+                "`raycl run --resume` rewrites it; without this file, the latest record of each point is \
+                 shown",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;

@@ -78,11 +78,14 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let bad = means.iter().filter(|mean| mean.taken() > DISTURBED * mean.processors);
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
-        true => format!(", and other virtual machines took {}", significant(worst.stolen, 2)),
+        true => {
+            format!(", and other virtual machines took another {} processors", significant(worst.stolen, 2))
+        }
         false => String::new(),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches, other processes used the machine, at most {} of its {} processors{stolen}.",
+        "Disturbed: in {} of {} launches, others used the machine. In the worst launch, other processes kept \
+         {} processors of {} busy{stolen}.",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -126,7 +129,8 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches, other processes used the machine, at most 0.50 of its 2 processors.";
+        let expected = "Disturbed: in 1 of 2 launches, others used the machine. In the worst launch, other \
+            processes kept 0.50 processors of 2 busy.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.
@@ -156,7 +160,9 @@ mod tests {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
-            said.ends_with("at most 0.010 of its 2 processors, and other virtual machines took 0.40."),
+            said.ends_with(
+                "kept 0.010 processors of 2 busy, and other virtual machines took another 0.40 processors."
+            ),
             "{said}"
         );
     }

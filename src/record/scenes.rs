@@ -1,4 +1,4 @@
-//! Distinguishes scenes by content. Scenes of equal name get the shortest path that differs.
+//! Distinguishes scenes by content. Scenes with the same name get the shortest path that differs.
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};

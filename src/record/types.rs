@@ -16,7 +16,7 @@ pub const HOST: &str = "host";
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The device or the host has too little memory; `reason` has the arithmetic.
+    /// The device or the host has too little memory; `reason` contains the arithmetic.
     Infeasible,
     /// Its preset is meant for devices of another kind, so it was neither built nor timed.
     OtherKind,
@@ -75,10 +75,10 @@ pub struct Record {
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
-    /// The device that it was measured on, if points were distributed over several devices of one kind.
+    /// The device on which it was measured, if points were distributed over several devices of one kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine that it was measured on, if an experiment is measured on several.
+    /// The machine on which it was measured, if an experiment is measured on several.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
     /// The attempt that measured it, if the folder was merged from several.
@@ -234,11 +234,11 @@ pub struct Record {
     /// Number of samples taken while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
-    /// The hash of source, defines and build options.
+    /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
     /// The seed for the order of rounds.
     pub seed: Option<u64>,
-    /// The git revision that raycl was built from, with "-dirty" if there were uncommitted changes.
+    /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]
     pub revision: Option<String>,
 }

@@ -25,13 +25,14 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Writes a whole file like [`write_whole`], if it can be made again from records: it need not be on the disk
-/// when this returns.
+/// Writes a whole file like [`write_whole`], if it can be regenerated from records: it need not be on the
+/// disk when this returns.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file unless it exists, and returns whether it did. If several processes try, one succeeds.
+/// Writes a file unless it exists already, and returns whether it was written. If several processes try, one
+/// succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<bool> {
@@ -46,7 +47,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free space in this one")
+            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
     })
 }
 
@@ -71,7 +72,7 @@ fn replace(
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free space in this one")
+            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
     })
 }
 

@@ -88,7 +88,7 @@ impl Asked<'_> {
         }
     }
 
-    /// Returns the length that rounding errors at a light are relative to.
+    /// Returns the length to which rounding errors at a light are relative.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());

@@ -38,15 +38,18 @@ pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> 
 
 /// Returns the cost of every pixel if each ray traverses a tree, nearer boxes first.
 ///
-/// # Errors If the scene has more triangles than a tree can index.
+/// # Errors
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Cost>> {
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
 
-/// The tree that costs are counted in.
+/// The tree in which costs are counted.
 ///
 /// # Errors
-/// If the scene has more triangles than a tree can name.
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }

@@ -33,9 +33,11 @@ pub struct Layers {
     pub nodes: Vec<u32>,
 }
 
-/// Returns the layers of a scene. `object_starts` has the number of each object's first triangle, in order.
+/// Returns the layers of a scene. `object_starts` contains the number of each object's first triangle, in order.
 ///
-/// # Errors If the scene has more triangles than a tree can index.
+/// # Errors
+///
+/// Fails if the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
     let [width, height] = size;
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
@@ -71,8 +73,8 @@ pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
     normal.normalize_or_zero()
 }
 
-/// Returns the number of the object to which a triangle belongs; `object_starts` has the number of each object's
-/// first triangle, in order.
+/// Returns the number of the object to which a triangle belongs; `object_starts` contains the number of each
+/// object's first triangle, in order.
 pub fn object_of(object_starts: &[u32], triangle: u32) -> u32 {
     object_starts.partition_point(|start| *start <= triangle).saturating_sub(1) as u32
 }

@@ -48,7 +48,7 @@ impl<R: Real> Frame<R> {
     /// Returns the ray through pixel coordinates (x, y); a pixel's centre is at half-integers.
     pub fn primary(&self, x: R, y: R) -> Ray<R> {
         // The direction has depth 1, so its length converts the depth z_near to a distance along the ray.
-        // This gives the same start as in the book, on the near plane.
+        // The start is then the same as in the book, on the near plane.
         let towards = self.corner + self.step_x * x + self.step_y * y;
         let length = towards.dot(towards).sqrt();
         Ray {

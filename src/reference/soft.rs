@@ -1,5 +1,5 @@
 //! Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. The
-//! counterpart for devices is `cl/common/soft.cl`; both give the same bits.
+//! counterpart for devices is `cl/common/soft.cl`; both compute the same bits.
 
 use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};

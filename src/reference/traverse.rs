@@ -14,7 +14,8 @@ pub trait Finder<R: Real>: Send + Sync {
     /// hits no longer matter; `ray.near` ends the search.
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
 
-    /// Returns the hit nearest to the ray's origin; of equally near ones, the first in the mesh.
+    /// Returns the hit nearest to the ray's origin; of several equally near ones, the hit on the triangle
+    /// that comes first in the mesh.
     fn closest(&self, ray: &Ray<R>) -> Option<Hit<R>> {
         let mut best: Option<Hit<R>> = None;
         self.visit(ray, &mut |hit| match best {

@@ -10,7 +10,7 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// The way to get the same program: its commit, or the reason why there is none.
+    /// How to build the same program from its commit, or why that is not possible.
     pub program: String,
     /// The config's text.
     pub config: String,
@@ -25,7 +25,8 @@ pub struct Program {
     pub name: String,
     /// Its axes.
     pub strategy: String,
-    /// The hashes of source, defines and build options: one for each combination of local size and scene.
+    /// The hashes of the source, the defines and the build options: one for each combination of local size
+    /// and scene.
     pub hashes: Vec<String>,
 }
 

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Limit for the total size of a page's pictures, so that the page stays under 15 MB. Pictures beyond it are
+/// Limit on the total size of a page's pictures, so that the page stays under 15 MB. Pictures beyond it are
 /// only named.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture at an answer.
@@ -104,8 +104,8 @@ impl<'a> Pictures<'a> {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, every strategy's picture, the differences, the cost of
-    /// rays.
+    /// Returns every scene's pictures: the reference, every strategy's picture, the differences and the cost
+    /// of rays.
     pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String)> = Vec::new();

@@ -5,8 +5,8 @@ use std::collections::{HashMap, HashSet};
 
 /// Returns the records of all folders. If two folders measured the same point differently (another driver,
 /// machine, program or timing, so that the keys differ), the folder's label is added to the names of devices
-/// and baselines, so that they are shown separately. The label is also added to scenes of equal name and
-/// different content. If a point was measured twice, the later folder's record is used.
+/// and baselines, so that they are shown separately. The label is also added to scenes that have the same
+/// name but different content. If a point was measured twice, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);
@@ -34,8 +34,8 @@ pub fn labels(folders: &[Folder]) -> Vec<String> {
     folders.iter().map(name).collect()
 }
 
-/// Gives scenes of equal content the same name, and scenes of equal name but different content the folders'
-/// labels.
+/// Renames scenes with the same content so that they have the same name, and adds the folders' labels to
+/// scenes that have the same name but different content.
 fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
     let mut scenes: Vec<(&str, &str, &str)> = Vec::new();
     for (folder, label) in folders.iter().zip(labels) {

@@ -150,7 +150,8 @@ fn note(listing: &Listing) -> String {
             "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever it is called."
         }
         RowsAre::Parts => {
-            "The compiler gave no line table, so instructions are counted by part of the kernel, from one label to the next, and not by line."
+            "The compiler wrote no line table, so instructions are counted by part of the kernel, from one \
+             label to the next, and not by line."
         }
     };
     let same = match listing.same_as_timed {

@@ -58,7 +58,8 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     Some(Plot::of(name, caption, &chart))
 }
 
-const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot tell how many work-groups are resident. The prediction is compared with the measured speed instead.";
+const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL cannot report how many \
+    work-groups are resident. The prediction is compared with the measured speed instead.";
 
 fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {

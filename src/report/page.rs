@@ -283,7 +283,7 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
     notes
 }
 
-/// Returns a device's compute capability, if the environment has it.
+/// Returns a device's compute capability, if the environment contains it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| device.starts_with(name)));

@@ -144,12 +144,17 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
     let left_out = match left_out {
         0 => String::new(),
         some => format!(
-            " {} without a mark: if rays walk a tree, or triangles are rasterised, the number of tests is not recorded.",
+            " Not shown: {}. If rays walk a tree, or triangles are rasterised, the number of tests is not \
+             recorded.",
             counted(some, "point")
         ),
     };
     format!(
-        "Each mark is a point. Its height is the number of operations in ray-triangle tests per second (primary rays only; a multiply-add counts as one). Its position across is the number of these operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in registers has none. If passes are fused, the time is that of the whole frame, so the rate is a lower bound. {roofs}{left_out}"
+        "Each mark is a point. Its height is the number of operations in ray-triangle tests per second \
+         (primary rays only; a multiply-add counts as one). Its horizontal position is the number of these \
+         operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
+         registers adds none. If passes are fused, the time is that of the whole frame, so the rate is a \
+         lower bound. {roofs}{left_out}"
     )
 }
 
@@ -183,7 +188,7 @@ mod tests {
                 "15 operations per test; 36.0 B of the triangle from global memory, 24 B of the ray"
             )
         );
-        for part in ["1 point without a mark", "there are no roofs; `raycl peak"] {
+        for part in ["Not shown: 1 point.", "there are no roofs; `raycl peak"] {
             assert!(without.caption.contains(part), "{}", without.caption);
         }
         let place = tempfile::tempdir().unwrap();

@@ -35,12 +35,17 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
                 .iter()
                 .filter(own)
                 .filter_map(|group| over_best(group, group.best_where(|record| record.name == **name)?));
-            cell(slower.collect(), &format!("{name} on {device}: each scene's and size's best local size"))
+            cell(
+                slower.collect(),
+                &format!("{name} on {device}: at the best local size for each scene and image size"),
+            )
         };
         ((*name).to_owned(), devices.iter().map(cell).collect())
     };
     let rows = names.iter().map(row).collect();
-    let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the same scene, size and device: the ratio of their times, as a geometric mean over scenes and sizes. A strategy with 1 is the best everywhere.";
+    let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
+        same scene, size and device: the ratio of their times, as a geometric mean over scenes and sizes. A \
+        strategy with the value 1 is the best everywhere.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",
@@ -69,7 +74,9 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell takes the strategy that is best on the row's device, and gives its time on the column's device, relative to the best time there. It is the geometric mean over the scenes and sizes that were measured on both.";
+    let caption = "Each cell takes the strategy that is best on the row's device, and shows its time on the \
+        column's device, relative to the best time there. It is the geometric mean over the scenes and sizes \
+        that were measured on both.";
     plot(
         "losses-by-device",
         "One device's best strategy on another: time relative to that device's best",

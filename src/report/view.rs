@@ -103,7 +103,7 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Makes a heat map of strategies by local sizes, coloured by time. Cells without a time have the reason.
+/// Makes a heat map of strategies by local sizes, coloured by time. Cells without a time show the reason.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let winners = group.ranking().winners;

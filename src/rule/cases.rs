@@ -49,7 +49,7 @@ pub struct Case {
     /// The kinds of scene that it belongs to; a test compares them with the scene.
     #[serde(default)]
     pub kinds: Vec<Kind>,
-    /// The kinds of device that it is measured on.
+    /// The kinds of device on which it is measured.
     pub devices: Vec<String>,
 }
 

@@ -1,5 +1,5 @@
 //! Fits the rule's constants to sweeps. Each constant in turn is set to the value at which the choices lose
-//! least, until none changes.
+//! the least time to the best candidates, until none changes.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};

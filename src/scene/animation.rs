@@ -20,12 +20,12 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// A scene's values over time. It makes the scene of each frame, and uses again what the last frame had: no
-/// file is read twice, and a mesh that stays the same is shared.
+/// A scene's values over time. It builds the scene of each frame and reuses what was loaded for the last one:
+/// no file is read twice, and a mesh that stays the same is shared.
 pub struct Animation {
     /// The number of frames; the first is 1.
     pub frames: u32,
-    /// Frames per second, if the file says how many.
+    /// Frames per second, if the file sets them.
     pub frames_per_second: Option<u16>,
     document: Document,
     /// The document without its animation.
@@ -67,7 +67,9 @@ impl Animation {
 
     /// Checks that the scene of each of these frames can be read; nothing is loaded.
     ///
-    /// # Errors A mistake of the user, with its place in the file.
+    /// # Errors
+    ///
+    /// Returns a user error, with its location in the file.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -83,7 +85,9 @@ impl Animation {
 
     /// Returns the scene of a frame. If its mesh is the last frame's, they share it.
     ///
-    /// # Errors As [`super::load_scene`].
+    /// # Errors
+    ///
+    /// The same as those of [`super::load_scene`].
     pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
         let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
         if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {
@@ -134,8 +138,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. It points to the first track from which on the
-    /// document stays wrong.
+    /// Returns the error for a frame whose document is not a scene. It points to the track that makes the
+    /// document invalid and after which no other track makes it valid again.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {
@@ -151,7 +155,7 @@ impl Animation {
             }
         }
         let Some((track, document, found)) = wrong else {
-            // The document was a scene before any track.
+            // The document was a valid scene before any track was applied.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track made it so",
                 self.document.name

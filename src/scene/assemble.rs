@@ -1,4 +1,4 @@
-//! Makes a [`Scene`] of the wire types, with the checks that TOML types cannot make.
+//! Makes a [`Scene`] from the wire types, with the checks that TOML types cannot make.
 
 mod objects;
 mod sky;
@@ -109,12 +109,13 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
-        // This is added to the surfaces' radiance, which is multiplied by the share that they cover.
+        // This is added to the surfaces' radiance, which is multiplied by the share of the pixel that they
+        // cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
 
-/// The objects of a scene, joined to one mesh.
+/// The objects of a scene, joined into one mesh.
 #[derive(Clone)]
 pub(super) struct Joined {
     mesh: Arc<Mesh>,
@@ -273,7 +274,7 @@ fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns the camera; keys that are missing in the file are taken from the base camera.
+/// Returns the camera; keys that are missing from the file are taken from the base camera.
 fn camera(document: &Document, wire: &CameraWire, base: Camera, ball: Option<Ball>) -> Result<Camera> {
     let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
     let fov = field_of_view(document, wire)?;
@@ -299,7 +300,7 @@ fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, 
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
         (Some(_), Some(second)) => Err(document
             .error(second.span(), "both fov_x_degrees and fov_y_degrees", "the second field of view")
-            .with_help("give one: the other follows from the image's shape")),
+            .with_help("set only one: the other follows from the image's shape")),
         (Some(fov), None) => Ok(Some((tangent(fov.get_ref().0), false))),
         (None, Some(fov)) => Ok(Some((tangent(fov.get_ref().0), true))),
         (None, None) => Ok(None),
@@ -317,5 +318,5 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
     let message = format!("the camera's up {up} is zero or parallel to its view {}", target - position);
     document
         .error(at([0, 1, 2]), message, "no upright")
-        .with_help("give an `up` that is not parallel to the view, such as [0, 0, 1]")
+        .with_help("choose an `up` that is not parallel to the view, such as [0, 0, 1]")
 }

@@ -12,7 +12,7 @@ use toml::de::DeTable;
 use toml::{Table, Value};
 
 /// The remedy for a scene file that cannot be parsed.
-pub(super) const KEYS: &str = "docs/scenes.md has every key of a scene, with its type";
+pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
 /// The remedy for a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
@@ -22,7 +22,7 @@ pub(super) struct Document {
     pub name: String,
     /// The TOML text, including overrides.
     pub text: String,
-    /// The folder that its paths are relative to.
+    /// The folder to which its paths are relative.
     pub folder: PathBuf,
     /// The file's name without extension.
     pub stem: String,
@@ -80,8 +80,8 @@ impl Document {
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// Returns the error for a file that is not TOML and does not have that extension, so that it is probably
-    /// of an unsupported format.
+    /// Returns the error for a file that is not TOML and does not have the extension .toml, so that its
+    /// format is probably unsupported.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -103,7 +103,7 @@ impl Document {
         Ok(())
     }
 
-    /// Returns the document of one frame, with this text. If a bare mesh is open, it is read there.
+    /// Returns the document of one frame, with this text. An open bare mesh moves to it, to be read there.
     pub fn at_frame(&self, frame: u32, text: String) -> Self {
         Self {
             name: format!("{} at frame {frame}", self.name),
@@ -171,7 +171,7 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
         opened.bytes(Kind::Toml).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
     if bytes.trim_ascii().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display()))
-            .with_help("a scene needs at least one [[object]]; docs/scenes.md has an example"));
+            .with_help("a scene needs at least one [[object]]; docs/scenes.md contains an example"));
     }
     String::from_utf8(bytes).map_err(|error| {
         let line =

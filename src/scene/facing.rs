@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Number of samples across a picture; enough to distinguish most of a surface from little of it.
 const ACROSS: usize = 48;
-/// From this fraction of the visible surface on, a note is given.
+/// A note is added if at least this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample: its distance in lengths of the sample's ray, and whether it faces

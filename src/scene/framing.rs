@@ -5,7 +5,7 @@ use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Field of view across the height, as of a portrait lens with little distortion.
+/// Field of view across the height, like that of a portrait lens, which has little distortion.
 const FOV_Y_DEGREES: f32 = 35.0;
 /// The mesh fills this fraction of the picture's height, and at most of its width.
 const FILL: f64 = 0.92;
@@ -61,7 +61,7 @@ pub(super) struct View {
     pub azimuth_degrees: Option<f64>,
     /// Angle above the horizon.
     pub elevation_degrees: Option<f64>,
-    /// The pictures that it is framed for.
+    /// The pictures for which it is framed.
     pub shot: Shot,
 }
 

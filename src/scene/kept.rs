@@ -1,5 +1,5 @@
-//! The parts of a frame that the next frame of an animation uses again, so that no file is read twice and no
-//! mesh is made twice.
+//! The parts of a frame that the next frame of an animation reuses, so that no file is read twice and no mesh
+//! is built twice.
 
 use super::Mesh;
 use super::assemble::Joined;
@@ -13,14 +13,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::{Table, Value};
 
-/// The keys of an object that place and paint a mesh; the others make it.
+/// The keys of an object that transform a mesh and set its materials; the others determine the mesh itself.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
 /// Data that is kept between frames; the default keeps nothing.
 #[derive(Default)]
 pub(super) struct Kept {
     keeps: bool,
-    /// For each object of this frame, the text that makes its mesh; empty if no object changes.
+    /// For each object of this frame, the text from which its mesh is built; empty if no object changes.
     keys: Vec<String>,
     /// The meshes of this frame's objects, before they were placed, by these texts.
     meshes: HashMap<String, MeshFile>,
@@ -80,7 +80,7 @@ impl Kept {
         bounds
     }
 
-    /// Returns the texels of a sky's picture. Errors follow the file's name.
+    /// Returns the texels of a sky's picture. The words of an error follow the file's name in a message.
     pub fn picture(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
         if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
             return Ok(texels.clone());
@@ -108,7 +108,7 @@ mod tests {
 
     const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
 
-    /// Returns whether an object's mesh is made again for a frame that follows that of `OBJECT`.
+    /// Returns whether an object's mesh is rebuilt for a frame that follows that of `OBJECT`.
     fn is_made_again(text: &str) -> bool {
         let mut kept = Kept::default();
         let mut made = 0;

@@ -50,23 +50,29 @@ impl Shot {
 /// is framed as in experiments: seen from the right, above and in front, for images at least as wide as high,
 /// with a key light and a fill light, and with its normals turned to the viewer.
 ///
-/// # Errors A mistake of the user, with its file and line: a file that cannot be read, an unknown key, a
-/// value out of range, an index out of bounds, no triangles.
+/// # Errors
+///
+/// Returns a user error, with its file and line: a file that cannot be read, an unknown key, a value out of
+/// range, an index out of bounds, or no triangles.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }
 
-/// Loads a scene after changing values, each given by a dotted path in the file, such as `camera.position` or
+/// Loads a scene after changing values, each named by a dotted path in the file, such as `camera.position` or
 /// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only entry.
 ///
-/// # Errors As [`load_scene`]; also if a path does not exist.
+/// # Errors
+///
+/// The same as those of [`load_scene`]; also fails if a path does not exist.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, true)
 }
 
 /// Loads a scene like [`load_scene_with`], for given pictures: a bare mesh is framed to fill them.
 ///
-/// # Errors As [`load_scene_with`].
+/// # Errors
+///
+/// The same as those of [`load_scene_with`].
 pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) -> Result<Loaded> {
     load(path, overrides, shot, true)
 }
@@ -74,7 +80,9 @@ pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) ->
 /// Loads a scene like [`load_scene_for`] that is named in a file. Messages quote the scene only if it lies in
 /// that file's folder.
 ///
-/// # Errors As [`load_scene_with`].
+/// # Errors
+///
+/// The same as those of [`load_scene_with`].
 pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, lies_in(path, folder))
 }

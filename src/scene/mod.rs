@@ -129,7 +129,7 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// A hash of everything that decides the picture, its name aside.
+    /// A hash of everything that determines the picture; the scene's name does not.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;
@@ -174,7 +174,7 @@ impl Scene {
         }
         if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
-            // A word marks the beginning of the sky, so that no radii of lights give the same hash.
+            // A word marks the beginning of the sky, so that no radii of lights result in the same hash.
             hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
             hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }

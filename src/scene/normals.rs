@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Gives every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none are
-/// smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
+/// Assigns to every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none
+/// are smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -36,8 +36,8 @@ pub(super) fn flatten(mesh: &mut Mesh) {
 }
 
 /// Reverses the normals of every triangle whose front does not face `eye`, so that a mesh with inward-facing
-/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing single
-/// ones would disturb the shading along outlines.
+/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing some of
+/// them would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {

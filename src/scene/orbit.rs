@@ -15,7 +15,7 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Returns camera and lights after a fraction of a turn; at 0 they are the scene's own.
+    /// Returns the camera and the lights after a fraction of a turn; at 0 they are the scene's own.
     pub fn at(&self, scene: &Scene, part: f64) -> (Camera, Vec<Light>) {
         if part == 0.0 {
             return (scene.camera, scene.lights.clone());

@@ -1,4 +1,4 @@
-//! The sky: light from all directions, the same around the zenith or of a picture.
+//! The sky: light from all directions, either a gradient around the zenith or from a picture.
 
 use crate::filetype::FileType;
 use crate::reader::{self, Kind};
@@ -53,7 +53,7 @@ impl PartialEq for SkyPicture {
 pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
 
 impl SkyPicture {
-    /// Reads a picture (Radiance HDR or OpenEXR). Errors follow the file's name.
+    /// Reads a picture (Radiance HDR or OpenEXR). The words of an error follow the file's name in a message.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
         let bytes = reader::bytes(path, Kind::Texture).map_err(|error| unreadable(&error))?;
@@ -85,7 +85,8 @@ impl SkyPicture {
         Ok(([size.0, size.1], texels.collect()))
     }
 
-    /// Returns the texels of a file multiplied by `strength`. Errors follow the file's name.
+    /// Returns the texels of a file multiplied by `strength`. The words of an error follow the file's name in
+    /// a message.
     pub(super) fn strengthened(
         (size, texels): &FileTexels,
         strength: f32,

@@ -29,7 +29,7 @@ const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
 const GAP_RADII: f64 = 1e-3;
 
-/// The surroundings of a mesh.
+/// The default surroundings of a mesh.
 #[derive(Debug)]
 pub(super) struct Studio {
     pub lights: Vec<Light>,

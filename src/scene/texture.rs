@@ -1,4 +1,4 @@
-//! Textures: pictures that surfaces take their colour from.
+//! Textures: pictures from which surfaces take their colour.
 
 use super::files::linear;
 use std::sync::Arc;

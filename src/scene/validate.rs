@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Limit for the absolute value of coordinates. Intersection tests multiply three of them, and the product
+/// Limit on the absolute value of coordinates. Intersection tests multiply three of them, and the product
 /// must stay below f32's 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
@@ -25,7 +25,9 @@ impl Scene {
     /// Checks what all later code relies on: finite numbers in their ranges, indices in bounds, a camera with
     /// a direction. [`super::load_scene`] has done so already; a scene made in code should be checked once.
     ///
-    /// # Errors A message about the first problem.
+    /// # Errors
+    ///
+    /// Returns a message about the first problem.
     pub fn validate(&self) -> Result<()> {
         check_mesh(&self.mesh)?;
         self.validate_view()?;
@@ -59,7 +61,7 @@ fn require(holds: bool, message: impl FnOnce() -> String) -> Result<()> {
 }
 
 /// The remedy for a value out of range.
-const LIMITS: &str = "docs/scenes.md has the range of every value, and its default";
+const LIMITS: &str = "docs/scenes.md lists the range of every value, and its default";
 
 fn in_range(position: Vec3) -> bool {
     // Comparisons with NaN are false.
@@ -189,7 +191,11 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
     };
     require(list.iter().all(whole), || "a texture's number of texels does not match its size".to_owned())?;
     require(mapped.is_empty() || mapped.len() == mesh.triangles.len(), || {
-        format!("{} triangles are mapped to textures, of {}", mapped.len(), mesh.triangles.len())
+        format!(
+            "{} of {} triangles are mapped to textures; expected all or none",
+            mapped.len(),
+            mesh.triangles.len()
+        )
     })?;
     let valid = |row: &Mapped| {
         row.corners.as_flattened().iter().all(|value| value.is_finite())

@@ -163,7 +163,7 @@ pub(super) struct LightWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SkyWire {
-    /// Radiance from directly above: one number is white, three are red, green and blue [needed without a picture].
+    /// Radiance from directly above: one number is white, three are red, green and blue [required without a picture].
     pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
@@ -171,7 +171,7 @@ pub(super) struct SkyWire {
     /// file.
     #[schemars(with = "Option<String>")]
     pub picture: Option<Spanned<String>>,
-    /// The factor of the picture's radiance [default: 1].
+    /// A factor for the picture's radiance [default: 1].
     pub strength: Option<Number<NonNegative>>,
     /// Degrees by which the picture is turned around the zenith, counter-clockwise from above [default: 0].
     pub turn_degrees: Option<Number<Finite>>,

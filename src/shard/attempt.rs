@@ -1,6 +1,6 @@
 //! An attempt at a shard: one process, and the folder that it writes to. No other process writes there.
-//! Attempts therefore share no file and need no lock, and a first attempt that still runs at the same time as
-//! a second does no harm.
+//! Attempts therefore share no file and need no lock, and a first attempt that is still running during a
+//! second does no harm.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -93,7 +93,7 @@ impl Attempt {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", path.display()))
-                .with_help("choose another folder with --out DIR, which all machines reach")
+                .with_help("choose another folder with --out DIR that all machines can reach")
         };
         std::fs::create_dir_all(&parts).map_err(|error| failed(&parts, error))?;
         let mut about = about.clone();
@@ -139,7 +139,7 @@ impl Attempt {
         self.read(ABOUT)
     }
 
-    /// Returns how it ended; `None` if it still runs or was killed.
+    /// Returns how it ended; `None` if it is still running or was killed.
     pub fn end(&self) -> Option<End> {
         self.read(END)
     }

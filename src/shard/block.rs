@@ -1,5 +1,5 @@
-//! Cuts a plan into blocks and gives the blocks to shards. Points that are compared stay together if possible, and no
-//! shard has much more work than another.
+//! Cuts a plan into blocks and assigns the blocks to shards. Points that are compared stay together if
+//! possible, and no shard has much more work than another.
 
 use serde::{Deserialize, Serialize};
 
@@ -44,7 +44,8 @@ const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// Smaller pieces measure control points more often. They must shorten the longest shard by this fraction.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for this number of shards. The same costs give the same blocks.
+/// Cuts groups of comparable points into blocks for this number of shards. Equal costs always result in equal
+/// blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);
     let all: f64 = groups.iter().flatten().map(|cost| cost.ms).sum();
@@ -114,7 +115,7 @@ fn deal(blocks: &mut [Priced], shards: u32) -> f64 {
     loads.into_iter().fold(0.0, f64::max)
 }
 
-/// Joins the pieces of a group that are in the same shard to one block, so that they are measured together.
+/// Joins the pieces of a group that are in the same shard into one block, so that they are measured together.
 fn joined(blocks: Vec<Block>) -> Vec<Block> {
     let mut joined: Vec<Block> = Vec::new();
     for block in blocks {

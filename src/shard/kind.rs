@@ -78,8 +78,8 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns what distinguishes kinds of equal name: the parts of their identities that differ. `None` for
-    /// a name that is unique.
+    /// Returns what distinguishes kinds with the same name: the parts of their identities that differ. `None`
+    /// for a name that is unique.
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {

@@ -1,6 +1,6 @@
-//! Reads the number that a launcher gave this process. Every launcher that starts several processes sets
-//! environment variables, but the variables' names differ, and numbers start at 0 or at 1. This file has the
-//! table.
+//! Reads the number that a launcher assigned to this process. Every launcher that starts several processes
+//! sets environment variables, but the variables' names differ, and numbers start at 0 or at 1. The table is
+//! in this file.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -8,12 +8,12 @@ use crate::error::{Error, Result};
 /// Reads a variable of the environment.
 type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
-/// The numbers that a launcher gave.
+/// The numbers that a launcher assigned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Told {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0; and the number of processes, if the launcher gives it.
+    /// The process's number, from 0; and the number of processes, if the launcher sets it.
     place: u32,
     count: Option<u32>,
     /// The element's own number in a Slurm array, which is used directly if the number of shards is given.
@@ -82,8 +82,8 @@ const OUTER: [Ranks; 3] = [
     },
 ];
 
-/// Returns the shard that the innermost launcher gave this process. The number of shards is `of` if given,
-/// else the launcher's count.
+/// Returns the shard that the innermost launcher assigned to this process. The number of shards is `of` if
+/// given, else the launcher's count.
 pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
@@ -118,7 +118,7 @@ impl Ranks {
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let place = place.checked_sub(self.origin).ok_or_else(|| {
             Error::input(format!("{} is {place}, but it counts from {}", self.place, self.origin))
-                .with_help("number the tasks from 1, or give the shard: --shard 3/16")
+                .with_help("number the tasks from 1, or name the shard: --shard 3/16")
         })?;
         Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
     }
@@ -174,7 +174,7 @@ fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {
         Error::input(format!("{name} is '{text}', which is not a number"))
-            .with_help("give the shard: --shard 3/16")
+            .with_help("name the shard: --shard 3/16")
     })
 }
 
@@ -194,7 +194,10 @@ fn twice(array: &Told, inner: &Told) -> Error {
         ),
     };
     Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
-        .with_help("let each element of the array start one process, or leave out the array; or give the shard: --shard 3/16")
+        .with_help(
+            "let each element of the array start one process, or leave out the array; or name the \
+            shard: --shard 3/16",
+        )
 }
 
 /// Returns an error for a batch script of several tasks that starts raycl without `srun`: it would run only
@@ -213,8 +216,8 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
 fn nobody() -> Error {
     let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
     let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
-    Error::input("--shard auto, but no launcher numbered this process")
-        .with_help(format!("give the shard: --shard 3/16. Known launchers: {}", known.join(", ")))
+    Error::input("--shard auto needs a launcher that numbers its processes, but none was found")
+        .with_help(format!("name the shard: --shard 3/16. Known launchers: {}", known.join(", ")))
 }
 
 #[cfg(test)]
@@ -275,7 +278,7 @@ mod tests {
     fn what_numbers_nothing_or_twice_is_refused_with_what_was_found() {
         let step = "SLURM_PROCID=1 SLURM_STEP_ID=0 SLURM_STEP_NUM_TASKS=4";
         let table = [
-            (None, String::new(), "no launcher numbered this process"),
+            (None, String::new(), "--shard auto needs a launcher"),
             (None, format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {step}"), "two launchers number this process"),
             (Some(4), format!("SLURM_ARRAY_TASK_ID=2 {step}"), "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4"),
             (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl"),
@@ -284,7 +287,7 @@ mod tests {
                 "SLURM_ARRAY_TASK_ID=2 SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
                 "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
             ),
-            (None, BATCH.to_owned(), "no launcher numbered"),
+            (None, BATCH.to_owned(), "none was found"),
             (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
             (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),

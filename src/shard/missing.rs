@@ -1,4 +1,4 @@
-//! Finds what still has to be measured, by comparing records with the plan, and the command that measures it.
+//! Compares records with the plan to find what still has to be measured, and the command that measures it.
 
 use super::{Attempt, Kind, ShardPlan};
 use crate::record::HOST;

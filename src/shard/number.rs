@@ -1,4 +1,4 @@
-//! The part of an experiment that a process measures, as given by the option: `3/16`, `auto`, `auto/16`.
+//! The part of an experiment that a process measures, as set by the option: `3/16`, `auto`, `auto/16`.
 
 use super::launcher;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ pub struct Shard {
 const MOST: u32 = 100_000;
 
 impl Shard {
-    /// Returns the shard of this number, from 1.
+    /// Returns the shard with this number, from 1.
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
@@ -40,7 +40,7 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The number comes from the launcher; the number of shards too, unless given here.
+    /// The number comes from the launcher; so does the number of shards, unless it is set here.
     Auto(Option<u32>),
 }
 
@@ -53,7 +53,7 @@ impl Asked {
         }
     }
 
-    /// Returns whether a launcher gave the number.
+    /// Returns whether a launcher assigned the number.
     pub fn is_auto(self) -> bool {
         matches!(self, Self::Auto(_))
     }

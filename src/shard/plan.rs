@@ -113,7 +113,7 @@ impl ShardPlan {
         let message =
             format!("{} has a different plan: {what} differs, {there} there and {here} here", out.display());
         Err(Error::input(message)
-            .with_help("give every shard the same command, or name another folder with --out"))
+            .with_help("start every shard with the same command, or name another folder with --out"))
     }
 }
 

@@ -34,7 +34,7 @@ pub fn scripts(wishes: &Wishes) -> String {
     let command = wishes.command.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
     let (n, name, out) = (wishes.shards, plain(&wishes.name), quote(&wishes.out));
     let is_array = wishes.longest >= WORTH_AN_ELEMENT || !wishes.is_known;
-    let how = if wishes.is_known { "by earlier times" } else { "a guess: nothing was measured before" };
+    let how = if wishes.is_known { "based on earlier times" } else { "a guess: nothing was measured before" };
     let seconds = wishes.longest.as_secs();
     let mut text = format!(
         "# {n} shards; the longest takes about {seconds} s ({how}). The limit is twice that and ten minutes.\n\

@@ -55,7 +55,7 @@ fn eprintln_if_heard(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// A process; its start time distinguishes it from a later one of the same ID.
+/// A process; its start time distinguishes it from a later one with the same ID.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Process {
     id: u32,

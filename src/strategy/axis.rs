@@ -48,7 +48,7 @@ pub trait Axis: Sized + Copy + Eq + 'static {
             error.with_help(match nearest(name, names) {
                 Some(meant) => format!("did you mean '{meant}'?"),
                 None if Self::INFO.listed.is_empty() => {
-                    "`raycl strategies` explains each; a file in a folder given by --cl-dir is a value too"
+                    "`raycl strategies` explains each; with --cl-dir DIR, DIR's files are values too"
                         .to_owned()
                 }
                 None => "`raycl strategies` explains each".to_owned(),
@@ -138,7 +138,7 @@ file_axis! {
     }
 }
 file_axis! {
-    /// The memory that triangles are read from.
+    /// The memory from which triangles are read.
     Triangles "triangles" "where triangles are read from" {
         GLOBAL "global",
         CONSTANT "constant",
@@ -214,7 +214,7 @@ axis! {
 }
 axis! {
     /// The number of children of a tree node.
-    NodeWidth "node_width" "children of a tree's node" {
+    NodeWidth "node_width" "children of a tree node" {
         N2 "2" "the fastest for single rays",
         N4 "4" "four",
         N8 "8" "as many as a CPU's vectors test at once",

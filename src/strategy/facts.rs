@@ -14,7 +14,7 @@ pub enum WorkingMemory {
     Local,
     /// A buffer that the host allocates for all work-items.
     Scratch,
-    /// A pool that the kernel allocates from.
+    /// A pool from which the kernel allocates.
     Heap,
 }
 

@@ -13,9 +13,9 @@ pub struct Header {
     pub name: String,
     /// The meaning of the value, in a line.
     pub meaning: String,
-    /// The folders that have a file of this value. Each folder belongs to one kernel family.
+    /// The folders that contain a file of this value. Each folder belongs to one kernel family.
     pub folders: Vec<&'static str>,
-    /// The values of other axes that it cannot be combined with.
+    /// The values of other axes with which it cannot be combined.
     pub contradicts: Vec<Contradiction>,
     facts: Vec<(&'static str, Said)>,
 }
@@ -42,7 +42,7 @@ impl Header {
         facts: Vec::new(),
     };
 
-    /// Returns the word of a key; empty if the header does not have the key.
+    /// Returns the word of a key; an empty one if the header does not have the key.
     pub(super) fn word(&self, key: &str) -> &'static str {
         match self.fact(key) {
             Some(Said::Word(word)) => word,
@@ -50,7 +50,7 @@ impl Header {
         }
     }
 
-    /// Returns the number of a key.
+    /// Returns the number of a key; `None` if the header does not have the key.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         match self.fact(key) {
             Some(Said::Number(number)) => Some(number),
@@ -65,7 +65,7 @@ impl Header {
 
 /// A file whose header is to be read.
 pub(super) struct Reader<'a> {
-    /// The axis it is a value of.
+    /// The axis of which it is a value.
     pub axis: &'static str,
     /// The file's path, as messages show it.
     pub path: &'a str,
@@ -95,8 +95,9 @@ impl Reader<'_> {
             }
         }
         let lacks = |key: &str, what: &str| {
-            Error::input(format!("{}, line 1: its header has no '{key}': {what}", self.path))
-                .with_help(format!("begin the file with {}; docs/own-kernels.md says more", self.example()))
+            Error::input(format!("{}, line 1: its header has no '{key}': {what}", self.path)).with_help(
+                format!("begin the file with {}; docs/own-kernels.md describes headers", self.example()),
+            )
         };
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
         let meaning = meaning.ok_or_else(|| lacks("meaning", "what the value is, in a line"))?;

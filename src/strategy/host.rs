@@ -19,15 +19,15 @@ const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// The host's memory in bytes at every moment that may be the largest.
+/// The bytes of the host's memory that are in use at each moment at which the use may be largest.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,
 }
 
 impl HostNeeds {
-    /// Returns the needs of `strategy` for `workload`. `shared` means that the device uses the host's memory,
-    /// and `verified` that the image is compared with the reference.
+    /// Returns the memory that `strategy` needs for `workload`. `shared` means that the device uses the
+    /// host's memory, and `verified` that the image is compared with the reference.
     pub fn of(strategy: &Strategy, workload: &Workload, shared: bool, verified: bool) -> Self {
         let w = workload;
         let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);

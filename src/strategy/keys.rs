@@ -1,4 +1,4 @@
-//! The keys of headers: the properties that the host needs of values that are files, by axis.
+//! The keys of headers, by axis: the properties of values that are files, as far as the host needs them.
 
 use std::fmt;
 use std::ops::RangeInclusive;

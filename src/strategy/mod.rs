@@ -46,7 +46,7 @@ macro_rules! strategy {
         pub const AXES: &[AxisInfo] = &[$($type::INFO),+];
 
         impl Strategy {
-            /// Changes the value of one axis by name. An unknown name or value is a mistake of the user.
+            /// Changes the value of one axis by name. An unknown name or value is a user error.
             pub fn set(&mut self, axis: &str, value: &str) -> Result<()> {
                 match axis {
                     $(stringify!($field) => self.$field = $type::parse(value)?,)+
@@ -68,7 +68,7 @@ strategy! {
     traversal: Traversal,
     /// The memory of the nine working vectors.
     vectors: Vectors,
-    /// The memory that triangles are read from.
+    /// The memory from which triangles are read.
     triangles: Triangles,
     /// The layout of triangles.
     layout: Layout,

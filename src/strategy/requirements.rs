@@ -37,7 +37,7 @@ const QUEUE_ENTRY_BYTES: u64 = 8;
 /// Bytes of a pixel's word with the lights that reach it.
 const LIT_BYTES: u64 = 4;
 
-/// Limit for the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. Drivers keep
+/// Limit on the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. Drivers keep
 /// values that live across a barrier once per work-item of a group, and overflow the stack without an error.
 const CPU_STACK_BYTES: u64 = 5 << 20;
 
@@ -48,11 +48,11 @@ pub struct Requirements {
     pub local_bytes: u64,
     /// Bytes of `__constant` memory.
     pub constant_bytes: u64,
-    /// Bytes of global scratch or heap memory, in addition to scene and image.
+    /// Bytes of global scratch or heap memory, in addition to the scene and the image.
     pub scratch_bytes: u64,
     /// Bytes of private memory for the working vectors of a whole work-group.
     pub private_bytes: u64,
-    /// Bytes of global memory for scene, image and data passed between kernels.
+    /// Bytes of global memory for the scene, the image and the data passed between kernels.
     pub global_bytes: u64,
 }
 
@@ -126,7 +126,7 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Adds the whole scene in one memory.
+/// Adds the bytes of the whole scene, in one memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -209,7 +209,7 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the scene and its tree. Each term is one buffer.
+/// Returns the global memory for the scene and its tree. Each term is one buffer.
 fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.reads_mesh() {
@@ -233,7 +233,8 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns scene, image and the data passed between kernels. Each term is one buffer.
+/// Returns the global memory for the scene, the image and the data passed between kernels. Each term is one
+/// buffer.
 pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = scene(strategy, w);
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
@@ -263,7 +264,7 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     sum
 }
 
-/// Returns the bytes of a tree's node, and an estimate of the number of nodes. It assumes full nodes and, if
+/// Returns the bytes of a tree node, and an estimate of the number of nodes. It assumes full nodes and, if
 /// leaves may have more than four triangles, half-full leaves (unused slots of a node make leaves smaller),
 /// and adds half as many nodes.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {

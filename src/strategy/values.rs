@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::sync::{LazyLock, PoisonError, RwLock};
 
 /// The folders of values, and the axis to which their files belong. A value may have a file in several
-/// folders, one per family that supports it; the first one has its header.
+/// folders, one per family that supports it; the first file contains its header.
 pub const FOLDERS: [(&str, &str); 7] = [
     ("cast/vectors/", "vectors"),
     ("cast/triangles/", "triangles"),
@@ -63,7 +63,7 @@ impl Sources {
     }
 }
 
-/// A value before its header is read: axis, name, and the folders that have a file of it.
+/// A value before its header is read: its axis, its name, and the folders that contain a file of it.
 struct Named {
     axis: &'static str,
     name: String,
@@ -71,7 +71,7 @@ struct Named {
 }
 
 impl Named {
-    /// Returns the file that has its header.
+    /// Returns the file that contains its header.
     fn file(&self) -> String {
         let folder = self.folders.first().copied().unwrap_or_default();
         format!("{folder}{}.cl", self.name.replace('-', "_"))

@@ -110,8 +110,8 @@ impl Workload {
         ]
     }
 
-    /// Returns the number of values that separate passes hand on: one per ray from the eye, or one per pixel, rounded up to
-    /// whole tiles.
+    /// Returns the number of values that separate passes pass on: one per ray from the eye, or one per pixel,
+    /// rounded up to whole tiles.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.shares_tiles() {
             self.shared_rays(strategy)

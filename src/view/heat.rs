@@ -32,7 +32,8 @@ impl Heat {
     /// Makes the map of a scene.
     ///
     /// # Errors
-    /// The scene has more triangles than a tree can index.
+    ///
+    /// Fails if the scene has more triangles than a tree can index.
     pub fn new(scene: &Arc<Scene>) -> Result<Self> {
         let tree = cost::tree_of(&scene.mesh)?;
         Ok(Self { of: Arc::clone(scene), scene: scene.as_ref().clone(), tree, steps: 0 })

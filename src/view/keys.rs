@@ -34,7 +34,7 @@ pub enum Action {
     LocalSize(isize),
     /// Take the next device.
     Device,
-    /// Show heat map of triangle tests, on or off again.
+    /// Show the heat map of triangle tests, or hide it.
     Tests,
     /// Go back to the scene's own camera.
     Reset,
@@ -107,7 +107,7 @@ pub const KEYS: &[Row] = &[
         about: "heat map of triangle tests, on or off",
         keys: &[(Key::Char('t'), Action::Tests)],
     },
-    Row { names: "r", about: "the scene's own camera again", keys: &[(Key::Char('r'), Action::Reset)] },
+    Row { names: "r", about: "back to the scene's own camera", keys: &[(Key::Char('r'), Action::Reset)] },
     Row { names: "h", about: "these keys", keys: &[(Key::Char('h'), Action::Help)] },
     Row {
         names: "q Escape",

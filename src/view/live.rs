@@ -177,7 +177,8 @@ impl Live {
     /// Takes the next strategy that the device can cast.
     ///
     /// # Errors
-    /// There is no other; the message has the last one's reason.
+    ///
+    /// Fails if there is no other; the message states the reason for the last one.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let limits = self.device.info.limits;
         let usual = self.strategies.others(step).map(|strategies| {
@@ -190,7 +191,8 @@ impl Live {
     /// Takes the next local size that the device can cast with.
     ///
     /// # Errors
-    /// There is no other; the message has the last one's reason.
+    ///
+    /// Fails if there is no other; the message states the reason for the last one.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
         let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
         self.take(ways.collect())
@@ -216,10 +218,11 @@ impl Live {
         })
     }
 
-    /// Takes the next device, with the strategy and local size that are usual for it.
+    /// Takes the next device, with the usual strategy and local size for it.
     ///
     /// # Errors
-    /// The device is the only one, or the next one cannot be opened.
+    ///
+    /// Fails if the device is the only one, or if the next one cannot be opened.
     pub fn next_device(&mut self) -> Result<()> {
         let found: Vec<Device> =
             discover(&self.sources)?.into_iter().filter(|device| device.info.unusable.is_none()).collect();
@@ -245,8 +248,8 @@ impl Live {
         Ok(())
     }
 
-    /// Reads scene and kernels again, and keeps strategy and local size. If this fails, everything stays as
-    /// it was.
+    /// Reads the scene and the kernels again, and keeps the strategy and the local size. If this fails,
+    /// everything stays as it was.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;
         let loaded = self.subject.load(true, self.dressed)?;

@@ -92,8 +92,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which says
-    /// whether files have changed.
+    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which
+    /// returns whether files have changed.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
         loop {
@@ -252,8 +252,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Changes the strategy, local size or device. If this fails, everything stays as it is, and a note gives
-    /// the reason.
+    /// Changes the strategy, local size or device. If this fails, everything stays as it is, and a note
+    /// states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {

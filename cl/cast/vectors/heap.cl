@@ -2,10 +2,10 @@
 // memory: heap
 // bytes_per_ray: 108
 //
-// Working vectors taken from a global pool inside the kernel, one allocation a vector: the paper's malloc,
-// which OpenCL C does not have. heap_top counts the varyings taken; the host zeroes it before a launch and
-// compares it with the pool's size after: an allocation beyond the pool lands on its start, so that nothing
-// is written outside, and the host refuses the image.
+// Working vectors taken from a global pool inside the kernel, one allocation per vector: the paper's malloc, which
+// OpenCL C does not have. heap_top counts the varyings taken; the host zeroes it before a launch and compares it with
+// the pool's size after: an allocation beyond the pool lands on its start, so that nothing is written outside, and the
+// host refuses the image.
 
 typedef struct {
     volatile __global varying *vector[WORKING_VECTORS];

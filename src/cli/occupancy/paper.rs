@@ -23,9 +23,9 @@ fn predicted(items: u32) -> u32 {
 struct Row {
     size: LocalSize,
     predicted: u32,
-    /// With its 63 registers.
+    /// With the paper's 63 registers.
     held: Occupancy,
-    /// With its 63 registers and optimisation 1's vectors.
+    /// With the paper's 63 registers and optimisation 1's vectors.
     held_with_vectors: Occupancy,
 }
 

@@ -7,8 +7,8 @@ use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
-/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. With a compute capability, the
-/// prediction is made for that one instead of the device's own.
+/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. If a compute
+/// capability is given, the prediction is for that one and not for the device's own.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;

@@ -36,12 +36,12 @@ pub struct Cast {
     pub read_ms: f64,
     /// Number of samples per pixel.
     pub sampling: Sampling,
-    /// Numbers of samples that pixels got, if pixels differ.
+    /// How many pixels got each number of samples, if pixels differ.
     pub counts: Option<SampleCounts>,
 }
 
 impl Cast {
-    /// Returns the number of samples per pixel, and how many the pixels got.
+    /// Returns the requested samples per pixel, and how many each pixel got if pixels differ.
     pub fn sampled(&self) -> (Sampling, Option<&SampleCounts>) {
         (self.sampling, self.counts.as_ref())
     }

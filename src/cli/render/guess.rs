@@ -1,5 +1,5 @@
-//! Guesses the program that a picture needs before its scene is read, so that it can be built early: the
-//! program of the last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
+//! Guesses, before a scene is read, which program its picture needs, so that the program can be built early:
+//! the one used last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
 //! time.
 
 use super::{Args, is_dressed};
@@ -88,14 +88,14 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of samples per pixel. A bare mesh has its own default; the file's name tells whether it is one
-/// before it is read.
+/// Returns the number of samples per pixel. A bare mesh has a default of its own; whether the file is one is
+/// decided by its name, before it is read.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)
 }
 
-/// The scene's file as it is, and all arguments that choose a program.
+/// Identifies the scene's file in its present state, and all arguments that affect which program is chosen.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;

@@ -39,8 +39,9 @@ pub(super) fn check(
     let (sampling, counts) = sampling;
     if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
         let Sampling { first, most } = sampling;
-        let message =
-            format!("the picture is wrong: pixels have numbers of samples other than {first} and {most}");
+        let message = format!(
+            "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
+        );
         return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
     }
     let count = |pixel: usize| {

@@ -1,5 +1,5 @@
 //! Stores a program in the cache if the driver needs a long time to return its binary. The picture does not
-//! wait: a background process of low priority does it.
+//! wait for this: a background process with low priority does it.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};
@@ -15,10 +15,10 @@ use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a process began to make a binary.
 const KIND: &str = "order";
-/// After this time, a process that began counts as dead.
+/// A process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// A program that is to be stored.
+/// A program to be stored.
 #[derive(Serialize, Deserialize)]
 struct Order {
     /// The device's identity.

@@ -22,7 +22,7 @@ use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Instant;
 
-/// Frames per second, if neither an option nor the scene says how many.
+/// The frames per second if neither an option nor the scene sets them.
 const USUAL_RATE: u16 = 30;
 
 /// The heading of these options in the help. Every option names the heading, since one for the group would
@@ -38,7 +38,7 @@ pub struct Motion {
     /// Render the frames of the scene's [animation], as numbered PNGs, an .apng or a y4m stream
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
-    /// Render only frames A to B, both included; the first is 1
+    /// Render only frames A to B, both included; the first frame is 1
     #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
     /// Render only one of several equal parts, such as 3/16; auto takes both numbers from the launcher
@@ -123,7 +123,7 @@ struct Report {
 pub fn run(args: &Args) -> Result<()> {
     let start = Instant::now();
     Sink::check(args)?;
-    // How many frames an animation has is known when its scene is loaded.
+    // The number of an animation's frames is not known before its scene is loaded.
     if let Some(all) = args.motion.turntable.map(|count| args.motion.asked(count)).transpose()?
         && args.motion.share(all)?.is_none()
     {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Adds to an error that all measurements are stored, and how to continue.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
-    let command = format!("to go on from here: {}", resuming(args, out));
+    let command = format!("to continue from here: {}", resuming(args, out));
     match &error {
         Error::Run { help, .. } => {
             let help = format!("{help}\n{command}");

@@ -23,14 +23,14 @@ use std::sync::atomic::AtomicBool;
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
     let out = args.out.clone().ok_or_else(|| {
-        Error::input("--shard needs --out: the folder in which all shards write")
-            .with_help("give one that every machine can reach, such as --out results/sweep")
+        Error::input("--shard needs --out: the folder to which all shards write")
+            .with_help("name a folder that every machine can reach, such as --out results/sweep")
     })?;
     if args.cl_dir.len() > 1 {
         return Err(Error::input(
             "two folders of kernels can only be compared on one machine, in the same rounds",
         )
-        .with_help("leave out --shard, or give only one --cl-dir"));
+        .with_help("leave out --shard, or use only one --cl-dir"));
     }
     let sources = two_kernels::sources(&args.cl_dir, false)?;
     let experiment = config::load(&args.config, &args.set)?;

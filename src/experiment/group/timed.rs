@@ -23,7 +23,7 @@ pub(super) struct Timed<'b, 's, K> {
     pub launch: u32,
     pub number: usize,
     pub start: Instant,
-    /// Measures what other processes take.
+    /// Measures the load of other processes.
     pub watch: Watch,
     /// Number of workers that were lost before the launch began.
     pub losses: usize,

@@ -38,7 +38,7 @@ use error::Error;
 use interval::interval;
 use spread::Pooled;
 
-/// Number of parts that the time of a single launch is split into. Every point has at least this many
+/// Number of parts into which the time of a single launch is split. Every point has at least this many
 /// samples.
 const STRETCHES: usize = MIN_SAMPLES;
 

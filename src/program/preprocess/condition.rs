@@ -57,7 +57,7 @@ fn answer_questions(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
         let (name, after) = match after {
             [open, name, close, after @ ..] if open.is("(") && close.is(")") => (name, after),
             [name, after @ ..] if name.kind == Kind::Name && !builtin => (name, after),
-            _ => return Err(format!("{} wants a name", first.text)),
+            _ => return Err(format!("{} needs a name", first.text)),
         };
         let yes = if builtin {
             compiler.ask(&format!("__has_builtin({})", name.text)).is_some_and(|value| value != 0)

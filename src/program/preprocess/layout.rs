@@ -50,7 +50,8 @@ impl What {
 }
 
 impl Layout {
-    /// Adds expanded text. `offset` is added to its tokens' lines to get those of the file.
+    /// Adds expanded text. `offset` is added to the line numbers of its tokens to get line numbers in the
+    /// file.
     pub fn add(&mut self, file: &Rc<str>, offset: i64, text: &[Token]) {
         // A final line end does not begin another line.
         let ended = text.last().is_none_or(|last| last.kind == Kind::NewLine);

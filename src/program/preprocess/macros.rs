@@ -32,7 +32,7 @@ impl Macros {
         let start = line.iter().position(Token::is_code).unwrap_or(line.len());
         let Some((name, rest)) = line[start..].split_first().filter(|(name, _)| name.kind == Kind::Name)
         else {
-            return Err("#define wants a name".to_owned());
+            return Err("#define needs a name".to_owned());
         };
         let (parameters, body) = match rest.first() {
             Some(bracket) if bracket.is("(") => {

@@ -36,7 +36,7 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The remaining lines.
     pub lines: Vec<Line>,
-    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not give.
+    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not pass.
     /// They counted as absent.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except those in branches that are not compiled.
@@ -50,11 +50,11 @@ impl Preprocessed {
     }
 }
 
-/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` has the values of the
+/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` contains the values of the
 /// compiler's own macros, and of `__has_builtin(NAME)`, for conditions; elsewhere in the text such macros are
 /// not expanded.
 ///
-/// An `#error` that is reached, an unknown directive and a wrong use of a macro are mistakes of the user.
+/// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
     let mut run = Preprocessor::new(given);
     for option in defines(options) {
@@ -130,7 +130,8 @@ impl Preprocessor {
         let place = i64::from(line) + self.offset;
         let file = if self.file.is_empty() { "the text" } else { &self.file };
         Error::input(format!("{file}, line {place}: {message}")).with_help(
-            "give what it asks for by --local-size or an axis, or mend that line; --cl-dir names the folder",
+            "set what it asks for with --local-size or an axis, or correct that line; --cl-dir names the \
+             folder",
         )
     }
 
@@ -184,11 +185,11 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it gives the file and line of
-    /// the next line.
+    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it states the file and line
+    /// of the next line.
     fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
-        let next = next.ok_or_else(|| self.mistake(line, "#line wants a number"))?;
+        let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;
         self.offset = next - i64::from(line) - 1;
         if let Some(file) = code.get(1) {
             let name = file.text.trim_matches('"');
@@ -206,7 +207,7 @@ impl Preprocessor {
         let decided = match (name, named) {
             ("ifdef", Some(named)) => Ok(self.compiler.is_defined(&self.macros, &named)),
             ("ifndef", Some(named)) => Ok(!self.compiler.is_defined(&self.macros, &named)),
-            ("ifdef" | "ifndef", None) => Err(format!("#{name} wants a name")),
+            ("ifdef" | "ifndef", None) => Err(format!("#{name} needs a name")),
             _ => condition::holds(code, &self.macros, &mut self.compiler),
         };
         decided.map_err(|message| self.mistake(line, message))

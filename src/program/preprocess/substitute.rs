@@ -5,7 +5,7 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body for a call with these arguments. Errors have the line of the argument.
+/// Returns the body for a call with these arguments. An error names the line of the argument.
 pub(super) fn substitute(
     macros: &Macros,
     called: &Macro,
@@ -41,8 +41,8 @@ pub(super) fn substitute(
     Ok(made)
 }
 
-/// Returns an argument as spelled, without comments. An empty argument gives a placeholder token, which `##`
-/// replaces by its other operand.
+/// Returns an argument as spelled, without comments. For an empty argument, returns a placeholder token,
+/// which `##` replaces by its other operand.
 fn as_spelled(argument: &[Token]) -> Vec<Token> {
     let mut spelled: Vec<Token> =
         argument.iter().filter(|token| token.kind != Kind::Comment).cloned().collect();

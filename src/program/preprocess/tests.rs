@@ -96,7 +96,7 @@ fn what_is_not_closed_or_not_opened_is_told() {
         assert!(mistake(&format!("#{name}\n")).contains("without #if"), "{name}");
     }
     assert!(mistake("#include \"a.cl\"\n").contains("#include is not understood"));
-    assert!(mistake("#define\n").contains("wants a name"));
+    assert!(mistake("#define\n").contains("needs a name"));
     assert!(mistake("#define F(a, ...) a\n").contains("the parameters of F"));
 }
 
@@ -292,7 +292,7 @@ fn sources() -> impl proptest::strategy::Strategy<Value = String> {
 proptest::proptest! {
     #[test]
     fn what_is_preprocessed_stays_as_it_is(source in sources()) {
-        // Some of these call F wrongly and give an error.
+        // Some of these call F wrongly, which is an error.
         if let Ok(once) = run(&source, "") {
             let again = run(&once.text(), "").map(|found| found.text());
             proptest::prop_assert_eq!(again.ok(), Some(once.text()));

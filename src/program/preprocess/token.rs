@@ -57,7 +57,7 @@ impl Token {
     }
 }
 
-/// Splits a text into tokens; joined again, they give the same text.
+/// Splits a text into tokens; joined again, they are the same text.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let (mut rest, mut line) = (text, 1);

@@ -160,7 +160,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     }
 }
 
-/// Returns first quartile, median and third quartile in cycles.
+/// Returns the first quartile, the median and the third quartile in cycles.
 fn in_cycles(peak: &Peak, figure: &Figure) -> Option<[f64; 3]> {
     let per_ns = peak.cycles(&Figure { median: 1.0, ..*figure })?;
     Some([figure.q1, figure.median, figure.q3].map(|ns| ns * per_ns))

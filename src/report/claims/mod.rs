@@ -1,9 +1,9 @@
 //! Quotes the paper's claims and tests each of them on the records of one device.
 //!
-//! They are in `claims.toml`: sentence, figure, and the tests that must hold. Only claims that do not depend
-//! on the speed of a device are tested: which of two points is faster, by how much, which block size is best,
-//! which scene fits into a memory. All are judged by the same rule: see [`Verdict::of_all`]. The published
-//! values were measured on the paper's device, which it does not name.
+//! They are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Only claims
+//! that do not depend on the speed of a device are tested: which of two points is faster, by how much, which
+//! block size is best, which scene fits into a memory. All are judged by the same rule: see
+//! [`Verdict::of_all`]. The published values were measured on the paper's device, which it does not name.
 
 mod claim_data;
 mod kinds;
@@ -73,7 +73,8 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The text lists five scenes; Figure 6's legend has four.",
     "Figures 6 to 8 have no point at 14 x 14, though the text names the size.",
-    "There are no repeats, no error bars and no device name, so none of its differences can be called significant.",
+    "The paper has no repeats, no error bars and no device name, so none of its differences can be called \
+     significant.",
     "Figure 3's caption puts the lower light at (2, 0, 0); the picture is lit from (3, 0.95, -1.5).",
 ];
 

@@ -1,4 +1,4 @@
-//! The points that claims refer to: "naive 8x8 on teapot".
+//! The points to which claims refer, such as "naive 8x8 on teapot".
 
 use crate::error::nearest;
 use crate::record::{HOST, Record, by};

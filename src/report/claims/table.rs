@@ -15,13 +15,13 @@ const TABLE: &str = include_str!("claims.toml");
 pub struct Row {
     /// The paper's words.
     pub sentence: String,
-    /// The section of the paper that has the sentence, and its figure.
+    /// The section of the paper that contains the sentence, and the figure to which it refers.
     pub place: String,
     /// The values of the paper's figures.
     pub published: String,
     /// Our interpretation of the sentence.
     pub reading: String,
-    /// A contradiction in the paper, or with arithmetic.
+    /// A contradiction within the paper, or between the paper and arithmetic.
     #[serde(default)]
     pub contradiction: String,
     /// The configs whose records are needed.

@@ -56,9 +56,10 @@ impl Comparison {
 
     /// Compares two folders. A `threshold` of 0.02 is 2%. With `bare`, plain times are compared.
     ///
-    /// Points correspond if scene, image size, strategy and local size are equal. Devices correspond by name.
-    /// If each folder has a single device, these two correspond, so that results of different machines can be
-    /// compared. Scenes correspond by content if both folders have recorded it, else by name.
+    /// Points correspond if their scenes, image sizes, strategies and local sizes are equal. Devices
+    /// correspond by name. If each folder has a single device, these two correspond, so that results of
+    /// different machines can be compared. Scenes correspond by content if both folders have recorded it,
+    /// else by name.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let (before, after) = (&beside_anchors(before), &beside_anchors(after));
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
@@ -176,14 +177,15 @@ impl Comparison {
             |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
         if of(Against::PointsInCommon) {
             self.notes.push(
-                "No baseline was measured in the rounds of both: changes are relative to the points that changed alike, so \
-                 that a change shared by all points cannot be detected."
+                "No baseline was measured in the rounds of both folders: changes are relative to the points \
+                 that changed by similar factors, so a change shared by all points cannot be detected."
                     .to_owned(),
             );
         }
         if of(Against::BareTimes) {
             self.notes.push(
-                "These are bare times: they include every other change between the runs, such as load and clock rates."
+                "These are plain times: they include every other change between the runs, such as load and \
+                 clock rates."
                     .to_owned(),
             );
         }
@@ -195,8 +197,7 @@ impl Comparison {
     }
 
     /// Returns the regressions of more than `limit_percent`, one line each, and the points that ran before
-    /// and fail now. Of 50 comparisons of equal programs, at most one
-    /// reports a regression.
+    /// and fail now. At most one in 50 comparisons of equal programs reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }

@@ -41,10 +41,12 @@ impl Comparison {
     /// Explains how verdicts are found.
     fn rule(&self) -> String {
         format!(
-            "In each folder, a point's time is divided by the time of the anchor, a fixed kernel that is timed in the same rounds. Without an anchor, \
-             it is divided by the times of the baselines, or else of the points that changed by similar factors. The change is the ratio between the folders. \
-             A point is faster or slower if the 95% interval of its change lies beyond {0}%, the same if the interval lies within {0}%, \
-             and unclear otherwise. At most one verdict of 40 is wrong. Points with fewer than five samples in a launch are not judged.",
+            "In each folder, a point's time is divided by the time of the anchor, a fixed kernel that is \
+             timed in the same rounds. Without an anchor, it is divided by the times of the baselines, or \
+             else of the points that changed by similar factors. The change is the ratio between the \
+             folders. A point is faster or slower if the 95% interval of its change lies beyond {0}%, the \
+             same if the interval lies within {0}%, and unclear otherwise. At most one verdict in 40 is \
+             wrong. Points with fewer than five samples in a launch are not judged.",
             self.threshold_percent()
         )
     }

@@ -22,7 +22,7 @@ pub struct Pair {
     pub change: Option<(Interval, Against)>,
 }
 
-/// The measurements that a change is relative to.
+/// The measurements to which a change is relative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {

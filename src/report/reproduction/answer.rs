@@ -68,8 +68,8 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from the run that has most memories. Each line says so if nothing is
-/// known.
+/// Returns the answer for a device, from the run that has the most memory strategies. If nothing is known,
+/// each line says so.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     let kinds = |run: &&Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -96,7 +96,7 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
 
 fn unknown() -> Answer {
     let line =
-        || "not known: no run of several memory strategies (`raycl run configs/figure-8.toml`)".to_owned();
+        || "not known: no run has several memory strategies (`raycl run configs/figure-8.toml`)".to_owned();
     Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
 }
 
@@ -160,7 +160,7 @@ fn sizes(records: &[&Record]) -> String {
 }
 
 /// Explains the result by the memory traffic that the best kernel avoids and by the compiler's output for
-/// both, for the scene with most triangles.
+/// both, for the scene with the most triangles.
 fn why(contests: &[Contest<'_>]) -> String {
     let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
         return NO_WINNER.to_owned();

@@ -12,7 +12,7 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Returns whether values can be interpolated: it is a number, or a list of such values.
+/// Returns whether a value can be interpolated: it is a number, or a list of values that can be interpolated.
 pub(super) fn is_numeric(value: &Value) -> bool {
     match value {
         Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),
@@ -30,7 +30,8 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. All values are alike.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. All values have the same
+/// structure.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,

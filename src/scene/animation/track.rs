@@ -31,7 +31,7 @@ impl Track {
         if path.get_ref().split('.').count() > MAX_DEPTH {
             return Err(document.error(
                 path.span(),
-                "this path is longer than that of any value of a scene",
+                "this path is longer than the path of any value of a scene",
                 "this path",
             ));
         }
@@ -49,7 +49,9 @@ impl Track {
 
     /// Refuses to replace the value of an earlier track.
     ///
-    /// # Errors Both have the same path, or the earlier one's is a part of this one's value.
+    /// # Errors
+    ///
+    /// Fails if both have the same path, or if the earlier track's value is a part of this one's.
     pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
         let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
         let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
@@ -93,7 +95,7 @@ impl Track {
 /// The remedy for values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
-/// Returns the frames of `at`, which has to have one for each value.
+/// Returns the frames in `at`, which must contain one for each value.
 fn given(
     document: &Document,
     at: &Spanned<Vec<Spanned<u32>>>,
@@ -119,14 +121,14 @@ fn given(
     Ok(list.iter().map(|frame| f64::from(*frame.get_ref())).collect())
 }
 
-/// Returns `values` places from the first frame to the last, at equal distances.
+/// Returns `values` positions from the first frame to the last, at equal distances.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
     // The multiplication comes before the division, so that whole frames are exact.
     (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
 }
 
-/// Returns the interpolation, which has to suit the values.
+/// Returns the interpolation, which must suit the values.
 fn checked(
     document: &Document,
     values: &[Spanned<Value>],

@@ -28,7 +28,7 @@ pub(in crate::scene) struct AnimationWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene) struct TrackWire {
-    /// The value's path, as of --set: camera.position, light.0.power, object.2.rotation.
+    /// The value's path, as in --set: camera.position, light.0.power, object.2.rotation.
     #[schemars(with = "String")]
     pub path: Spanned<String>,
     /// The frames at which it has `values`, ascending [default: evenly from the first to the last].
@@ -42,7 +42,7 @@ pub(in crate::scene) struct TrackWire {
     pub interpolation: Option<Spanned<Interpolation>>,
 }
 
-/// How the values between two keyframes follow from them.
+/// How the values between two keyframes are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::scene) enum Interpolation {

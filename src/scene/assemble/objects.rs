@@ -1,4 +1,5 @@
-//! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then places and paints it.
+//! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then transforms it and sets
+//! its materials.
 
 use crate::error::{Error, Result, line_of, nearest, nearest_file};
 use crate::filetype::{MeshFormat, Opened, Wanted};

@@ -108,7 +108,7 @@ fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<Me
     file.map(told).map_err(|_| mistake())
 }
 
-/// Returns the error for a mistake in a mesh that has no line.
+/// Returns the error for a mistake in a mesh if no line is known.
 fn mistake(name: &str, what: impl std::fmt::Display) -> Error {
     Error::input(format!("{name}: {what}"))
         .with_help("the file may be cut off or damaged; export it again, or convert it to OBJ")

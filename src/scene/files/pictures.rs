@@ -19,7 +19,7 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// An error about a picture, in words that follow the picture's name.
+/// An error about a picture; its words follow the picture's name in a message.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.
@@ -34,12 +34,12 @@ pub(in crate::scene) struct Usage {
 }
 
 impl Usage {
-    /// Returns the use as a colour.
+    /// Returns the use of a picture as a colour.
     pub fn colour(wrap: [Wrap; 2]) -> Self {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the use as a mask: where alpha is less than this, from 0 to 1, there is a hole.
+    /// Returns the use of a picture as a mask: where alpha is less than this, from 0 to 1, there is a hole.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }
@@ -96,7 +96,7 @@ impl Pictures {
     }
 }
 
-/// Gives a picture without transparent texels an alpha channel: its brightness.
+/// Adds an alpha channel, its brightness, to a picture without transparent texels.
 pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     if texture.texels.iter().any(|texel| texel >> 24 < 255) {
         return;

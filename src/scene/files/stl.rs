@@ -98,8 +98,8 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
-/// Returns three corners per triangle of a text file. It uses only `vertex x y z`, three before each `endfacet`.
-/// The error has the line.
+/// Returns three corners per triangle of a text file. Only the lines `vertex x y z` are used, three before
+/// each `endfacet`. An error names the line.
 fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
     let mut corners = Vec::new();
     let lines = || bytes.split(|&byte| byte == b'\n');
@@ -126,7 +126,7 @@ fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<
     Ok(DVec3::new(number()?, number()?, number()?))
 }
 
-/// Joins equal corners to one position.
+/// Joins equal corners into one position.
 fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
     // Adding zero makes -0 and 0 equal.
     let mut order: Vec<([u64; 3], u32)> = (0..)

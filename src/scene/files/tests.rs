@@ -32,7 +32,7 @@ fn files_cut_off_anywhere_and_with_any_byte_changed_do_not_panic() {
             for byte in [b'0', b'9', b'-', b' ', 0xff] {
                 let mut changed = whole.clone();
                 changed[place] = byte;
-                // A file that is read must give a valid mesh.
+                // A file that is read must contain a valid mesh.
                 if let Ok(file) = parse(format, &changed) {
                     let count = file.mesh.positions.len();
                     let corners = file.mesh.triangles.iter().flat_map(|triangle| triangle.positions);

@@ -1,10 +1,9 @@
 //! Wavefront OBJ -> [`Mesh`], from files of any quality.
 //!
 //! Geometry is read here and not by `tobj`: `tobj` 4.0.5 lets NaN, infinities
-//! and `1e400` through, gives fewer normals than positions for `f 1//1 2 3`, turns
-//! `l 1 2 3` into a triangle, fans concave polygons, refuses a byte order mark,
-//! `\` continuations and Latin-1 text, reports no line, and uses one core. Its MTL
-//! reader is used ([`mtl`]), and its OBJ reader is the oracle of our tests.
+//! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a
+//! triangle, fans concave polygons, refuses a byte order mark, `\` continuations and Latin-1 text, reports no
+//! line, and uses one core. Its MTL reader is used ([`mtl`]), and its OBJ reader is the oracle of our tests.
 //!
 //! Two passes over the text, both in parallel over pieces of whole lines: the first
 //! reads vertices and normals, the second faces, when every index can be checked.
@@ -101,7 +100,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
-/// Gives triangles the colours of their vertices, if any vertex has one.
+/// Colours triangles by their vertices, if any vertex has a colour.
 fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String>) {
     let coloured = points.iter().map(|chunk| chunk.coloured).sum();
     if coloured == 0 {

@@ -24,7 +24,7 @@ pub(super) struct PointChunk {
     pub colours: Vec<Vec3>,
     /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
-    /// Vertices of two numbers.
+    /// Number of vertices with only two coordinates.
     pub flat: Seen,
     /// Unsupported statements.
     pub asked: Asked,
@@ -42,7 +42,8 @@ impl PointChunk {
         self.colours.push((Vec3::new(red, green, blue) / most).map(linear));
     }
 
-    /// Reads a vertex of two numbers, and counts it. Anything else is the given mistake.
+    /// Reads a vertex with only two coordinates (z is 0), and counts it. For anything else, returns the given
+    /// mistake.
     fn flat_vertex(
         &mut self,
         offset: usize,
@@ -89,13 +90,13 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
     Ok(points)
 }
 
-/// Accepts vertices of two numbers if the file has no others, as in a drawing of a plane; their third is 0.
-/// Otherwise the first of them is a mistake.
+/// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. Otherwise the
+/// first of them is a mistake.
 pub(super) fn check_flat(chunks: &[PointChunk], notes: &mut Vec<String>) -> Result<(), Mistake> {
     let flat = chunks.iter().map(|chunk| chunk.flat).fold(Seen::default(), Seen::joined);
     let total: usize = chunks.iter().map(|chunk| chunk.positions.len()).sum();
     if 0 < flat.count && flat.count < total {
-        return Err(Mistake::new(flat.first, "a vertex of 2 numbers; expected three: x y z"));
+        return Err(Mistake::new(flat.first, "a vertex with 2 numbers; expected three: x y z"));
     }
     let note = || format!("{} with two numbers each: z is 0", counted(flat.count, "vertex"));
     notes.extend((flat.count > 0).then(note));
@@ -173,7 +174,7 @@ fn vector<'a>(
     let mut values = [0.0; 3];
     for (count, value) in values.iter_mut().enumerate() {
         let token = tokens.next().ok_or_else(|| {
-            Mistake::new(offset, format!("a {what} of {count} numbers; expected three: x y z"))
+            Mistake::new(offset, format!("a {what} with {count} numbers; expected three: x y z"))
         })?;
         *value = number(token).ok_or_else(|| {
             let expected = "expected a finite decimal number";

@@ -34,7 +34,7 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles: 3 vertices"),
         ("v nan 0 0\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
         ("\nv 0 1e400 0\n".to_owned(), "test.obj:2: `1e400`"),
-        ("v 0 0 0\nv 0 0\n".to_owned(), "test.obj:2: a vertex of 2 numbers; expected three"),
+        ("v 0 0 0\nv 0 0\n".to_owned(), "test.obj:2: a vertex with 2 numbers; expected three"),
         ("v 1e38 0 0\n".to_owned(), "test.obj:1: vertex (1e38"),
         (format!("{CORNERS}f 0 1 2\n"), "test.obj:4: vertex index `0`"),
         (
@@ -105,7 +105,7 @@ fn vertices_of_two_numbers_lie_in_a_plane_if_all_are_so() {
     assert_eq!(file.mesh.positions[2].z, 0.0);
     assert_eq!(file.notes, ["3 vertices with two numbers each: z is 0"]);
     let error = read("v 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n").err().unwrap().to_string();
-    assert!(error.contains("test.obj:1: a vertex of 2 numbers"), "{error}");
+    assert!(error.contains("test.obj:1: a vertex with 2 numbers"), "{error}");
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn what_a_material_has_and_needs_not_be_done_is_not_told() {
     let mtl = "# map_Kd\nnewmtl a\nmap_Kd\nbump # none\nKa 0 0 0\nKd 1 1 1\nKs 0.5 0.5 0.5\nNs 10\nKe 0 0 0\nNi 1.45\nd 1\nTr 0\nTf 1 1 1\n\
                illum 2\nPm 0\nsharpness 60\nnewmtl b\nillum 1\nKs 0 0 0\n";
     assert_eq!(notes_of("usemtl a\nf 1 2 3\nusemtl b", mtl), Vec::<String>::new());
-    // A feature of a material that no triangle uses gives no note either.
+    // A feature of a material that no triangle uses adds no note either.
     assert_eq!(notes_of("usemtl a", "newmtl a\nnewmtl b\nmap_Kd b.png\n"), Vec::<String>::new());
 }
 

@@ -83,7 +83,7 @@ impl Source<'_> {
     }
 }
 
-/// Returns what a statement should be, for messages that may not quote the text.
+/// Returns the form that a statement should have, for messages that may not quote the text.
 fn expected(line: &[u8]) -> &'static str {
     match keyword(line).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",

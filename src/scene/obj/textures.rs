@@ -19,9 +19,9 @@ const LEAST_ALPHA: f32 = 0.5;
 /// The textures of a material.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Maps {
-    /// Of `map_Kd`.
+    /// The texture of `map_Kd`.
     colour: Option<Map>,
-    /// Of `map_d`.
+    /// The texture of `map_d`.
     mask: Option<Map>,
 }
 
@@ -82,7 +82,7 @@ pub(super) struct Map {
     pub name: String,
     /// The location of the line that names it, for messages.
     at: String,
-    /// True if the material has no colour or black, which would hide the texture.
+    /// True if the material has no colour, or is black, which would hide the texture.
     alone: bool,
     scale: [f32; 2],
     offset: [f32; 2],
@@ -167,7 +167,7 @@ pub(super) struct Places {
     pub corners: Vec<[u32; 3]>,
 }
 
-/// Gives the triangles of a mesh their textures; only materials that a triangle uses are considered.
+/// Assigns textures to the triangles of a mesh; only materials that a triangle uses are considered.
 pub(super) fn apply(
     mesh: &mut Mesh,
     maps: &[Maps],
@@ -206,7 +206,7 @@ pub(super) fn apply(
 pub(in crate::scene) fn unmapped(count: usize) -> String {
     let (have, their) = if count == 1 { ("has", "its material's") } else { ("have", "their materials'") };
     format!(
-        "{} {have} a texture and no texture coordinates: {their} own colour is used",
+        "{} {have} a texture but no texture coordinates: {their} own colour is used",
         counted(count, "triangle")
     )
 }

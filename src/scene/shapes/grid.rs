@@ -22,8 +22,8 @@ pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3
 }
 
 /// Returns the triangles of a closed surface around the y axis: `rings` circles of `segments` vertices
-/// between two poles give 2 x segments x rings triangles. `profile` returns radius and height over t from 0
-/// (the lower pole) to 1.
+/// between two poles give 2 x segments x rings triangles. `profile` returns the radius and the height over t
+/// from 0 (the lower pole) to 1.
 pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, f64) + Sync) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(1));
     let pole = |t: f64, normal| (DVec3::new(0.0, profile(t).1, 0.0), normal);

@@ -48,7 +48,7 @@ fn foot(number: u32, a_side: u32) -> DVec3 {
     DVec3::new(side * 0.27 * WIDTH, 0.0, -LENGTH * depth)
 }
 
-/// Returns a column with base and capital, open at both ends.
+/// Returns a column with a base and a capital, open at both ends.
 fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     let radius = |v: f64| {
         let flare = |distance: f64| 0.13 * (-(distance / 0.06).powi(2)).exp();
@@ -62,8 +62,8 @@ fn column(around: u32, up: u32, foot: DVec3) -> Mesh {
     })
 }
 
-/// Returns floor, ceiling, left, right, back and front walls, each as a corner and two edges; the normal,
-/// edge x edge, points into the hall.
+/// Returns the floor, the ceiling and the left, right, back and front walls, each as a corner and two edges;
+/// the normal, edge x edge, points into the hall.
 fn walls() -> [[DVec3; 3]; 6] {
     let (x, y, z) = (DVec3::X * WIDTH, DVec3::Y * HEIGHT, DVec3::Z * LENGTH);
     let corner = -x / 2.0 - z;

@@ -99,7 +99,9 @@ impl Shape {
 
     /// Sets a parameter by its name in scene files.
     ///
-    /// # Errors A message, if the shape does not have the parameter or the value is out of range.
+    /// # Errors
+    ///
+    /// Returns a message if the shape does not have the parameter or the value is out of range.
     pub fn set(&mut self, parameter: &str, value: u32) -> Result<(), String> {
         let limit = if parameter == "fineness" { MAX_FINENESS } else { MAX_TRIANGLES };
         if parameter != "seed" && !(1..=limit).contains(&value) {

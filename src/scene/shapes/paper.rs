@@ -1,4 +1,4 @@
-//! The shapes whose coordinates the paper's code gives (SPEC: Hughes et al., chapter 15).
+//! The shapes whose coordinates are in the paper's code (Hughes et al., *Computer Graphics*, chapter 15).
 
 use crate::scene::{Material, Mesh, Triangle};
 use glam::Vec3;

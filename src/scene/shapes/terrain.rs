@@ -20,7 +20,8 @@ pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     })
 }
 
-/// Returns height and slopes: each octave has half the size and two fifths of the height of the previous one.
+/// Returns the height and the slopes: each octave has half the size and two fifths of the height of the
+/// previous one.
 fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);

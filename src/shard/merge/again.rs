@@ -1,5 +1,5 @@
 //! Reports shards that were attempted more than once, as after a requeue, since the first attempt may still
-//! have run during the second.
+//! have been running during the second.
 
 use super::choice::few;
 use crate::shard::Attempt;

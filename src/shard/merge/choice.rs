@@ -14,9 +14,9 @@ pub struct Chosen {
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records. A wrong image takes precedence over everything, and a time over no time. Then
-/// more samples are preferred, then the attempt whose name sorts first; clocks are never compared. Within an
-/// attempt the later record is used, as in any journal.
+/// Reads the attempts' records. A record with a wrong image takes precedence over all others, and a record
+/// with a time over one without. Then more samples are preferred, then the attempt whose name sorts first;
+/// clocks are never compared. Within an attempt the later record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {

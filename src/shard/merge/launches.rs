@@ -24,7 +24,7 @@ impl Launches {
         self.0.get(&(attempt, launch)).copied()
     }
 
-    /// Gives a record's samples the new numbers.
+    /// Renumbers the launches of a record's samples.
     pub fn renumber(&self, attempt: usize, record: &mut Record) {
         for launch in &mut record.sample_launches {
             *launch = self.number(attempt, *launch).unwrap_or(*launch);

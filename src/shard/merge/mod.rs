@@ -1,5 +1,5 @@
 //! Merges attempts into one folder of results, like that of a single run. It uses neither a device nor a
-//! clock: the same attempts always give the same folder. The attempts' folders are not changed.
+//! clock: the same attempts always result in the same folder. The attempts' folders are not changed.
 
 mod again;
 mod choice;
@@ -40,8 +40,8 @@ pub struct Merged {
 /// A record, and the index of the attempt that measured it.
 type Measured = (usize, Record);
 
-/// Merges the attempts of a folder, and writes all files except summary and pages. `meant` has words that
-/// select kinds of device; without any, all kinds that took part are used.
+/// Merges the attempts of a folder, and writes all files except summary and pages. `meant` contains words
+/// that select kinds of device; without any, all kinds that took part are used.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
@@ -79,7 +79,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 pub fn no_shards(out: &Path) -> Error {
     let what = if out.is_dir() { "holds no experiment in shards" } else { "is not a folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("give the folder that `raycl run --shard` had as --out")
+        .with_help("name the folder that `raycl run --shard` had as --out")
 }
 
 /// Refuses a folder with the results of a run, which are not merged from attempts.

@@ -44,7 +44,7 @@ impl Planned {
         self.points.iter().map(|point| point.key.as_str())
     }
 
-    /// Gives a caster on the host the name of its kind, by which tables and plots distinguish it.
+    /// Names a caster on the host after its kind, so that tables and plots distinguish it.
     pub fn tell_apart(&self, record: &mut Record) {
         if let Some(what) = self.hosts.get(&record.key) {
             record.strategy = format!("{} ({what})", record.strategy);

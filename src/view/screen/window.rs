@@ -32,7 +32,8 @@ impl Window {
     /// Opens the window.
     ///
     /// # Errors
-    /// There is no display, or its libraries are missing: a mistake of the user.
+    ///
+    /// Returns a user error if there is no display or the window's libraries are missing.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         if needs_display() && std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
             return Err(Error::input("there is no display: DISPLAY is not set").with_help(REMEDY));

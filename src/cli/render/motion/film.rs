@@ -1,4 +1,4 @@
-//! The scene of each frame, and the key by which a frame's file is known.
+//! The scene of each frame, and the key by which a frame's file is recognised.
 
 use super::super::Args;
 use crate::error::{Error, Result};
@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 /// The kind of movement from frame to frame.
 pub enum Film {
-    /// The eye, once around the scene.
+    /// The eye moves once around the scene.
     Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },
-    /// The values that the scene's file animates.
+    /// The values that the scene's file animates change.
     Animation { animation: Box<Animation>, last: Arc<Scene> },
 }
 
@@ -116,7 +116,7 @@ impl Keys {
     }
 }
 
-/// Returns a scene of nothing but a mesh.
+/// Returns a scene that contains nothing but a mesh.
 fn alone(mesh: &Arc<Mesh>) -> Scene {
     Scene {
         name: String::new(),

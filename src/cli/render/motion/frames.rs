@@ -20,7 +20,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
     match (number(first), number(last)) {
         (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
-        _ => Err("expected the first and the last frame, from 1, such as 1..30".to_owned()),
+        _ => Err("expected the first and the last frame, such as 1..30; the first is 1".to_owned()),
     }
 }
 

@@ -41,7 +41,7 @@ impl Sink {
         if ending == "apng" { target.check() } else { target.check_folder() }
     }
 
-    /// Makes the output that the file's name says, for some of `count` frames.
+    /// Makes the output that the file's name asks for, for some of `count` frames.
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {

@@ -31,7 +31,7 @@ type Ready = (Prepared, Caster);
 
 impl Stage<'_> {
     /// Casts the frame of a scene; returns its image and the device's time in milliseconds. Only what differs
-    /// from the last frame is made anew: a mesh and its tree, or lights and sky.
+    /// from the last frame is replaced: a mesh and its tree, or the lights and the sky.
     pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Radiance, f64), Refused> {
         let ready = match self.shown(scene)? {
             Some(ready) => ready,
@@ -43,7 +43,7 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Returns the program and buffers of the last frame, after giving them this scene's lights and sky. If the
+    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. If the
     /// buffers do not suit the scene, only the program is kept, so that there is room for new buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };

@@ -47,7 +47,7 @@ fn objects<'a>(
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// Gives each object of a list a key if it lacks it.
+/// Adds a key to each object of a list that lacks it.
 fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
     for object in objects(of, list) {
         object.entry(key).or_insert_with(|| usual.clone());
@@ -82,7 +82,7 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
         }
         _ => {
             let message = error.to_string();
-            // The line is said before the message.
+            // The line number is printed before the message.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             mistake(&format!("{name}:{}", error.line()), format!("not valid glTF 2.0: {what}"))
         }

@@ -23,7 +23,7 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Counts what a part lacks.
+    /// Counts the empty accessors and dangling triangles of a part.
     pub fn add(&mut self, part: &Part) {
         self.empty += part.empty;
         self.dangling += part.dangling;

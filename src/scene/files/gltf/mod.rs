@@ -18,7 +18,7 @@ use crate::scene::obj::{self, Reach, quoted};
 use nodes::Walk;
 use textures::Files;
 
-/// An error in a file, in words.
+/// The message of an error in a file.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// Reads a file named `name`, and the buffers that it names, if they may be read.
@@ -43,7 +43,7 @@ pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFi
 
 /// The remedy for a buffer that cannot be read.
 const BUFFERS: &str =
-    "keep the files that a .gltf file names in its folder, or export everything as one .glb file";
+    "put the files that a .gltf file names into its folder, or export everything as one .glb file";
 
 fn note_animations(count: usize) -> Option<String> {
     (count > 0).then(|| {

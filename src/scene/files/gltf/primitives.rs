@@ -107,7 +107,8 @@ impl Part {
         Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
     }
 
-    /// Gives every triangle its own corners, since a mesh without normals has flat faces (glTF 2.0, 3.7.2.1).
+    /// Makes separate corners for every triangle, since a mesh without normals has flat faces (glTF 2.0,
+    /// 3.7.2.1).
     fn flat(self) -> Self {
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
         let (mut colours, mut coordinates) = (Vec::new(), Vec::new());

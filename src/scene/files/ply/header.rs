@@ -7,7 +7,8 @@ const WORDS: [&[u8]; 7] =
     [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
 /// The kind of a line that begins with none of them.
 const COMMENT: &[u8] = b"comment ";
-/// Longest header that is looked through, in bytes. The reader refuses what is wrong in a longer one.
+/// The longest header that is searched, in bytes. In a longer one, the reader refuses lines that are not
+/// PLY's.
 const MAX_BYTES: usize = 1 << 20;
 
 /// Turns lines that are not PLY's into comments, and counts them: some exporters write their name without
