@@ -127,12 +127,13 @@ mod tests {
     use crate::image::Radiance;
     use crate::launch::Session;
     use crate::launch::alone::Alone;
-    use crate::launch::buffers::upload;
+    use crate::launch::buffers::{allocate, upload};
     use crate::manifest::{ROUGH_STEPS, SAMPLED_BLOCK};
     use crate::program::Sources;
     use crate::reference::rough::steps_of_blocks;
     use crate::scene::{SampleCounts, Sampling, load_scene};
     use crate::strategy::preset;
+    use ocl::Buffer;
     use ocl::prm::{Float4, Int2};
     use std::path::Path;
     use std::sync::Arc;
@@ -199,13 +200,29 @@ mod tests {
             let across = width.div_ceil(SAMPLED_BLOCK as usize);
             let blocks = across * height.div_ceil(SAMPLED_BLOCK as usize);
             let size = Int2::new(width as i32, height as i32);
+            let listed: Buffer<u32> = allocate(&self.device.queue, blocks).unwrap();
+            let counter: Buffer<u32> = upload(&self.device.queue, &[0]).unwrap();
             let wanted: Vec<u32> = self.device.results(blocks, |wanted| {
                 let mut kernel = self.device.kernel("mark_rough", blocks);
-                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(2_u32).arg(8_u32).build()
+                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(2_u32).arg(8_u32);
+                kernel.arg(&listed).arg(&counter).build()
             });
             assert!(wanted.iter().all(|wanted| [2, 8].contains(wanted)), "{wanted:?}");
             let rough = wanted.iter().enumerate().filter(|(_, wanted)| **wanted == 8);
-            rough.map(|(block, _)| [block % across, block / across]).collect()
+            let rough: Vec<_> = rough.map(|(block, _)| [block % across, block / across]).collect();
+            assert_eq!(Self::listed(&listed, &counter), rough);
+            rough
+        }
+
+        /// Returns the columns and rows of the blocks in a list, row by row.
+        fn listed(blocks: &Buffer<u32>, counter: &Buffer<u32>) -> Vec<[usize; 2]> {
+            let [mut all, mut count] = [vec![0; blocks.len()], vec![0]];
+            blocks.read(&mut all).enq().unwrap();
+            counter.read(&mut count).enq().unwrap();
+            let mut found: Vec<_> =
+                all[..count[0] as usize].iter().map(|block| [block & 0xffff, block >> 16]).collect();
+            found.sort_by_key(|[column, row]| [*row, *column]);
+            found.into_iter().map(|block| block.map(|number| number as usize)).collect()
         }
     }
 

@@ -207,7 +207,7 @@ mod tests {
                       const Vec3 u = numbers_of(&soft, source, at % width, at / width);\n\
                       out[3 * at] = u.x, out[3 * at + 1] = u.y, out[3 * at + 2] = u.z;\n}\n";
         let options = format!(
-            "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0 -D ROUNDING=0 -D CULL_BACK=0 -D SKY=0 -D RECORD_FLOATS=12 \
+            "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0 -D ROUNDING=0 -D EDGE_ON_ROUNDING=0 -D CULL_BACK=0 -D SKY=0 -D RECORD_FLOATS=12 \
              -D SOFT_HEAD_FLOATS={SOFT_HEAD_FLOATS}"
         );
         let files = ["common/width.cl", "common/vec3.cl", "common/rows.cl", "common/soft.cl"];
