@@ -41,7 +41,7 @@ fn report(place: &Place, options: &[&str]) -> serde_json::Value {
 fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let means: Vec<f64> =
-        ["naive", "wide-common-origin", "tile", "tile,passes=separate", "bvh-packet", "raster"]
+        ["naive", "wide-common-origin", "tile", "tile,passes=separate", "tile-group", "bvh-packet", "raster"]
             .iter()
             .map(|strategy| {
                 let options = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
@@ -69,6 +69,14 @@ fn a_broken_mean_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);
     }
+}
+
+/// Tiles that work-items share take their places from a list of rough blocks.
+#[test]
+fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let broken = ("tile_gpu/frame.cl", "tile / across * TILE_Y)", "tile % across * TILE_Y)");
+    place.notices(broken, "tile-group", &["--verify", "--samples", "16", "--adaptive"]);
 }
 
 /// A tile that casts several samples of its pixels at once: one of them at another place, counted twice, or left out.

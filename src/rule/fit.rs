@@ -72,8 +72,15 @@ fn between(low: f64, high: f64) -> f64 {
 pub fn source(sweeps: &[Sweep]) -> String {
     let mut text = HEAD.to_owned();
     for (name, about, class, watertight) in [
-        ("CPU", "For CPUs: tiles in vectors.", Class::TilesInVectors, false),
-        ("CPU_WATERTIGHT", "For CPUs, with a watertight test.", Class::TilesInVectors, true),
+        ("CPU", "For CPUs whose vectors hold 16 rays.", Class::TilesInVectors, false),
+        ("CPU_WATERTIGHT", "For these CPUs, with a watertight test.", Class::TilesInVectors, true),
+        ("NARROW_CPU", "For other CPUs.", Class::TilesInNarrowVectors, false),
+        (
+            "NARROW_CPU_WATERTIGHT",
+            "For other CPUs, with a watertight test.",
+            Class::TilesInNarrowVectors,
+            true,
+        ),
         ("GPU", "For GPUs whose work-items can share tiles.", Class::SharedTiles, false),
         ("GPU_WATERTIGHT", "For GPUs, with a watertight test.", Class::SharedTiles, true),
     ] {

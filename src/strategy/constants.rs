@@ -4,7 +4,7 @@
 
 use super::fastest::Constants;
 
-/// For CPUs: tiles in vectors.
+/// For CPUs whose vectors hold 16 rays.
 pub const CPU: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 47.0,
@@ -16,10 +16,34 @@ pub const CPU: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// For CPUs, with a watertight test.
+/// For these CPUs, with a watertight test.
 pub const CPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 13.0,
+    single_triangles_a_pixel_inside: 13.0,
+    single_pixels_a_unit: 0.0,
+    large_pixels: f64::INFINITY,
+    large_pixels_a_triangle: f64::INFINITY,
+    separate_pixels: f64::INFINITY,
+    separate_pixels_inside: f64::INFINITY,
+};
+
+/// For other CPUs.
+pub const NARROW_CPU: Constants = Constants {
+    tree_triangles: 0.0,
+    single_triangles_a_pixel: 12.0,
+    single_triangles_a_pixel_inside: 13.0,
+    single_pixels_a_unit: 0.0,
+    large_pixels: f64::INFINITY,
+    large_pixels_a_triangle: f64::INFINITY,
+    separate_pixels: f64::INFINITY,
+    separate_pixels_inside: f64::INFINITY,
+};
+
+/// For other CPUs, with a watertight test.
+pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
+    tree_triangles: 0.0,
+    single_triangles_a_pixel: 0.014,
     single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     large_pixels: f64::INFINITY,

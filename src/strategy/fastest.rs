@@ -40,8 +40,10 @@ const TILES: Way = Way::Tiles { large: false, separate: false };
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// A CPU, whose vectors hold the rays of tiles, however wide its own vectors are.
+    /// A CPU whose vectors hold 16 rays, as those of tiles do.
     TilesInVectors,
+    /// Other CPUs. Their compilers split the vectors of tiles.
+    TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
     /// Other GPUs.
@@ -118,7 +120,8 @@ impl Class {
     /// Returns the class of a device.
     pub fn of(limits: &DeviceLimits) -> Self {
         match limits.is_cpu {
-            true => Self::TilesInVectors,
+            true if widest(limits.native_width) == Width::W16 => Self::TilesInVectors,
+            true => Self::TilesInNarrowVectors,
             false if limits.lane_operations >= LaneOperations::PtxShuffles => Self::SharedTiles,
             false => Self::SingleRays,
         }
@@ -129,6 +132,8 @@ impl Class {
         match (self, watertight) {
             (Self::TilesInVectors, false) => Some(constants::CPU),
             (Self::TilesInVectors, true) => Some(constants::CPU_WATERTIGHT),
+            (Self::TilesInNarrowVectors, false) => Some(constants::NARROW_CPU),
+            (Self::TilesInNarrowVectors, true) => Some(constants::NARROW_CPU_WATERTIGHT),
             (Self::SharedTiles, false) => Some(constants::GPU),
             (Self::SharedTiles, true) => Some(constants::GPU_WATERTIGHT),
             (Self::SingleRays, _) => None,
@@ -139,7 +144,7 @@ impl Class {
     pub fn ways(self) -> Vec<Way> {
         let tiles = |large, separate| Way::Tiles { large, separate };
         let tiles = match self {
-            Self::TilesInVectors => vec![TILES],
+            Self::TilesInVectors | Self::TilesInNarrowVectors => vec![TILES],
             Self::SharedTiles => {
                 vec![TILES, tiles(true, false), tiles(false, true), tiles(true, true)]
             }
