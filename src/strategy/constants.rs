@@ -31,7 +31,7 @@ pub const CPU_WATERTIGHT: Constants = Constants {
 /// For other CPUs.
 pub const NARROW_CPU: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 12.0,
+    single_triangles_a_pixel: 8.1,
     single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     large_pixels: f64::INFINITY,
@@ -43,7 +43,7 @@ pub const NARROW_CPU: Constants = Constants {
 /// For other CPUs, with a watertight test.
 pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 0.014,
+    single_triangles_a_pixel: 2.5,
     single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     large_pixels: f64::INFINITY,
