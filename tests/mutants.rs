@@ -224,7 +224,7 @@ fn a_broken_kernel_of_peak_is_no_figure() {
         let place = Place::new();
         let folder = mutant.folder(&place);
         let message = place.mistake(&["peak", "--device", &device(), "--cl-dir", &folder], 1);
-        has(&message, &[" gave ", ", not "]);
+        has(&message, &[" returned ", ", not "]);
     }
 }
 

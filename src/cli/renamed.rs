@@ -5,7 +5,7 @@ use clap::CommandFactory as _;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
 
-/// clap's kind of the mistake, the old word, and the new one.
+/// The context in which clap reports the old word, the old word, and the new one.
 const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidSubcommand, "limits", "raycl peak"),
     (ContextKind::InvalidArg, "--limits", "--peak"),

@@ -73,7 +73,7 @@ pub struct Args {
     /// pixels wide) [default: for a bare mesh 2, and 6 where neighbouring pixels differ; else 1]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
-    /// Cast the first eighth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]
+    /// Cast the first sixteenth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times and report medians

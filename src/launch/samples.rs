@@ -1,4 +1,5 @@
-//! Several samples per pixel: how many each block of pixels gets, on the device.
+//! Several samples per pixel: device buffers with the number of samples of each block of pixels, and the kernel that
+//! marks rough blocks.
 
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;

@@ -91,7 +91,7 @@ impl Reader {
     }
 }
 
-/// Returns the kinds of an instruction.
+/// Returns what an instruction does: one kind, or none for prefetches and pragmas.
 fn kinds(opcode: &str) -> Vec<Kind> {
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');

@@ -86,7 +86,7 @@ fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light 
     Light { position, ..*light }
 }
 
-/// Returns a point of the unit sphere, uniformly distributed.
+/// Returns a uniformly distributed point on the unit sphere.
 fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     let (ring, turn) = (2.0 * (a * (1.0 - a)).sqrt(), TAU * b);
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)

@@ -133,7 +133,7 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     Camera { position: (ball.centre + aside + towards_eye * distance).as_vec3(), z_near: 0.0, ..look }
 }
 
-/// Returns the horizontal direction towards which the faces of an open mesh have their fronts.
+/// Returns the horizontal direction that the front sides of an open mesh face on average.
 fn opening(mesh: &Mesh, up: DVec3) -> Option<DVec3> {
     let areas = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|triangle| {
         let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());

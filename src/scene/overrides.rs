@@ -61,7 +61,7 @@ fn set_in_array(
     let [key, rest @ ..] = keys else { return Ok(()) };
     let count = array.len();
     let index = key.parse::<usize>().ok().filter(|index| *index <= count).ok_or_else(|| {
-        format!("`{name}` is an array of {count}; expected an index from 0 to {count}, not `{key}`")
+        format!("`{name}` has {count} elements; expected an index from 0 to {count} ({count} appends one), not `{key}`")
     })?;
     if rest.is_empty() {
         match array.get_mut(index) {

@@ -69,7 +69,7 @@ impl Strategy {
             ),
             (
                 planes && !tables,
-                "intersector = {intersector} reads a table that differs between the eye and each light: triangles = global or tiled",
+                "intersector = {intersector} reads one table for the eye and one for each light, so it needs triangles = global or tiled",
             ),
             (
                 planes && records,

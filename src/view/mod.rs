@@ -171,7 +171,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Does what the user wants. Returns whether the user wants to end.
+    /// Does what the user wants. Returns whether the user wants to quit.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
             // If the pointer is dragged to the right, the scene turns to the right, so the eye goes to the

@@ -39,7 +39,7 @@ impl Usage {
         Self { wrap, least_alpha: 0 }
     }
 
-    /// Returns the use of a picture as a mask: where alpha is less than this, from 0 to 1, there is a hole.
+    /// Returns the use of a picture as a mask, which has holes where alpha is less than this, from 0 to 1.
     pub fn mask(wrap: [Wrap; 2], least_alpha: f32) -> Self {
         Self { wrap, least_alpha: (least_alpha * f32::from(u16::MAX)).round() as u16 }
     }

@@ -115,7 +115,7 @@ fn sixels(picture: &RgbImage) -> Result<String> {
 }
 
 fn failed(error: &dyn std::error::Error) -> Error {
-    Error::run(format!("the picture cannot be written for the terminal: {error}"))
+    Error::run(format!("the picture cannot be encoded for the terminal: {error}"))
         .with_help("--terminal=blocks draws it in half blocks")
 }
 
