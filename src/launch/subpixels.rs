@@ -180,7 +180,10 @@ mod tests {
                 };
                 let different =
                     together.0.pixels.iter().zip(&singly.0.pixels).filter(|pair| apart(*pair)).count();
-                assert!(different * 200 < pixels, "{scene}, {count} samples: {different} of {pixels} pixels differ");
+                assert!(
+                    different * 200 < pixels,
+                    "{scene}, {count} samples: {different} of {pixels} pixels differ"
+                );
                 assert!(
                     together.1.abs_diff(singly.1) * 1000 < pixels,
                     "{} and {} hits",

@@ -167,7 +167,10 @@ fn why(contests: &[Contest<'_>]) -> String {
     };
     let triangles = best.triangles.unwrap_or(0);
     if best.name == naive.name {
-        return format!("on {}, no other memory for the vectors is faster than the one that naive uses", best.scene);
+        return format!(
+            "on {}, no other memory for the vectors is faster than the one that naive uses",
+            best.scene
+        );
     }
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
