@@ -6,7 +6,7 @@
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
 #endif
 
-// A rough block in the list of those that get more samples: its column below its row, 16 bits each.
+// A rough block, in the list of those that get more samples: its row in the upper 16 bits, its column in the lower ones.
 #define ROUGH_BLOCK(x, y) ((uint)(y) << 16 | (uint)(x))
 #define ROUGH_X(block) ((block) & 0xffffu)
 #define ROUGH_Y(block) ((block) >> 16)

@@ -40,14 +40,15 @@ INLINED int2 tile_in_row(Group *group, int row) {
 }
 
 #if SAMPLED
-// Packs where a tile begins into one register. All tiles begin at multiples of 8 x 4 rays: y is above the lower 16 bits.
+// Packs where a tile begins into one register, y in the upper 16 bits. All tiles begin at multiples of 8 x 4 rays, and an
+// image of at most 65,536 pixels across and down has at most 262,144 rays each way.
 INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x / 8); }
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
 #define TILE_OUTSIDE 0xffffffffu // beyond every grid
 
-// Returns where the group's own tile begins. With `rough_count`, tiles cover only that many blocks of pixels, and a
-// block is at least as large as a tile. The grid then has few work-groups, whose tiles are numbered. Here each block
-// has 16 x 16 rays, which are four tiles:
+// Returns where the group's own tile begins, packed. If `rough_count` is not 0, tiles cover only that many blocks of
+// pixels, and no tile is larger than a block. Only as many work-groups run as these blocks need, and their tiles are
+// numbered. Here each block has 16 x 16 rays, which are four tiles:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -135,6 +136,9 @@ INLINED int2 place_in_tile(Group *group, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
+
+// Returns the place of a lane's ray in a row of work-groups, if tiles cover the grid.
+INLINED int2 place_in_row(Group *group, int row, int ray) { return tile_in_row(group, row) + place_in_tile(group, ray); }
 
 // Returns a lane's ray in the group's own tile.
 INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {

@@ -151,10 +151,10 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;
-    const int2 first = (tile_in_row(group, row) + place_in_tile(group, ray)) << group->bits;
+    const int2 first = place_in_row(group, row, ray) << group->bits;
     return ray_at(group, first + (int2)(sample & last, sample >> group->bits), grid);
 #else
-    return ray_at(group, tile_in_row(group, row) + place_in_tile(group, ray), grid);
+    return ray_at(group, place_in_row(group, row, ray), grid);
 #endif
 }
 

@@ -125,7 +125,7 @@ impl Caster {
         self.cast_extent(frames, Extent::default())
     }
 
-    /// Does the same with other rays.
+    /// Casts a frame of some rays `frames` times, waits for the last one, and returns the mean times of one.
     fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -186,8 +186,8 @@ impl Caster {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Does the same with consecutive samples of one round. Pixels that need more samples may be known to lie in a number of
-    /// rough blocks.
+    /// Casts one frame with consecutive samples of one round, and adds them to the mean in the image. `rough` is the number of
+    /// blocks that need more samples, if the others need none.
     fn cast_together(
         &self,
         camera: &Camera,
@@ -203,7 +203,7 @@ impl Caster {
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
             numbers.place(&self.queue, samples)?;
         }
-        // Only if tiles fit into blocks.
+        // Tiles are taken from the list of rough blocks only if no tile is larger than a block.
         let tiles =
             rough.zip(self.tile).and_then(|(blocks, tile)| Some(blocks * tiles_of_block(tile, bits)?));
         let listed = if tiles.is_some() { rough.unwrap_or(0) } else { 0 };

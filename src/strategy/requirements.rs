@@ -242,6 +242,10 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     if w.many_samples {
         let blocks = w.sampled_blocks().map(u64::from);
         sum.add("samples", &[(4, " B"), (blocks[0], ""), (blocks[1], " blocks")]);
+        sum.add("rough blocks", &[(4, " B"), (blocks[0], ""), (blocks[1], " blocks")]);
+        if w.sky_texels > 0 {
+            sum.add("samples that hit", &[(4, " B"), (pixels, " pixels")]);
+        }
     }
     if strategy.passes == super::Passes::Separate || strategy.shares_tiles() {
         sum.add("nearest triangles", &[(4, " B"), (w.nearest_count(strategy) as u64, " pixels")]);
