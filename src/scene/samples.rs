@@ -130,11 +130,13 @@ fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
     }
-    let offset = |number: u32| [0, 1].map(|axis| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))));
-    let distance = |number: &u32| offset(*number).map(|part| part * part).iter().sum::<f64>();
-    let by_distance = |a: &u32, b: &u32| distance(a).total_cmp(&distance(b));
-    let central = (0..count.next_power_of_two()).min_by(by_distance).unwrap_or(0);
-    (0..count).map(|number| offset(number ^ central).map(|part| part as f32)).collect()
+    let place = |number: u32, axis: usize| filtered(unit(scrambled(sobol(number, axis), SEEDS[axis]))) as f32;
+    let block: Vec<_> =
+        (0..count.next_power_of_two()).map(|number| [place(number, 0), place(number, 1)]).collect();
+    let distance = |number: &usize| block[*number][0].hypot(block[*number][1]);
+    let nearest = (0..block.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
+    // The block's length is a power of two, so that no exclusive or of its indices leaves it.
+    (0..count as usize).map(|number| block[number ^ nearest]).collect()
 }
 
 /// Converts 32 bits to a number between 0 and 1.
