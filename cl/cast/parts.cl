@@ -23,6 +23,7 @@
 #include "common/width.cl"
 #include "common/vec3.cl"
 #include "common/camera.cl"
+#include "common/pixel_rows.cl"
 #include "common/hit.cl"
 #if SAMPLED
 #include "common/samples.cl"
@@ -40,6 +41,9 @@
 #endif
 #if SOFT
 #include "common/soft.cl"
+#endif
+#if HALF_LIGHT
+#include "common/half_light.cl"
 #endif
 #include "cast/layout/{layout}.cl"
 #include "cast/intersect/{intersector}.cl"

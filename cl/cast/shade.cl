@@ -40,7 +40,9 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
-        else lit &= !any_hit(working, scene, 1 + light, end, lit);
+        else if (!IS_UNOCCLUDED(&scene->soft)) lit &= !any_hit(working, scene, 1 + light, end, lit);
+#elif SOFT
+        if (!IS_UNOCCLUDED(&scene->soft)) lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #else
         lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif

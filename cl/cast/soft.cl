@@ -24,6 +24,12 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
+    if (IS_UNOCCLUDED(&scene->soft)) {
+        const Vec3 arriving = multiply(surface->lambertian, mean_of_sky(&scene->soft, normal));
+        const Vec3 before = working_get(working, RADIANCE);
+        working_set(working, RADIANCE, select3(active, add(before, arriving), before));
+        return;
+    }
     const Vec3 way = way_to_sky(&scene->soft, scene->light_count, pixels.x, pixels.y, normal);
     working_set(working, TO_LIGHT, way);
     // Rounding, or a normal of zero, may give a direction that is not above the surface.

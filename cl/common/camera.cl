@@ -46,14 +46,10 @@ typedef struct {
 
 #if WIDTH == 1
 #define TO_FLOAT(i) convert_float(i)
-#elif WIDTH == 2
-#define TO_FLOAT(i) convert_float2(i)
-#elif WIDTH == 4
-#define TO_FLOAT(i) convert_float4(i)
-#elif WIDTH == 8
-#define TO_FLOAT(i) convert_float8(i)
+#define TO_INT(a) convert_int(a)
 #else
-#define TO_FLOAT(i) convert_float16(i)
+#define TO_FLOAT(i) PASTE(convert_float, WIDTH)(i)
+#define TO_INT(a) PASTE(convert_int, WIDTH)(a)
 #endif
 
 Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {

@@ -6,12 +6,6 @@
 //
 // Columns are angles around the zenith, from left to right; rows are angles from the zenith, from above.
 
-#if WIDTH == 1
-#define TO_INT(a) convert_int(a)
-#else
-#define TO_INT(a) PASTE(convert_int, WIDTH)(a)
-#endif
-
 Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];

@@ -18,7 +18,7 @@ typedef PASTE(uint, WIDTH) varying_uint;
 
 typedef struct {
     const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
-    uint2 sample;                  // the number of a pixel's sample, and the number of samples
+    uint2 sample;                  // the number of a pixel's sample, and the number of samples; 0 samples: see below
 #ifdef SUBPIXELS
     varying_uint lane_sample; // how far each lane's sample lies behind that one
 #endif
@@ -27,6 +27,19 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x + (soft)->lane_sample)
 #else
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
+#endif
+
+// Where soft light is cast at half resolution (half_light.cl), some pictures are of all light that would arrive if nothing
+// were in between: lights are points, and the sky has its mean radiance.
+#if HALF_LIGHT
+#ifndef INTERLEAVED
+#error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
+#endif
+#define IS_UNOCCLUDED(soft) ((soft)->sample.y == 0)
+#define LEAST_SAMPLES 1 // with which lights are not points
+#else
+#define IS_UNOCCLUDED(soft) 0
+#define LEAST_SAMPLES 2
 #endif
 
 varying_uint reversed_bits(varying_uint bits) {
@@ -76,7 +89,10 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 // distributed jointly.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have numbers close to them.
-    const varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
+    varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
+#if HALF_LIGHT
+    curve &= INTERLEAVED * INTERLEAVED - 1u;
+#endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
     // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     const varying_uint first = reversed_bits(hashed_bits(reversed, seed_of(source, 0)));
@@ -86,8 +102,10 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
                 unit_of(reversed_bits(hashed_bits(second, seed_of(source, 4)))));
 }
 
-// Returns the radius of a light; with a single sample, lights are points.
-float radius_of(const Soft *soft, int light) { return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f; }
+// Returns the radius of a light; with a single sample per pixel, lights are points.
+float radius_of(const Soft *soft, int light) {
+    return soft->sample.y >= LEAST_SAMPLES ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
+}
 
 // Returns the offset of the point that a pixel's sample sees from the centre of a light's ball. The points are those
 // of a uniform distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
@@ -124,6 +142,19 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     return along(horizon, height, subtract(splat(LOAD3(soft->numbers)), horizon));
 }
 #endif
+
+// Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of these directions is
+// 2 / (3 pi) (sin a + (pi - a) cos a) for an angle a between the normal and up; a parabola in cos a is within 0.012 of it.
+Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
+#if ENVIRONMENT
+    return radiance_of_sky(soft, normal);
+#else
+    const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
+    const varying cosine = dot3(normal, splat(LOAD3(soft->numbers + 6)));
+    const varying height = 0.2122f + cosine * (0.3333f + 0.1211f * cosine);
+    return along(horizon, height, subtract(splat(LOAD3(soft->numbers)), horizon));
+#endif
+}
 #endif
 
 // Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any origins

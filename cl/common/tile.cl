@@ -15,6 +15,7 @@
 #include "common/width.cl"
 #include "common/vec3.cl"
 #include "common/camera.cl"
+#include "common/pixel_rows.cl"
 #include "common/hit.cl"
 #include "common/rows.cl"
 #if SAMPLED
@@ -28,6 +29,9 @@
 #endif
 #if SOFT
 #include "common/soft.cl"
+#endif
+#if HALF_LIGHT
+#include "common/half_light.cl"
 #endif
 #if ENVIRONMENT
 #include "common/show_sky.cl"

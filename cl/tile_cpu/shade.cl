@@ -178,15 +178,6 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// Returns four neighbouring pixels in the image's format.
-float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
-    // From four planes of colour to r g b hit, r g b hit, ...
-    const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
-    const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
-    return (float16)(rb.s0, gh.s0, rb.s1, gh.s1, rb.s2, gh.s2, rb.s3, gh.s3, rb.s4, gh.s4, rb.s5, gh.s5, rb.s6, gh.s6,
-                     rb.s7, gh.s7);
-}
-
 // Stores that bypass the caches: nothing reads the image again before the next sample.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
@@ -318,8 +309,13 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
                                           image_size, hit, shaded, arriving);
         // No hit of the tile faces this light.
         if (!open) continue;
-        const Cone cone = finish_slices(&slices);
-        walk(bundle, &slices, &cone, tree, open, 1);
+#if SOFT
+        if (!IS_UNOCCLUDED(&lighting->soft))
+#endif
+        {
+            const Cone cone = finish_slices(&slices);
+            walk(bundle, &slices, &cone, tree, open, 1);
+        }
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
             // A shadow ray that hit something was set to FAR; the others add their light.

@@ -20,6 +20,11 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         const Mask hits = bundle->place[vector] != NO_HIT;
         if (!ANY(hits)) continue;
         const Shaded *own = shaded + vector;
+        if (IS_UNOCCLUDED(&lighting->soft)) {
+            const Vec3 arriving = multiply(own->surface.lambertian, mean_of_sky(&lighting->soft, own->normal));
+            sum[vector] = select3(hits, add(sum[vector], arriving), sum[vector]);
+            continue;
+        }
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
 #if ENVIRONMENT
         add_mirrored_sky(lighting, own, &pixels, hits, sum + vector);

@@ -80,7 +80,9 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
         const Sight sight = sight_of(sources, LIGHT_OF_BIT(LOWEST_BIT(reached)), light, &meeting);
 #if SKY
         if (sight.is_sky) {
-            sum = add(sum, multiply(surface->lambertian, radiance_of_sky(&sources->soft, sight.way)));
+            const Vec3 radiance = IS_UNOCCLUDED(&sources->soft) ? mean_of_sky(&sources->soft, meeting.normal)
+                                                                : radiance_of_sky(&sources->soft, sight.way);
+            sum = add(sum, multiply(surface->lambertian, radiance));
             continue;
         }
 #endif

@@ -188,6 +188,19 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
     return clear;
 }
 
+#if SOFT
+// Returns the hits that face a source, where nothing counts as being in between.
+INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, int2 grid,
+                          const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
+                          int light, float bias) {
+    const int source = sources->first_light + light;
+    if (source >= sources->light_count) return hits; // the sky is on every side
+    Ways ways;
+    return light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
+                      load_vec3(lights + LIGHT_FLOATS * source), bias, hits, &ways);
+}
+#endif
+
 // Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
@@ -216,6 +229,11 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
     for (int light = 0; light < end; light++) {
         uint left;
 #if SOFT
+        if (IS_UNOCCLUDED(&sources->soft)) {
+            reached |= BITS_OF_LIGHT(faces_source(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits,
+                                                  sources, lights, light, bias), light);
+            continue;
+        }
         if (goes_apart(sources, light)) {
             left_over |= BITS_OF_LIGHT(hits, light);
             continue;

@@ -156,7 +156,9 @@ fn render(args: &Args) -> Result<()> {
     let mut verified = None;
     if let Some(image) = &radiance {
         refuse_not_finite(image, target.path())?;
-        let check = |some| check(&scene, (image, cast.hits), (&strategy, cast.sampled()), &target, some);
+        let check = |some| {
+            check(&scene, (image, cast.hits), (&strategy, cast.sampled()), cast.parts.as_ref(), &target, some)
+        };
         verified = args.verify.map(check).transpose()?;
     }
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
@@ -288,7 +290,7 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
 }
 
 /// The default for a bare mesh.
-const DRESSED_SAMPLES: Sampling = Sampling { first: 2, most: 6 };
+const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The most samples of a pixel with `--adaptive`, if their number is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;
 

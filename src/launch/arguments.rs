@@ -131,7 +131,7 @@ impl<'a> Arguments<'a> {
             Fact::Soft => has(SOFT),
             Fact::Sampled => has(WANTED),
             Fact::CutOut => has(MASK_ROWS),
-            Fact::Environment => has(SOFT),
+            Fact::Environment | Fact::HalfLight => has(SOFT),
             of_strategy => strategy.holds(of_strategy),
         };
         for parameter in kernel.parameters(holds) {

@@ -4,6 +4,7 @@ use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::{allocate, read_rows};
 use super::frame::{FrameTimes, Phase};
+use super::half_light::HalfLight;
 use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
@@ -27,6 +28,20 @@ use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
 
+/// What a picture with soft light at half resolution is made of.
+pub struct LightParts {
+    /// The whole picture's unoccluded light.
+    pub whole: Radiance,
+    /// Number of its pixels that hit something.
+    pub hits: usize,
+    /// The share of each pixel's samples that hit something.
+    pub hit_shares: Vec<f32>,
+    /// The half picture with all light that arrives.
+    pub lit: Radiance,
+    /// The half picture with the light that would arrive if nothing were in between.
+    pub unoccluded: Radiance,
+}
+
 /// A frame's kernels with their arguments, ready to be cast.
 pub struct Caster {
     queue: Queue,
@@ -34,6 +49,8 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     samples: Option<Samples>,
+    /// Soft light at half resolution, if it is cast so.
+    half_light: Option<Box<HalfLight>>,
     /// How finely a frame can divide pixels, to cast several samples of each.
     most_bits: u32,
     /// Rays across and down in a tile, if frames can cast only some tiles.
@@ -42,13 +59,25 @@ pub struct Caster {
     /// True if the background is transparent, so that images have coverage.
     transparent: bool,
     records_ms: Option<f64>,
-    _bytes: FrameBytes,
+    _bytes: Option<FrameBytes>,
 }
 
 impl Caster {
     /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band,
     /// buffers have the size of the whole frame, and preparation and rasterisation cover all of it.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
+        let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
+        let half_light =
+            setup.workload.half_light.then(|| HalfLight::new(&setup, &caster.image)).transpose()?;
+        Ok(Self { half_light: half_light.map(Box::new), ..caster })
+    }
+
+    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are counted with another one's.
+    pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
+        Self::of(setup, None)
+    }
+
+    fn of(setup: Setup<'_>, band: Option<Band>) -> Result<Self, LaunchError> {
         let Setup { queue, program, strategy, workload, uploaded, tree, .. } = setup;
         let size = workload.image_size;
         let pixels = size[0] as usize * size[1] as usize;
@@ -95,12 +124,13 @@ impl Caster {
             image,
             working,
             samples,
+            half_light: None,
             most_bits,
             tile,
             size,
             transparent,
             records_ms,
-            _bytes: bytes,
+            _bytes: None,
         })
     }
 
@@ -150,6 +180,9 @@ impl Caster {
         if let Some(samples) = &self.samples {
             samples.show(scene.display.exposure)?;
         }
+        if let Some(half) = &self.half_light {
+            half.show_background(scene)?;
+        }
         let arguments = background_arguments(Arguments::default(), scene);
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
@@ -157,21 +190,66 @@ impl Caster {
     /// Casts a picture with the samples of each pixel, several in a frame if the strategy can. The image is then their
     /// mean. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
+        let times = self.cast_rounds(camera, sampling)?;
+        let Some(half) = &self.half_light else { return Ok(times) };
+        let times = times.and(&half.cast(camera, sampling)?);
+        Ok(times.and(&half.apply(&self.queue)?))
+    }
+
+    /// Casts what a picture with soft light at half resolution is made of, and reads it. Returns `None` if there is no such
+    /// light.
+    pub fn cast_parts(
+        &self,
+        camera: &Camera,
+        sampling: &Sampling,
+    ) -> Result<Option<LightParts>, LaunchError> {
+        let Some(half) = &self.half_light else { return Ok(None) };
+        self.cast_rounds(camera, sampling)?;
+        half.cast(camera, sampling)?;
+        let (whole, hits) = self.read()?;
+        let mut hit_shares = Vec::with_capacity(whole.pixels.len());
+        read_rows(
+            &self.queue,
+            &self.image,
+            (0..self.size[1] as usize, self.size[0] as usize),
+            |_, values| {
+                hit_shares.extend(values.iter().map(|pixel| pixel[3]));
+            },
+        )?;
+        let [lit, unoccluded] = half.read()?;
+        Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded }))
+    }
+
+    /// Casts the samples' rounds, without soft light at half resolution.
+    fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
-        let all = |samples: &[Sample], rough: Option<usize>, times: FrameTimes| {
-            let cast = |times: FrameTimes, samples: &[Sample]| {
-                Ok(times.and(&self.cast_together(camera, samples, rough)?))
-            };
-            frames(samples, self.most_bits).try_fold(times, cast)
-        };
         let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
-            return all(&first, None, FrameTimes::default());
+            return self.cast_round(camera, &first, None);
         };
         samples.want_all(&self.queue)?;
-        let times = all(&first, None, FrameTimes::default())?;
+        let times = self.cast_round(camera, &first, None)?;
         let (rough, marked) = samples.mark(&self.queue, sampling)?;
         let times = times.and(&marked);
-        if rough == 0 { Ok(times) } else { all(&rest, Some(rough), times) }
+        if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
+    }
+
+    /// Casts the samples of one round, several in a frame if the strategy can. `rough` is the number of blocks that need
+    /// more samples, if the others need none.
+    pub(super) fn cast_round(
+        &self,
+        camera: &Camera,
+        samples: &[Sample],
+        rough: Option<usize>,
+    ) -> Result<FrameTimes, LaunchError> {
+        let cast = |times: FrameTimes, samples: &[Sample]| {
+            Ok(times.and(&self.cast_together(camera, samples, rough)?))
+        };
+        frames(samples, self.most_bits).try_fold(FrameTimes::default(), cast)
+    }
+
+    /// Returns the buffer of the image.
+    pub(super) fn image(&self) -> &Buffer<Float4> {
+        &self.image
     }
 
     /// Returns how many samples the pixels of an adaptive picture got.

@@ -13,6 +13,7 @@ mod buffers;
 mod caster;
 mod error;
 mod frame;
+mod half_light;
 mod held;
 mod parts;
 mod prepared;
@@ -36,7 +37,7 @@ mod textures;
 mod tree;
 
 pub use ask::preprocess_for;
-pub use caster::Caster;
+pub use caster::{Caster, LightParts};
 pub use error::LaunchError;
 pub use frame::FrameTimes;
 pub(crate) use frame::duration_ms;

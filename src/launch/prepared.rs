@@ -81,7 +81,7 @@ impl Prepared {
     /// Returns whether the program and all buffers have the right sizes for a scene, and the same mesh.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, .. } = self.workload;
-        let workload = Workload::of(scene, image_size, local_size).sampled(scene, self.sampling.most);
+        let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
         Arc::ptr_eq(&self.scene.mesh, &scene.mesh)
             && Workload { stack_size, ..workload } == self.workload
             && self.scene.transparent == scene.transparent

@@ -157,7 +157,7 @@ mod tests {
 
     #[test]
     fn the_blocks_that_get_more_samples_are_those_where_the_first_ones_differ() {
-        let adaptive = Sampling { first: 2, most: 8 };
+        let adaptive = Sampling { first: 2, ..Sampling::all(8) };
         let (means, _, exposure) = cast(Sampling::all(2));
         let counts = cast(adaptive).1;
         let steps = steps_of_blocks(&means, exposure);

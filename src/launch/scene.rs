@@ -5,7 +5,7 @@ use super::buffers::{upload, upload_rows};
 use super::textures::{DeviceTextures, word_count};
 use super::{LaunchError, Queue};
 use crate::manifest::{LIGHT_FLOATS, SOFT_HEAD_FLOATS, SOUP_FLOATS};
-use crate::scene::{Light, Mesh, Scene, Sky, SkyPicture, Triangle};
+use crate::scene::{Light, Mesh, Sampling, Scene, Sky, SkyPicture, Triangle};
 use crate::strategy::{Strategy, Task, Workload};
 use glam::Vec3;
 use ocl::Buffer;
@@ -159,6 +159,7 @@ impl Workload {
             soft_lights: false,
             sky: scene.sky.is_some(),
             many_samples: false,
+            half_light: false,
             sky_texels: scene.sky.as_ref().and_then(|sky| sky.picture.as_ref()).map_or(0, |p| p.texels.len()),
             stack_size: 0,
             image_size,
@@ -168,9 +169,11 @@ impl Workload {
 
     /// Returns this workload with several samples per pixel.
     #[must_use]
-    pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
-        let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
-        Self { soft_lights, many_samples: samples > 1, ..self }
+    pub fn sampled(self, scene: &Scene, sampling: &Sampling) -> Self {
+        let many_samples = sampling.most > 1;
+        let soft_lights = many_samples && scene.lights.iter().any(|light| light.radius > 0.0);
+        let half_light = many_samples && sampling.half_light > 0;
+        Self { soft_lights, many_samples, half_light, ..self }
     }
 }
 

@@ -94,10 +94,13 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows.
+    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Without soft light,
+    /// none is cast at half resolution.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
-        Self { sampling, ..self }
+        let is_soft = self.scene.sky.is_some() || self.scene.lights.iter().any(|light| light.radius > 0.0);
+        let half_light = if is_soft { sampling.half_light } else { 0 };
+        Self { sampling: Sampling { half_light, ..sampling }, ..self }
     }
 
     /// Returns whether the session is of this scene.
@@ -132,7 +135,7 @@ impl Session {
     ) -> std::result::Result<Workload, Refused> {
         strategy.check()?;
         let mut workload =
-            Workload::of(&self.scene, image_size, local_size).sampled(&self.scene, self.sampling.most);
+            Workload::of(&self.scene, image_size, local_size).sampled(&self.scene, &self.sampling);
         if strategy.needs_tree() && self.shared.tree(strategy).is_none() {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);

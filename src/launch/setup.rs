@@ -4,7 +4,7 @@ use super::arguments::{Arguments, SOFT};
 use super::scene::Geometry;
 use super::{DeviceScene, DeviceTree, Queue};
 use crate::program::BuiltProgram;
-use crate::scene::{Camera, Sample, Scene};
+use crate::scene::{Camera, Sample, SampleLight, Scene};
 use crate::strategy::{Strategy, Workload};
 use glam::Vec3;
 use ocl::Buffer;
@@ -102,7 +102,8 @@ pub(super) fn soft_arguments<'a>(
 /// Sets which sample of every pixel is cast, and how many there are already.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
-    arguments.with("sample", Uint2::new(sample.number, sample.count))
+    let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };
+    arguments.with("sample", Uint2::new(sample.number, count))
 }
 
 /// Returns whether rays that hit nothing see a picture of the sky.

@@ -22,6 +22,11 @@ pub const TEXTURE_HEAD_WORDS: usize = 4;
 pub const SAMPLED_BLOCK: u32 = 4;
 /// The difference of neighbouring pixels as displayed, in steps of 256, from which they get more samples.
 pub const ROUGH_STEPS: u32 = 30;
+/// Number of pixels of the half picture, across and down, after which the points of lights and the directions of the sky
+/// repeat. The filter covers as many.
+pub const INTERLEAVED: u32 = 4;
+/// How fast a pixel counts less for that filter as its unoccluded light differs.
+pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
 /// Number of triangles in a tile that is streamed through `__local` memory.

@@ -1,9 +1,12 @@
 //! The table of kernel families.
 
 use super::Fact::{
-    self, Always, CutOut, Environment, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree,
+    self, Always, CutOut, Environment, HalfLight, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree,
 };
-use super::Role::{Background, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade, Shadow};
+use super::Role::{
+    ApplyLight, Background, FilterLight, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade,
+    Shadow,
+};
 use super::Values::{AllBut, FilesIn, Only};
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
@@ -117,6 +120,8 @@ pub static TILE_CPU: Family = Family {
         ),
         SHOW_SKY,
         MARK_KERNEL,
+        FILTER_KERNEL,
+        APPLY_KERNEL,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -248,6 +253,8 @@ pub static TILE_GPU: Family = Family {
         ),
         SHOW_SKY,
         MARK_KERNEL,
+        FILTER_KERNEL,
+        APPLY_KERNEL,
     ],
     defines: &[
         COMMON_DEFINES,
@@ -335,11 +342,27 @@ const CAST_KERNELS: &[Kernel] = &[
     ),
     SHOW_SKY,
     MARK_KERNEL,
+    FILTER_KERNEL,
+    APPLY_KERNEL,
 ];
 
 /// The kernel that decides which pixels get more samples; it is the same in all families.
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
+
+/// The kernels that filter soft light cast at half resolution, and bring it to the whole picture.
+const FILTER_KERNEL: Kernel = Kernel {
+    name: "filter_half_light",
+    role: FilterLight,
+    when: HalfLight,
+    parameters: &[HALF_LIGHT, HALF_LIGHT_LIT, RATIOS_OUT],
+};
+const APPLY_KERNEL: Kernel = Kernel {
+    name: "apply_half_light",
+    role: ApplyLight,
+    when: HalfLight,
+    parameters: &[HALF_LIGHT, RATIOS, SIZE, IMAGE],
+};
 
 type Defines = &'static [(Fact, &'static str)];
 
@@ -362,6 +385,9 @@ const COMMON_DEFINES: Defines = &[
     (Always, "SAMPLED"),
     (Sampled, "SAMPLED_BLOCK"),
     (Sampled, "ROUGH_STEPS"),
+    (Always, "HALF_LIGHT"),
+    (HalfLight, "HALF_LIGHT_SHARPNESS"),
+    (HalfLight, "INTERLEAVED"),
     (Always, "ENVIRONMENT"),
 ];
 const TEXTURE_DEFINES: Defines = &[

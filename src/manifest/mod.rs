@@ -14,8 +14,8 @@ mod parameters;
 mod tests;
 
 pub use constants::{
-    GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS,
-    TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
+    GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS,
+    SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
@@ -51,6 +51,8 @@ pub enum Fact {
     CutOut,
     /// The sky is a picture: a property of the scene, too.
     Environment,
+    /// Soft light is cast at half resolution: a property of the picture.
+    HalfLight,
 }
 
 /// The role of a kernel in a frame.
@@ -78,6 +80,10 @@ pub enum Role {
     Records,
     /// Decides which pixels get more samples; runs between a picture's frames.
     Mark,
+    /// Filters the soft light of a half picture; runs after a picture's frames.
+    FilterLight,
+    /// Brings that light to the whole picture.
+    ApplyLight,
 }
 
 /// A kernel.

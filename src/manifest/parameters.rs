@@ -93,6 +93,14 @@ pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, "__global uint *restrict", "rough"),
     p(Sampled, "volatile __global uint *", "rough_counter"),
 ];
+/// The unoccluded light of the half picture, and that picture's size.
+pub const HALF_LIGHT: &[Parameter] =
+    &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
+/// All light of the half picture.
+pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
+/// Which part of the unoccluded light arrives.
+pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
+pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The planes prepared for the eye and a round's lights, and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];

@@ -3,8 +3,8 @@
 use crate::accel::{PADDING_ROWS, WideBvh};
 use crate::device::Builtins;
 use crate::manifest::{
-    Fact, GROUP_LANES, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS, SAMPLED_BLOCK, SOFT_HEAD_FLOATS,
-    SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
+    Fact, GROUP_LANES, HALF_LIGHT_SHARPNESS, INTERLEAVED, LIGHT_FLOATS, NO_HIT, ROUGH_STEPS, ROW_FLOATS,
+    SAMPLED_BLOCK, SOFT_HEAD_FLOATS, SOUP_FLOATS, TEXTURE_HEAD_WORDS, TILE_TRIANGLES, WORKING_VECTORS,
 };
 use crate::scene::{LEAST_ALPHA_UNIT, Material, Wrap};
 use crate::strategy::{Culling, Epsilons, Math, Records, Strategy, Workload};
@@ -64,6 +64,7 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "SOFT" => u64::from(workload.is_soft() && strategy.family().takes(Fact::Soft)),
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
         "SAMPLED" => u64::from(workload.many_samples),
+        "HALF_LIGHT" => u64::from(workload.half_light && strategy.family().takes(Fact::Soft)),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
     })
@@ -95,6 +96,8 @@ fn constant(name: &str) -> Option<u64> {
         "TILE_TRIANGLES" => TILE_TRIANGLES,
         "SAMPLED_BLOCK" => u64::from(SAMPLED_BLOCK),
         "ROUGH_STEPS" => u64::from(ROUGH_STEPS),
+        "INTERLEAVED" => u64::from(INTERLEAVED),
+        "HALF_LIGHT_SHARPNESS" => u64::from(HALF_LIGHT_SHARPNESS),
         "GROUP_LANES" => u64::from(GROUP_LANES),
         "LEAF_COUNT_SHIFT" => u64::from(WideBvh::COUNT_SHIFT),
         "LEAF_MOST" => WideBvh::MAX_LEAF_SIZE as u64,

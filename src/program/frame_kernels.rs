@@ -20,7 +20,8 @@ fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
         Role::Frame => fused,
         Role::Primary | Role::Resolve | Role::LeftOver => !fused,
         Role::Shade => !fused || shades_apart,
-        Role::Background | Role::Rays | Role::Records | Role::Mark => false,
+        Role::Background | Role::Rays | Role::Records => false,
+        Role::Mark | Role::FilterLight | Role::ApplyLight => false,
     }
 }
 

@@ -12,6 +12,7 @@ pub mod cost;
 pub mod cutouts;
 mod environment;
 mod fingerprint;
+pub mod half_light;
 pub mod intersect;
 pub mod layers;
 pub mod ray;

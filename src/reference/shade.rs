@@ -4,7 +4,7 @@
 use super::intersect::Hit;
 use super::ray::Ray;
 use super::real::{Real, Vector};
-use super::soft::{Seen, radiance_of_sky, way_to_sky};
+use super::soft::{Seen, mean_of_sky, radiance_of_sky, way_to_sky};
 use super::texture::texture_colour;
 use crate::scene::{Material, MaterialKind, Scene};
 
@@ -70,7 +70,7 @@ pub fn shade<R: Real>(
     sights::<R>(seen, point, normal).fold(mirrored, |sum, sight| {
         let Sight { light, w_i, distance, .. } = sight;
         let cosine = w_i.dot(normal);
-        if cosine <= R::ZERO || !reaches(&sight) {
+        if cosine <= R::ZERO || !(seen.unoccluded || reaches(&sight)) {
             return sum;
         }
         match (seen.lights.get(light), seen.sky) {
@@ -81,6 +81,7 @@ pub fn shade<R: Real>(
             }
             // The direction is chosen with a probability proportional to its cosine: k_L / pi times the
             // cosine, divided by that probability, is k_L.
+            (None, Some((sky, _))) if seen.unoccluded => sum + lambertian * mean_of_sky::<R>(sky, normal),
             (None, Some((sky, _))) => sum + lambertian * radiance_of_sky::<R>(sky, w_i),
             (None, None) => sum,
         }

@@ -3,7 +3,7 @@
 
 use super::environment::radiance_of_picture;
 use super::real::{Real, Vector};
-use crate::scene::{Light, Sample, Scene, Sky, scrambled, sobol};
+use crate::scene::{Light, Sample, SampleLight, Scene, Sky, scrambled, sobol};
 use glam::DVec3;
 use std::borrow::Cow;
 use std::f64::consts::TAU;
@@ -17,26 +17,32 @@ pub struct Seen<'a> {
     pub sky: Option<(&'a Sky, DVec3)>,
     /// Two numbers from 0 to 1 that determine which direction of the sky's picture a shiny surface mirrors.
     pub mirrored: [f64; 2],
-    /// By how much that direction is moved.
+    /// True if all light arrives, whatever is in between.
+    pub unoccluded: bool,
+    /// By how much the mirrored direction is moved.
     turn: DVec3,
 }
 
 impl<'a> Seen<'a> {
     /// Returns what a sample of a pixel sees. With a single sample, lights are points.
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
-        let soft = sample.count > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
+        let unoccluded = sample.light == SampleLight::Unoccluded;
+        let are_points = unoccluded || (sample.count == 1 && sample.light == SampleLight::Own);
+        let soft = !are_points && scene.lights.iter().any(|light| light.radius > 0.0);
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };
         let source = scene.lights.len() as u32;
-        let sky = scene.sky.as_ref().map(|sky| (sky, on_sphere(numbers(source, sample, pixel))));
+        // Unoccluded light of the sky is a mean around the normal.
+        let point = if unoccluded { DVec3::ZERO } else { on_sphere(numbers(source, sample, pixel)) };
+        let sky = scene.sky.as_ref().map(|sky| (sky, point));
         let [first, second, _] = numbers(source + 1, sample, pixel);
-        Self { lights, sky, mirrored: [first, second], turn: DVec3::ZERO }
+        Self { lights, sky, mirrored: [first, second], unoccluded, turn: DVec3::ZERO }
     }
 
     /// Returns this view with the point of the sphere moved.
     pub fn turned(&self, by: DVec3) -> Self {
         let sky = self.sky.map(|(sky, point)| (sky, point + by));
-        Self { lights: self.lights.clone(), sky, mirrored: self.mirrored, turn: self.turn + by }
+        Self { lights: self.lights.clone(), sky, turn: self.turn + by, ..*self }
     }
 
     /// Returns a half vector around a normal, with a probability proportional to the cosine to the power of
@@ -72,6 +78,16 @@ pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
 
+/// Returns the mean of the sky's radiance around a normal, weighted by the cosine, nearly: see `cl/common/soft.cl`.
+pub fn mean_of_sky<R: Real>(sky: &Sky, normal: R::Vector) -> R::Vector {
+    if sky.picture.is_some() {
+        return radiance_of_sky::<R>(sky, normal);
+    }
+    let cosine = normal.dot(R::Vector::of(sky.up));
+    let height = R::from(0.2122) + cosine * (R::from(0.3333) + R::from(0.1211) * cosine);
+    R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
+}
+
 /// Returns a light with a radius as a sample sees it: a point of its ball. The points are those of a uniform
 /// distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
 /// bright all over from every side, like a disc.
@@ -95,6 +111,7 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
 /// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are
 /// well distributed jointly.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
+    let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
     // Each source has its own order of samples; otherwise the samples of two sources would be correlated.
     let [first, second] = [0, 1].map(|which| scrambled(number, seed(source, which)));

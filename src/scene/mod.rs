@@ -38,7 +38,7 @@ pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAP
 pub use mesh::{Mesh, Triangle};
 pub use mip::texel_on;
 pub use orbit::Orbit;
-pub use samples::{Sample, SampleCounts, Sampling, pixel_samples, scrambled, sobol};
+pub use samples::{Sample, SampleCounts, SampleLight, Sampling, pixel_samples, scrambled, sobol};
 pub use shapes::{Shape, generate};
 pub use sky::{Sky, SkyPicture};
 pub use texture::{LEAST_ALPHA_UNIT, Mapped, Texture, Textures, Wrap, linear_values};

@@ -3,7 +3,7 @@
 //! 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
 //! rays stay coherent.
 
-use crate::manifest::SAMPLED_BLOCK;
+use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
 /// The Blackman-Harris filter's width, in pixels.
 const WIDTH: f64 = 1.5;
@@ -29,6 +29,22 @@ pub struct Sample {
     pub count: u32,
     /// The number of samples that are cast before it.
     pub earlier: u32,
+    /// How light arrives.
+    pub light: SampleLight,
+}
+
+/// How light arrives at a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SampleLight {
+    /// From the point of each light and the direction of the sky that belong to the pixel and the sample; with a single
+    /// sample per pixel, lights are points.
+    #[default]
+    Own,
+    /// The same in a half picture for soft light: lights are never points, and what belongs to a pixel repeats after
+    /// [`INTERLEAVED`] pixels.
+    Interleaved,
+    /// From the lights' centres and with the sky's mean radiance, whatever is in between.
+    Unoccluded,
 }
 
 /// How many samples pixels get.
@@ -38,6 +54,9 @@ pub struct Sampling {
     pub first: u32,
     /// The number of samples where neighbouring pixels differ after the first ones.
     pub most: u32,
+    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel, and
+    /// then filtered.
+    pub half_light: u32,
 }
 
 impl Sampling {
@@ -46,12 +65,12 @@ impl Sampling {
 
     /// Returns a sampling with `count` samples for every pixel.
     pub const fn all(count: u32) -> Self {
-        Self { first: count, most: count }
+        Self { first: count, most: count, half_light: 0 }
     }
 
     /// Up to `most` samples where pixels differ, and fewer elsewhere.
     pub fn adaptive(most: u32) -> Self {
-        Self { first: most.div_ceil(FIRST_OF), most }
+        Self { first: most.div_ceil(FIRST_OF), most, half_light: 0 }
     }
 
     /// Returns whether pixels may get different numbers of samples.
@@ -62,13 +81,21 @@ impl Sampling {
     /// Returns the first samples, of every pixel, and the others. Their positions are parts of one sequence. Lights and
     /// the sky have a sequence of their own in each of the two rounds.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
+        let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {
-            true => Sample { count: self.first, ..sample },
-            false => Sample { number: sample.number - self.first, count: self.most - self.first, ..sample },
+            true => Sample { count: self.first, light, ..sample },
+            false => {
+                Sample { number: sample.number - self.first, count: self.most - self.first, light, ..sample }
+            }
         };
         let all = pixel_samples(self.most).into_iter().map(round);
         let (first, rest) = all.partition(|sample| sample.earlier < self.first);
         [first, rest]
+    }
+
+    /// Returns the samples of a half picture for soft light.
+    pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
+        pixel_samples(self.half_light).into_iter().map(|sample| Sample { light, ..sample }).collect()
     }
 }
 
@@ -106,7 +133,14 @@ impl SampleCounts {
 
 impl Sample {
     /// The single sample at pixels' centres.
-    pub const CENTRE: Self = Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0 };
+    pub const CENTRE: Self =
+        Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0, light: SampleLight::Own };
+
+    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights repeat; `None` if
+    /// they do not.
+    pub fn period(&self) -> Option<u32> {
+        (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
+    }
 
     /// Returns the width of a sample's cone as a share of the pixel's, in which as many cones lie as samples are cast by
     /// the end of the sample's round.
@@ -119,7 +153,9 @@ impl Sample {
 /// Returns several samples for every pixel.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let offsets = (0..).zip(pixel_offsets(count));
-    offsets.map(|(number, offset)| Sample { offset, number, count: count.max(1), earlier: number }).collect()
+    let sample =
+        |(number, offset)| Sample { offset, number, count: count.max(1), earlier: number, ..Sample::CENTRE };
+    offsets.map(sample).collect()
 }
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
@@ -211,7 +247,7 @@ mod tests {
         assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
         assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
         // A pixel may get only the first samples, so their cones are as wide as if there were no others.
-        assert_eq!(shares(Sampling { first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
+        assert_eq!(shares(Sampling { half_light: 0, first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
     }
 
     #[test]
@@ -234,7 +270,9 @@ mod tests {
     #[test]
     fn a_sixteenth_of_adaptive_samples_is_for_every_pixel_and_the_others_continue_their_positions() {
         let all = pixel_samples(16);
-        for sampling in [Sampling::adaptive(16), Sampling::all(16), Sampling { first: 3, most: 16 }] {
+        for sampling in
+            [Sampling::adaptive(16), Sampling::all(16), Sampling { half_light: 0, first: 3, most: 16 }]
+        {
             let [first, rest] = sampling.rounds();
             assert_eq!((first.len() as u32, rest.len() as u32), (sampling.first, 16 - sampling.first));
             for round in [&first, &rest] {

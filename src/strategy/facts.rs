@@ -145,7 +145,12 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
-            Fact::Textured | Fact::Soft | Fact::Sampled | Fact::CutOut | Fact::Environment => false,
+            Fact::Textured
+            | Fact::Soft
+            | Fact::Sampled
+            | Fact::CutOut
+            | Fact::Environment
+            | Fact::HalfLight => false,
         }
     }
 
@@ -157,6 +162,7 @@ impl Strategy {
             Fact::Environment => workload.sky_texels > 0 && self.family().takes(Fact::Soft),
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
             Fact::Sampled => workload.many_samples,
+            Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
             of_strategy => self.holds(of_strategy),
         }
     }

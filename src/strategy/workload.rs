@@ -37,6 +37,9 @@ pub struct Workload {
     pub sky: bool,
     /// True if pixels get several samples.
     pub many_samples: bool,
+    /// True if soft light is cast at half resolution.
+    #[serde(default)]
+    pub half_light: bool,
     /// Number of texels of the sky's picture; 0 without one.
     pub sky_texels: usize,
     /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
@@ -62,6 +65,7 @@ impl Workload {
         soft_lights: false,
         sky: false,
         many_samples: false,
+        half_light: false,
         sky_texels: 0,
         stack_size: 32,
         image_size: [64, 64],
@@ -86,6 +90,12 @@ impl Workload {
     /// Returns the number of blocks across and down whose pixels get equally many samples.
     pub fn sampled_blocks(&self) -> [u32; 2] {
         self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
+    }
+
+    /// Returns the sizes of the half picture for soft light.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), ..*self }
     }
 
     /// Returns the number of work-items across and down: one per block of pixels or 32 per tile, rounded up

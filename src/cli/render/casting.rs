@@ -6,7 +6,7 @@ use crate::cli::turn::hold;
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::{Incoming, Radiance};
-use crate::launch::{Caster, FrameTimes, LaunchError, Prepared, Refused, ShowProgram};
+use crate::launch::{Caster, FrameTimes, LaunchError, LightParts, Prepared, Refused, ShowProgram};
 use crate::measure::Summary;
 use crate::output::Target;
 use crate::scene::{Display, SampleCounts, Sampling, Scene};
@@ -38,6 +38,8 @@ pub struct Cast {
     pub sampling: Sampling,
     /// How many pixels got each number of samples, if pixels differ.
     pub counts: Option<SampleCounts>,
+    /// What the picture is made of, if it is verified and has soft light at half resolution.
+    pub parts: Option<LightParts>,
 }
 
 impl Cast {
@@ -98,10 +100,13 @@ pub fn cast(
         None
     };
     timeline.ends("read");
+    let parts = args.verify.map(|_| caster.cast_parts(&scene.camera, &sampling));
+    let parts = parts.transpose().map_err(Refused::at("the launch")).map_err(refused)?.flatten();
+    timeline.ends("verify");
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
     let times = medians(&frames);
-    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, sampling, counts }))
+    Ok((image, Cast { hits, times, from_cache, records_ms, read_ms, sampling, counts, parts }))
 }
 
 /// Reads the last frame's image: in 8 bits if requested and possible, else as radiance.

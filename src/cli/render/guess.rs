@@ -82,9 +82,18 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
     let sky = is_dressed(args);
-    let many_samples = sampling(args).most > 1;
-    let soft_lights = sky && many_samples;
-    let known = Workload { local_size, stack_size, soft_lights, sky, many_samples, ..Workload::default() };
+    let sampling = sampling(args);
+    let many_samples = sampling.most > 1;
+    let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
+    let known = Workload {
+        local_size,
+        stack_size,
+        soft_lights,
+        sky,
+        many_samples,
+        half_light,
+        ..Workload::default()
+    };
     Some((strategy, known))
 }
 

@@ -2,10 +2,12 @@
 
 use super::report::Verified;
 use crate::error::{Error, Result};
-use crate::image::Radiance;
+use crate::image::{RELATIVE_LIMIT, Radiance, dark_floor, relative_difference};
+use crate::launch::LightParts;
 use crate::output::Target;
+use crate::reference::half_light::with_half_light;
 use crate::reference::{all_pixels, reference_of, some_pixels};
-use crate::scene::{SampleCounts, Sampling, Scene};
+use crate::scene::{Sample, SampleCounts, SampleLight, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
@@ -23,39 +25,86 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels
-/// that hit something.
+/// that hit something. A picture with soft light at half resolution is checked by its `parts`, and by the filter that makes
+/// it of them.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
     (strategy, sampling): (&Strategy, (Sampling, Option<&SampleCounts>)),
+    parts: Option<&LightParts>,
     saved: &Target,
     some: Option<u32>,
 ) -> Result<Verified> {
-    let size = [image.width, image.height];
-    let pixels = match some {
-        Some(some) => some_pixels(size, some as usize),
-        None => all_pixels(size),
-    };
     let (sampling, counts) = sampling;
     if counts.is_some_and(|counts| !counts.are_of(&sampling)) {
-        let Sampling { first, most } = sampling;
+        let Sampling { first, most, .. } = sampling;
         let message = format!(
             "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
         );
         return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
     }
+    let compare = |image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {
+        let compared = compare(scene, (image, hits), strategy, (samples, counts), some);
+        compared.map_err(|reason| wrong(&reason, saved))
+    };
+    let rounds = sampling.rounds().concat();
+    let Some(parts) = parts else { return compare(image, Some(hits), &rounds, counts) };
+    let whole = compare(&parts.whole, Some(parts.hits), &rounds, counts)?;
+    let mut max_difference = whole.max_difference;
+    let halves = [(&parts.lit, SampleLight::Interleaved), (&parts.unoccluded, SampleLight::Unoccluded)];
+    for (half, light) in halves {
+        max_difference =
+            compare(half, None, &sampling.of_half_light(light), None)?.max_difference.max(max_difference);
+    }
+    let filtered = check_filter(image, scene, parts).map_err(|reason| wrong(&reason, saved))?;
+    Ok(Verified { max_difference: max_difference.max(filtered), ..whole })
+}
+
+/// Compares a picture with its reference; returns why it is wrong, if it is.
+fn compare(
+    scene: &Scene,
+    (image, hits): (&Radiance, Option<usize>),
+    strategy: &Strategy,
+    (samples, counts): (&[Sample], Option<&SampleCounts>),
+    some: Option<u32>,
+) -> std::result::Result<Verified, String> {
+    let size = [image.width, image.height];
+    let pixels = match some {
+        Some(some) => some_pixels(size, some as usize),
+        None => all_pixels(size),
+    };
     let count = |pixel: usize| {
         let place = [pixel as u32 % size[0], pixel as u32 / size[0]];
-        counts.map_or(sampling.most, |counts| counts.at(place))
+        counts.map_or(samples.len() as u32, |counts| counts.at(place))
     };
-    let samples = sampling.rounds().concat();
-    let expected = reference_of(scene, size, strategy.culling, &pixels, (&samples, &count));
-    let verdict = verify(image, Some(hits), &expected, scene.display);
+    let expected = reference_of(scene, size, strategy.culling, &pixels, (samples, &count));
+    let verdict = verify(image, hits, &expected, scene.display);
     let Verdict { max_difference, uncertain_pixels, .. } = verdict;
-    if verdict.ok {
-        let [pixels, of_pixels] = [expected.judged, image.pixels.len()];
-        return Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels });
+    let [pixels, of_pixels] = [expected.judged, image.pixels.len()];
+    match verdict.reason {
+        Some(reason) => Err(reason),
+        None => Ok(Verified { max_difference, uncertain_pixels, pixels, of_pixels }),
     }
-    let error = Error::run(format!("the picture is wrong: {}", verdict.reason.unwrap_or_default()));
-    Err(error.with_help(format!("it was saved for inspection: {}", saved.path().display())))
+}
+
+/// Compares a picture with what the filter of soft light makes of its parts; returns the largest difference.
+fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::result::Result<f64, String> {
+    let halves = [&parts.lit, &parts.unoccluded];
+    let expected = with_half_light(&parts.whole, &parts.hit_shares, halves, scene.background.as_dvec3());
+    let floor = dark_floor(&expected, scene.display);
+    let differences =
+        image.pixels.iter().zip(&expected.pixels).map(|(a, b)| relative_difference(*a, *b, floor));
+    let (worst, largest) =
+        differences.enumerate().fold((0, 0.0), |worst, found| if found.1 > worst.1 { found } else { worst });
+    if largest <= RELATIVE_LIMIT {
+        return Ok(largest);
+    }
+    let [x, y] = [worst as u32 % image.width, worst as u32 / image.width];
+    let (found, expected) = (image.pixels[worst], expected.pixels[worst]);
+    Err(format!("the filter of soft light made {found:?} of pixel ({x}, {y}); expected {expected:?}"))
+}
+
+fn wrong(reason: &str, saved: &Target) -> Error {
+    let error = Error::run(format!("the picture is wrong: {reason}"));
+    error.with_help(format!("it was saved for inspection: {}", saved.path().display()))
 }

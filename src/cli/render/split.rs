@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let verified = args
         .verify
         .map(|some| {
-            check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), &target, some)
+            check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), None, &target, some)
         })
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();

@@ -1,0 +1,94 @@
+//! Soft light at half resolution: two pictures of half the width and height, with and without shadows, and the kernels
+//! that filter their ratio and multiply the whole picture with it.
+
+use super::arguments::Arguments;
+use super::buffers::allocate;
+use super::caster::Caster;
+use super::frame::{FrameTimes, Phase};
+use super::parts::builder;
+use super::setup::{Setup, background_arguments};
+use super::steps::{Extent, Step};
+use super::{LaunchError, Queue};
+use crate::image::Radiance;
+use crate::manifest::Role;
+use crate::scene::{Camera, SampleLight, Sampling, Scene};
+use ocl::Buffer;
+use ocl::prm::{Float4, Int2};
+use std::time::Instant;
+
+/// The half pictures, with the kernels that use them.
+pub(super) struct HalfLight {
+    /// All light that arrives.
+    lit: Caster,
+    /// All light that would arrive if nothing were in between.
+    unoccluded: Caster,
+    filter: Step,
+    apply: Step,
+}
+
+impl HalfLight {
+    /// Allocates the half pictures of a frame with its whole `image`. The program is that of the frame.
+    pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
+        let workload = setup.workload.halved();
+        let half = Setup { workload: &workload, ..*setup };
+        let [lit, unoccluded] = [Caster::alone(half)?, Caster::alone(half)?];
+        let size = |[width, height]: [u32; 2]| Int2::new(width as i32, height as i32);
+        let ratios =
+            allocate::<Float4>(setup.queue, workload.image_size.iter().map(|n| *n as usize).product())?;
+        let arguments = background_arguments(Arguments::default(), setup.scene);
+        let arguments = arguments.with("half_lit", lit.image()).with("half_unoccluded", unoccluded.image());
+        let arguments = arguments.with("half_size", size(workload.image_size)).with("ratios", &ratios);
+        let arguments = arguments.with("image_size", size(setup.workload.image_size)).with("image", image);
+        let rays = setup.strategy.width.rays();
+        let kernel = |role: Role, [across, down]: [u32; 2]| {
+            let family = setup.strategy.family();
+            let kernel = family.kernel(role);
+            let missing = || LaunchError::Kernel { family: family.name, role: format!("{role:?}") };
+            let kernel = kernel.ok_or_else(missing)?;
+            let mut kernel = builder(setup.queue, setup.program, setup.strategy, kernel, &arguments)?;
+            kernel.global_work_size([
+                (across as usize).div_ceil(rays).next_multiple_of(GROUP[0]),
+                (down as usize).next_multiple_of(GROUP[1]),
+            ]);
+            kernel.local_work_size(GROUP);
+            Ok::<_, LaunchError>(Step::Run(kernel.build()?))
+        };
+        let filter = kernel(Role::FilterLight, workload.image_size)?;
+        let apply = kernel(Role::ApplyLight, setup.workload.image_size)?;
+        Ok(Self { lit, unoccluded, filter, apply })
+    }
+
+    /// Casts the half pictures. Returns the times.
+    pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
+        let cast = |caster: &Caster, light| caster.cast_round(camera, &sampling.of_half_light(light), None);
+        let lit = cast(&self.lit, SampleLight::Interleaved)?;
+        Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
+    }
+
+    /// Filters the half pictures' ratio and multiplies the whole picture with it.
+    pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
+        let start = Instant::now();
+        let steps = [&self.filter, &self.apply];
+        let events =
+            steps.map(|step| Ok::<_, LaunchError>((Phase::Whole, step.enqueue(queue, Extent::default())?)));
+        let events = events.into_iter().collect::<Result<Vec<_>, _>>()?;
+        queue.commands.finish()?;
+        Ok(FrameTimes::of(&events, start.elapsed().as_secs_f64() * 1e3, 1)?)
+    }
+
+    /// Changes the background, and the distance at which shadow rays start.
+    pub fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
+        let arguments = background_arguments(Arguments::default(), scene);
+        self.apply.kernel().map_or(Ok(()), |kernel| arguments.rebind(kernel))?;
+        self.lit.show_background(scene)?;
+        self.unoccluded.show_background(scene)
+    }
+
+    /// Reads the half pictures: lit, unoccluded.
+    pub fn read(&self) -> Result<[Radiance; 2], LaunchError> {
+        Ok([self.lit.read()?.0, self.unoccluded.read()?.0])
+    }
+}
+
+/// Work-items of a work-group of the two kernels, across and down.
+const GROUP: [usize; 2] = [16, 4];

@@ -1,0 +1,148 @@
+//! Filters soft light that was cast at half resolution, and brings it to the whole picture, in double precision.
+//! `cl/common/half_light.cl` does the same on devices, and says how.
+
+use crate::image::Radiance;
+use crate::manifest::HALF_LIGHT_SHARPNESS;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The filter's weights along an axis: with samples that repeat after four pixels, each of them has the same share.
+const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
+
+/// Returns the picture with soft light. `whole` is its unoccluded light, `hit_shares` the share of each of its pixels that
+/// shows a surface instead of the background; `lit` and `unoccluded` are the half pictures.
+pub fn with_half_light(
+    whole: &Radiance,
+    hit_shares: &[f32],
+    [lit, unoccluded]: [&Radiance; 2],
+    background: DVec3,
+) -> Radiance {
+    let ratios = filtered([lit, unoccluded]);
+    let [across, down] = [(unoccluded.width, whole.width), (unoccluded.height, whole.height)];
+    let place =
+        |at: usize, (half, whole): (u32, u32)| (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5;
+    let pixel = |index: usize| {
+        let own = at(whole, index);
+        let behind = background * (1.0 - f64::from(hit_shares[index]));
+        let [x, y] = [index % whole.width as usize, index / whole.width as usize];
+        let ratio = interpolated(own, [place(x, across), place(y, down)], unoccluded, &ratios);
+        (behind + (own - behind) * ratio).as_vec3().to_array()
+    };
+    let pixels = (0..whole.pixels.len()).into_par_iter().map(pixel).collect();
+    Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
+}
+
+/// Returns which part of the light arrives at each pixel of the half pictures.
+fn filtered([lit, unoccluded]: [&Radiance; 2]) -> Vec<DVec3> {
+    let width = unoccluded.width as usize;
+    let ratio = |index: usize| {
+        let (own, [x, y]) = (at(unoccluded, index), [index % width, index / width].map(|at| at as i64));
+        let (mut arrives, mut all) = (DVec3::ZERO, DVec3::ZERO);
+        for (down, by_row) in (-2..).zip(WEIGHTS) {
+            for (across, by_column) in (-2..).zip(WEIGHTS) {
+                let there = nearest(unoccluded, [x + across, y + down]);
+                let weight = by_row * by_column * likeness(own, at(unoccluded, there));
+                arrives += weight * at(lit, there);
+                all += weight * at(unoccluded, there);
+            }
+        }
+        DVec3::from_array([0, 1, 2].map(|i| if all[i] > 0.0 { arrives[i] / all[i] } else { 1.0 }))
+    };
+    (0..unoccluded.pixels.len()).into_par_iter().map(ratio).collect()
+}
+
+/// Returns the ratio at a place of the half picture, between its four nearest pixels.
+fn interpolated(own: DVec3, [x, y]: [f64; 2], unoccluded: &Radiance, ratios: &[DVec3]) -> DVec3 {
+    let least = 0.01 * own.length_squared().powi(2) + 1e-37;
+    let (left, top) = (x.floor(), y.floor());
+    let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+    let (sum, weights) = corners.into_iter().fold((DVec3::ZERO, 0.0), |(sum, weights), (right, below)| {
+        let there = nearest(unoccluded, [(left + right) as i64, (top + below) as i64]);
+        let part = (1.0 - (x - left - right).abs()) * (1.0 - (y - top - below).abs());
+        let weight = part * (likeness(own, at(unoccluded, there)) + least);
+        (sum + weight * ratios[there], weights + weight)
+    });
+    sum / weights
+}
+
+/// Returns how much a pixel counts for another one with this unoccluded light.
+fn likeness(a: DVec3, b: DVec3) -> f64 {
+    let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
+    ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)
+}
+
+fn at(image: &Radiance, index: usize) -> DVec3 {
+    glam::Vec3::from_array(image.pixels[index]).as_dvec3()
+}
+
+/// Returns the index of a pixel; beyond the image, pixels at its border repeat.
+fn nearest(image: &Radiance, [x, y]: [i64; 2]) -> usize {
+    let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
+    inside(y, image.height) * image.width as usize + inside(x, image.width)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BACKGROUND: DVec3 = DVec3::new(0.1, 0.2, 0.3);
+
+    fn flat(size: [u32; 2], value: f32) -> Radiance {
+        let image = Radiance::new(size[0], size[1]);
+        Radiance { pixels: vec![[value; 3]; image.pixels.len()], ..image }
+    }
+
+    fn close(a: [f32; 3], b: DVec3) -> bool {
+        (glam::Vec3::from_array(a).as_dvec3() - b).abs().max_element() < 1e-6
+    }
+
+    #[test]
+    fn light_that_repeats_after_four_pixels_is_smooth() {
+        let (whole, unoccluded) = (flat([17, 13], 0.8), flat([9, 7], 0.8));
+        let mut lit = unoccluded.clone();
+        // One of 16 samples finds something in between.
+        for (index, pixel) in lit.pixels.iter_mut().enumerate() {
+            if index % 9 % 4 == 1 && index / 9 % 4 == 2 {
+                *pixel = [0.0; 3];
+            }
+        }
+        let inner = |index: usize| (4..13).contains(&(index % 17)) && (4..9).contains(&(index / 17));
+        let found = with_half_light(&whole, &vec![1.0; 17 * 13], [&lit, &unoccluded], BACKGROUND);
+        for (index, pixel) in found.pixels.iter().enumerate().filter(|(index, _)| inner(*index)) {
+            assert!(close(*pixel, DVec3::splat(0.8 * 15.0 / 16.0)), "{index}: {pixel:?}");
+        }
+    }
+
+    #[test]
+    fn other_surfaces_do_not_count() {
+        // The left half is bright and lit, the right half dark and in shadow.
+        let side = |image: &mut Radiance, values: [f32; 2]| {
+            let width = image.width as usize;
+            for (index, pixel) in image.pixels.iter_mut().enumerate() {
+                *pixel = [values[usize::from(index % width >= width / 2)]; 3];
+            }
+        };
+        let (mut whole, mut unoccluded, mut lit) = (flat([16, 8], 0.0), flat([8, 4], 0.0), flat([8, 4], 0.0));
+        side(&mut whole, [0.9, 0.3]);
+        side(&mut unoccluded, [0.9, 0.3]);
+        side(&mut lit, [0.9, 0.0]);
+        let found = with_half_light(&whole, &[1.0; 128], [&lit, &unoccluded], BACKGROUND);
+        // Only the `least` weight mixes the sides, at the border.
+        assert!(close(found.pixels[6], DVec3::splat(0.9)) && close(found.pixels[9], DVec3::ZERO));
+        assert!(found.pixels[7][0] > 0.89 && found.pixels[8][0] < 0.01, "{:?}", &found.pixels[6..10]);
+    }
+
+    #[test]
+    fn the_background_stays() {
+        let (whole, unoccluded, lit) = (flat([4, 4], 0.5), flat([2, 2], 0.5), flat([2, 2], 0.25));
+        let mut shares = [1.0; 16];
+        (shares[5], shares[6]) = (0.0, 0.5);
+        let found = with_half_light(&whole, &shares, [&lit, &unoccluded], BACKGROUND);
+        let halved = |share: f64| {
+            let behind = BACKGROUND * (1.0 - share);
+            behind + (DVec3::splat(0.5) - behind) * 0.5
+        };
+        assert!(close(found.pixels[0], DVec3::splat(0.25)), "{:?}", found.pixels[0]);
+        assert!(close(found.pixels[5], halved(0.0)) && close(found.pixels[6], halved(0.5)));
+    }
+}
