@@ -62,7 +62,7 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
 /// The image of a scene, by a caster of its own, or by that of another scene which is shown this one.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
-    let sampling = Sampling { first: 2, most: 6 };
+    let sampling = Sampling { first: 2, ..Sampling::all(6) };
     let session = Session::open(&device(), &Sources::Embedded, Arc::clone(scenes[0])).expect("it works");
     let mut session = session.sampling(sampling);
     let mut prepared =

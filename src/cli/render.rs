@@ -23,11 +23,12 @@ use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, Loaded, Sampling, Scene};
-use casting::{Picture, Shows, cast};
+use crate::strategy::Strategy;
+use casting::{Cast, Picture, Shows, cast};
 use judge::{check, refuse_not_finite};
 use motion::Motion;
 use opening::{Opened, open};
-use report::Report;
+use report::{Report, Verified};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -153,14 +154,8 @@ fn render(args: &Args) -> Result<()> {
         save_layers(image, &found, &layer_targets)?;
     }
     timeline.ends("save");
-    let mut verified = None;
-    if let Some(image) = &radiance {
-        refuse_not_finite(image, target.path())?;
-        let check = |some| {
-            check(&scene, (image, cast.hits), (&strategy, cast.sampled()), cast.parts.as_ref(), &target, some)
-        };
-        verified = args.verify.map(check).transpose()?;
-    }
+    let judged = radiance.as_ref().map(|image| judged(args, &scene, image, (&strategy, &cast), &target));
+    let verified = judged.transpose()?.flatten();
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
     // While kernels are edited, storing their programs is not worth it.
     let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
@@ -186,6 +181,21 @@ fn render(args: &Args) -> Result<()> {
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
+}
+
+/// Checks a picture's values and, with `--verify`, compares it with the reference.
+fn judged(
+    args: &Args,
+    scene: &Scene,
+    image: &Radiance,
+    (strategy, cast): (&Strategy, &Cast),
+    target: &Target,
+) -> Result<Option<Verified>> {
+    refuse_not_finite(image, target.path())?;
+    let check = |some| {
+        check(scene, (image, cast.hits), (strategy, cast.sampled()), cast.parts.as_ref(), target, some)
+    };
+    args.verify.map(check).transpose()
 }
 
 /// Saves a picture; returns its radiance if it has one.

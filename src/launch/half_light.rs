@@ -92,3 +92,56 @@ impl HalfLight {
 
 /// Work-items of a work-group of the two kernels, across and down.
 const GROUP: [usize; 2] = [16, 4];
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::device::discover;
+    use crate::image::relative_difference;
+    use crate::launch::Session;
+    use crate::program::Sources;
+    use crate::reference::half_light::with_half_light;
+    use crate::scene::{Sampling, Shot, load_scene_for};
+    use crate::strategy::preset;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    /// Even sizes have a quicker way from a vector of pixels to the half picture. Vectors of 16 do not fill their rows, or
+    /// just fill them.
+    const SIZES: [[u32; 2]; 4] = [[96, 64], [75, 61], [38, 22], [7, 5]];
+
+    /// The device's filter against the one in double precision, in every family that casts soft light.
+    #[test]
+    fn a_picture_is_what_the_filter_makes_of_its_parts() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table/globe.obj");
+        let shot = Shot { dressed: true, ..Shot::SQUARE };
+        let scene = Arc::new(load_scene_for(&path, &[], shot).unwrap().scene);
+        let sampling = Sampling { first: 1, half_light: 2, ..Sampling::all(6) };
+        for name in ["tile", "bvh", "bvh-packet", "tile-group"] {
+            let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+            let mut session = session.sampling(sampling);
+            let strategy = preset(name).unwrap().strategy;
+            for size in SIZES {
+                let local_size = strategy.local_size(&device.info.limits, [1, 1]);
+                let prepared = session.prepare(&strategy, size, local_size);
+                let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
+                let caster = caster.map_err(|refused| refused.reason()).unwrap();
+                caster.cast_samples(&scene.camera, &sampling).unwrap();
+                let picture = caster.read().unwrap().0;
+                let parts = caster.cast_parts(&scene.camera, &sampling).unwrap().expect("soft light");
+                let halves = [&parts.lit, &parts.unoccluded];
+                assert_eq!([parts.lit.width, parts.lit.height], size.map(|side| side.div_ceil(2)));
+                let background = scene.background.as_dvec3();
+                let expected = with_half_light(&parts.whole, &parts.hit_shares, halves, background);
+                let pixels = picture.pixels.iter().zip(&expected.pixels);
+                let largest = pixels.map(|(a, b)| relative_difference(*a, *b, 1e-4)).fold(0.0, f64::max);
+                assert!(largest < 1e-4, "{name}, {size:?}: {largest}");
+                // Something is in shadow, but nothing gets brighter than without anything in between.
+                let darker =
+                    parts.whole.pixels.iter().zip(&picture.pixels).filter(|(a, b)| b[1] < 0.9 * a[1]);
+                assert!(darker.count() * 50 > picture.pixels.len(), "{name}, {size:?}");
+            }
+        }
+    }
+}

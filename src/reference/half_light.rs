@@ -106,7 +106,7 @@ mod tests {
                 *pixel = [0.0; 3];
             }
         }
-        let inner = |index: usize| (4..13).contains(&(index % 17)) && (4..9).contains(&(index / 17));
+        let inner = |index: usize| (4..11).contains(&(index % 17)) && (4..7).contains(&(index / 17));
         let found = with_half_light(&whole, &vec![1.0; 17 * 13], [&lit, &unoccluded], BACKGROUND);
         for (index, pixel) in found.pixels.iter().enumerate().filter(|(index, _)| inner(*index)) {
             assert!(close(*pixel, DVec3::splat(0.8 * 15.0 / 16.0)), "{index}: {pixel:?}");

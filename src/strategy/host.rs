@@ -116,6 +116,7 @@ mod tests {
             soft_lights: false,
             sky: false,
             many_samples: false,
+            half_light: false,
             sky_texels: 0,
             stack_size: 0,
             image_size: [side, side],

@@ -186,7 +186,16 @@ pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
         WorkingMemory::Scratch => add_working(&mut sum, "vectors", strategy, items),
         WorkingMemory::Heap => add_working(&mut sum, "heap", strategy, items),
     }
+    for half in half_pictures(w) {
+        sum.join(scratch(strategy, &half));
+    }
     sum
+}
+
+/// Returns the workloads of the two half pictures for soft light, if it is cast at half resolution.
+fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
+    let half = Workload { half_light: false, ..w.halved() };
+    std::iter::repeat_n(half, if w.half_light { 2 } else { 0 })
 }
 
 /// Returns the private memory: values that live across barriers, if the strategy has barriers, and the rays
@@ -237,6 +246,19 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
 /// buffer.
 pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = scene(strategy, w);
+    add_frame(&mut sum, strategy, w);
+    for half in half_pictures(w) {
+        add_frame(&mut sum, strategy, &half);
+    }
+    if w.half_light {
+        let [across, down] = w.halved().image_size.map(u64::from);
+        sum.add("ratios of soft light", &[(16, " B"), (across, ""), (down, " pixels")]);
+    }
+    sum
+}
+
+/// Adds the buffers of one frame.
+fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     let pixels = u64::from(w.image_size[0]) * u64::from(w.image_size[1]);
     sum.add("image", &[(16, " B"), (pixels, " pixels")]);
     if w.many_samples {
@@ -265,7 +287,6 @@ pub(super) fn global(strategy: &Strategy, w: &Workload) -> Sum {
     if origins > 0 {
         sum.add("planes", &[(ROW_BYTES, " B"), (origins, " origins"), (w.triangles as u64, " triangles")]);
     }
-    sum
 }
 
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. It assumes full nodes and, if

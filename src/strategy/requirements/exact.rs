@@ -38,6 +38,21 @@ fn private_vectors_count_where_all_work_items_keep_them_at_once() {
 }
 
 #[test]
+fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
+    let bytes = |half_light| {
+        let w = Workload { half_light, image_size: [200, 101], local_size: [32, 1], ..workload(1, 1) };
+        Requirements::of(&of("tile-group"), &w).global_bytes
+    };
+    // Each half picture like a whole one: image, nearest triangle, one queue entry, the word of lights.
+    assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51);
+    let scratch = |half_light| {
+        let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };
+        Requirements::of(&of("naive-scratch"), &w).scratch_bytes
+    };
+    assert_eq!(scratch(true), scratch(false) * 3 / 2);
+}
+
+#[test]
 fn what_a_heap_takes_is_held_to_global_memory() {
     let (strategy, w) = (of("naive"), workload(1, 8));
     let needs = Requirements::of(&strategy, &w);

@@ -32,6 +32,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         soft_lights: false,
         sky: false,
         many_samples: false,
+        half_light: false,
         sky_texels: 0,
         stack_size: 0,
         image_size: [800, 500],
