@@ -24,6 +24,7 @@ mod formats;
 mod goldens;
 #[cfg(unix)]
 mod guarded;
+mod half_light;
 mod host_mutants;
 mod hosted;
 #[cfg(unix)]

@@ -36,10 +36,8 @@ typedef struct {
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
 #endif
 #define IS_UNOCCLUDED(soft) ((soft)->sample.y == 0)
-#define LEAST_SAMPLES 1 // with which lights are not points
 #else
 #define IS_UNOCCLUDED(soft) 0
-#define LEAST_SAMPLES 2
 #endif
 
 varying_uint reversed_bits(varying_uint bits) {
@@ -104,7 +102,7 @@ Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
 
 // Returns the radius of a light; with a single sample per pixel, lights are points.
 float radius_of(const Soft *soft, int light) {
-    return soft->sample.y >= LEAST_SAMPLES ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
+    return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
 // Returns the offset of the point that a pixel's sample sees from the centre of a light's ball. The points are those

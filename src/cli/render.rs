@@ -71,7 +71,7 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long (Blackman-Harris filter, 1.5
-    /// pixels wide) [default: for a bare mesh 2, and 6 where neighbouring pixels differ; else 1]
+    /// pixels wide) [default: for a bare mesh 1, and 6 where neighbouring pixels differ, with soft light at half resolution; else 1]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
     /// Cast the first sixteenth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]

@@ -27,7 +27,7 @@ impl<'a> Seen<'a> {
     /// Returns what a sample of a pixel sees. With a single sample, lights are points.
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
         let unoccluded = sample.light == SampleLight::Unoccluded;
-        let are_points = unoccluded || (sample.count == 1 && sample.light == SampleLight::Own);
+        let are_points = unoccluded || sample.count == 1;
         let soft = !are_points && scene.lights.iter().any(|light| light.radius > 0.0);
         let placed = || (0..).zip(&scene.lights).map(|(number, light)| placed(light, number, sample, pixel));
         let lights = if soft { placed().collect() } else { Cow::Borrowed(&scene.lights[..]) };

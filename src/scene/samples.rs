@@ -40,8 +40,7 @@ pub enum SampleLight {
     /// sample per pixel, lights are points.
     #[default]
     Own,
-    /// The same in a half picture for soft light: lights are never points, and what belongs to a pixel repeats after
-    /// [`INTERLEAVED`] pixels.
+    /// The same in a half picture for soft light, where what belongs to a pixel repeats after [`INTERLEAVED`] pixels.
     Interleaved,
     /// From the lights' centres and with the sky's mean radiance, whatever is in between.
     Unoccluded,
@@ -54,8 +53,8 @@ pub struct Sampling {
     pub first: u32,
     /// The number of samples where neighbouring pixels differ after the first ones.
     pub most: u32,
-    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel, and
-    /// then filtered.
+    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel (with
+    /// one, lights are points), and then filtered.
     pub half_light: u32,
 }
 
@@ -93,9 +92,12 @@ impl Sampling {
         [first, rest]
     }
 
-    /// Returns the samples of a half picture for soft light.
+    /// Returns the samples of a half picture for soft light, at pixels' centres. Unoccluded light needs only one, since only
+    /// points of lights differ between samples.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
-        pixel_samples(self.half_light).into_iter().map(|sample| Sample { light, ..sample }).collect()
+        let count = if light == SampleLight::Unoccluded { 1 } else { self.half_light };
+        let sample = |number| Sample { number, count, earlier: number, light, ..Sample::CENTRE };
+        (0..count).map(sample).collect()
     }
 }
 

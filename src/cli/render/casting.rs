@@ -52,6 +52,21 @@ impl Cast {
     pub fn mean_samples(&self) -> f64 {
         self.counts.as_ref().map_or(f64::from(self.sampling.most), SampleCounts::mean)
     }
+
+    /// Returns the number of primary rays of a picture of `size`, and of shadow rays, of which a hit has `per_hit`. Soft light
+    /// at half resolution takes two pictures of a quarter of the pixels; only one of them has shadow rays.
+    pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
+        let [pixels, half_pixels] =
+            [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
+        let hits = self.hits as f64 * per_hit as f64;
+        match f64::from(self.sampling.half_light) {
+            0.0 => [pixels * self.mean_samples(), hits * self.mean_samples()],
+            samples => [
+                pixels * self.mean_samples() + (samples + 1.0) * half_pixels,
+                hits * samples * half_pixels / pixels.max(1.0),
+            ],
+        }
+    }
 }
 
 /// The first frame includes the first use of memory and often compilation. With several frames, its time is only
@@ -102,7 +117,9 @@ pub fn cast(
     timeline.ends("read");
     let parts = args.verify.map(|_| caster.cast_parts(&scene.camera, &sampling));
     let parts = parts.transpose().map_err(Refused::at("the launch")).map_err(refused)?.flatten();
-    timeline.ends("verify");
+    if parts.is_some() {
+        timeline.ends("verify");
+    }
     let from_cache = prepared.program.from_cache;
     let read_ms = timeline.ms("read");
     let times = medians(&frames);

@@ -35,6 +35,9 @@ pub struct Report {
     pub samples: u32,
     /// The mean number of samples per pixel, which is smaller if they are adaptive.
     pub mean_samples: f64,
+    /// Number of samples of soft light per pixel of a picture of half the width and height; 0 if every sample casts soft
+    /// light.
+    pub half_light_samples: u32,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
     /// Time from the end of reading the scene until the drivers have listed their devices and the device is open.
@@ -123,11 +126,9 @@ impl Report {
     /// Fills in the fields known after casting; the command adds the rest.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
-        let [width, height] = workload.image_size;
         let triangles = scene.mesh.triangles.len();
-        let pixels = f64::from(width) * f64::from(height) * cast.mean_samples();
+        let [primary_rays, shadow_rays] = cast.rays(workload.image_size, scene.shadow_rays_per_hit());
         let primary_ms = cast.times.primary_ms.unwrap_or(cast.times.frame_ms);
-        let shadow_rays = (cast.hits * scene.shadow_rays_per_hit()) as f64 * cast.mean_samples();
         let per_s = |count: f64, ms: f64| count / ms * 1e3;
         Self {
             scene: scene.name.clone(),
@@ -150,12 +151,13 @@ impl Report {
             read_ms: cast.read_ms,
             samples: cast.sampling.most,
             mean_samples: cast.mean_samples(),
-            frame_rays_per_s: per_s(pixels + shadow_rays, cast.times.frame_ms),
-            primary_rays_per_s: cast.times.primary_ms.map(|ms| per_s(pixels, ms)),
+            half_light_samples: cast.sampling.half_light,
+            frame_rays_per_s: per_s(primary_rays + shadow_rays, cast.times.frame_ms),
+            primary_rays_per_s: cast.times.primary_ms.map(|ms| per_s(primary_rays, ms)),
             shadow_rays_per_s: cast.times.shadow_ms.map(|ms| per_s(shadow_rays, ms)),
             tests_per_s: strategy
                 .tests_every_triangle()
-                .then(|| per_s(pixels * triangles as f64, primary_ms)),
+                .then(|| per_s(primary_rays * triangles as f64, primary_ms)),
             ..Self::default()
         }
     }
@@ -176,8 +178,12 @@ impl Report {
             format!("size      {width} x {height} pixels, local size {x} x {y}"),
         ];
         if self.mean_samples < f64::from(self.samples) {
+            let soft = match self.half_light_samples {
+                0 => String::new(),
+                samples => format!("; of soft light {samples} per pixel of half the width and height"),
+            };
             lines.push(format!(
-                "samples   {:.2} per pixel on average, {} at most",
+                "samples   {:.2} per pixel on average, {} at most{soft}",
                 self.mean_samples, self.samples
             ));
         }

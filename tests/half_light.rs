@@ -1,0 +1,140 @@
+//! Soft light at half resolution: the default look of bare meshes.
+
+use crate::binary::{Place, device};
+use image::RgbImage;
+
+/// A plate over a tetrahedron, which lies in its shadow.
+const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
+                    f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
+/// Casts as `render` chooses, but fixed.
+const FAMILIES: [&str; 4] = ["tile", "tile-group", "bvh", "bvh-packet"];
+/// Wide enough that vectors of 16 pixels fill half rows.
+const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
+const ODD: [&str; 4] = ["--width", "75", "--height", "61"];
+
+fn options<'a>(device: &'a str, size: [&'a str; 4], more: &[&'a str]) -> Vec<&'a str> {
+    let usual = ["render", "mesh.obj", "--force", "-o", "a.png", "--device", device];
+    [&usual[..], &size, more].concat()
+}
+
+fn picture(place: &Place, size: [&str; 4], more: &[&str]) -> RgbImage {
+    place.output(&options(&device(), size, more));
+    image::open(place.path("a.png")).expect("a picture").to_rgb8()
+}
+
+#[test]
+fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
+    let place = Place::with(&[("mesh.obj", MESH)]);
+    for size in [EVEN, ODD] {
+        let all = FAMILIES.map(|family| picture(&place, size, &["--verify", "--strategy", family]));
+        for (family, other) in FAMILIES.iter().zip(&all) {
+            let differ = all[0]
+                .pixels()
+                .zip(other.pixels())
+                .filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1));
+            assert!(differ.count() * 200 < all[0].pixels().len(), "{family}");
+        }
+    }
+    picture(&place, EVEN, &["--verify=50"]);
+}
+
+/// The picture that it approximates has many samples, each with soft light of its own.
+#[test]
+fn it_is_nearly_the_picture_of_many_samples() {
+    let place = Place::with(&[("mesh.obj", MESH)]);
+    let size = ["--width", "240", "--height", "150"];
+    let psnr_db = |a: &RgbImage, b: &RgbImage| {
+        let square: f64 =
+            a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2)).sum();
+        10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / square).log10()
+    };
+    let many = picture(&place, size, &["--samples", "128"]);
+    let [half, two] = [&[][..], &["--samples", "2"]].map(|more| psnr_db(&picture(&place, size, more), &many));
+    assert!(half > 35.0 && half > two + 3.0, "{half} dB at half resolution, {two} dB with two samples");
+}
+
+#[test]
+fn a_transparent_background_keeps_its_coverage() {
+    let place = Place::with(&[("mesh.obj", MESH)]);
+    picture(&place, EVEN, &["--background", "transparent", "--verify"]);
+    let image = image::open(place.path("a.png")).expect("a picture").to_rgba8();
+    assert_eq!(image[(0, 0)].0, [0; 4]);
+    assert!(
+        image.pixels().any(|pixel| pixel.0[3] == 255)
+            && image.pixels().any(|pixel| (1..255).contains(&pixel.0[3]))
+    );
+}
+
+/// One change each of the filter, of the unoccluded light, and of the numbers that choose points of lights.
+#[test]
+fn a_broken_half_picture_is_a_wrong_picture() {
+    let place = Place::with(&[("mesh.obj", MESH)]);
+    let filter = "common/half_light.cl";
+    let rows = "common/pixel_rows.cl";
+    let soft = "common/soft.cl";
+    let changes = [
+        (filter, "across == 2 ? 0.5f : 1.0f", "across == 2 ? 1.0f : 1.0f", "bvh"),
+        (filter, "(down == -2 || down == 2 ?", "(down == -2 ?", "bvh"),
+        (filter, "int across = -2;", "int across = -1;", "tile"),
+        (filter, "all = along(all, weight, there);", "all = along(all, weight, own);", "bvh"),
+        (filter, "return near * near;", "return near;", "bvh"),
+        (
+            filter,
+            "- (float)HALF_LIGHT_SHARPNESS * dot3",
+            "- 0.5f * (float)HALF_LIGHT_SHARPNESS * dot3",
+            "bvh",
+        ),
+        (filter, "(below ? down - top : 1.0f - (down - top))", "0.5f", "bvh"),
+        (filter, "const int to_right = corner & 1,", "const int to_right = 0,", "bvh"),
+        (filter, "s0112233445566778, row.y", "s1122334455667788, row.y", "tile"),
+        (filter, "likeness(own, there) + least", "likeness(own, there) + 100.0f * least", "bvh"),
+        (filter, "x / 2 - 1, y).colour", "x / 2, y).colour", "tile"),
+        (
+            rows,
+            "(varying_int)(0), (varying_int)(size.x - 1)",
+            "(varying_int)(0), (varying_int)(size.x - 2)",
+            "bvh",
+        ),
+        (rows, "clamp(y, 0, size.y - 1)", "clamp(y, 1, size.y - 1)", "bvh"),
+        (rows, "(float16)(rb.odd, rb2.odd)", "(float16)(rb.odd, rb.odd)", "tile"),
+        (rows, "colour.z.scdef, hit.scdef", "colour.z.s89ab, hit.scdef", "tile"),
+        (soft, "curve &= INTERLEAVED * INTERLEAVED - 1u;", "", "bvh"),
+        (soft, "0.2122f + cosine", "0.3122f + cosine", "bvh"),
+        (soft, "0.1211f * cosine", "0.2211f * cosine", "bvh"),
+        (
+            "cast/shade.cl",
+            "#elif SOFT\n        if (!IS_UNOCCLUDED(&scene->soft)) lit",
+            "#elif SOFT\n        lit",
+            "bvh",
+        ),
+        ("cast/soft.cl", "if (IS_UNOCCLUDED(&scene->soft)) {", "if (0) {", "bvh"),
+        ("tile_cpu/shade.cl", "if (!IS_UNOCCLUDED(&lighting->soft))\n", "if (1)\n", "tile"),
+        ("tile_cpu/sky.cl", "if (IS_UNOCCLUDED(&lighting->soft)) {", "if (0) {", "tile"),
+        ("tile_gpu/shadow.cl", "if (IS_UNOCCLUDED(&sources->soft)) {", "if (0) {", "tile-group"),
+        (
+            "tile_gpu/shadow.cl",
+            "source >= sources->light_count) return hits;",
+            "source >= sources->light_count) return 0;",
+            "tile-group",
+        ),
+        ("tile_gpu/shade.cl", "IS_UNOCCLUDED(&sources->soft) ?", "0 ?", "tile-group"),
+    ];
+    // Only where no ground is behind the mesh.
+    let behind = (filter, "subtract(own, behind)", "own", "bvh");
+    let mut unnoticed = Vec::new();
+    let grounded = changes.map(|change| (change, &[][..]));
+    for ((file, from, to, family), background) in
+        grounded.into_iter().chain([(behind, &["--background", "white"][..])])
+    {
+        let kernels = place.kernels(file, from, to);
+        let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
+        let more = [&more[..], background].concat();
+        let output = place.raycl(&options(&device(), EVEN, &more)).output().expect("the program");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        if output.status.code() != Some(1) || !said.contains("the picture is wrong: ") {
+            unnoticed.push(format!("{file}: {from} -> {to}: {said}"));
+        }
+        std::fs::remove_dir_all(place.path(&kernels)).expect("the folder of kernels");
+    }
+    assert!(unnoticed.is_empty(), "{unnoticed:#?}");
+}
