@@ -65,67 +65,63 @@ fn a_transparent_background_keeps_its_coverage() {
     );
 }
 
-/// One change each of the filter, of the unoccluded light, and of the numbers that choose points of lights.
+const FILTER: &str = "common/half_light.cl";
+const ROWS: &str = "common/pixel_rows.cl";
+const SOFT: &str = "common/soft.cl";
+
+/// Changes of a kernel file, each with a strategy that uses it: of the filter, of the unoccluded light, and of the numbers that
+/// choose points of lights.
+const CHANGES: &[[&str; 4]] = &[
+    [FILTER, "across == 2 ? 0.5f : 1.0f", "across == 2 ? 1.0f : 1.0f", "bvh"],
+    [FILTER, "(down == -2 || down == 2 ?", "(down == -2 ?", "bvh"],
+    [FILTER, "int across = -2;", "int across = -1;", "tile"],
+    [FILTER, "all = along(all, weight, there);", "all = along(all, weight, own);", "bvh"],
+    [FILTER, "return near * near;", "return near;", "bvh"],
+    [FILTER, "- (float)HALF_LIGHT_SHARPNESS * dot3", "- 0.5f * (float)HALF_LIGHT_SHARPNESS * dot3", "bvh"],
+    [FILTER, "(below ? down - top : 1.0f - (down - top))", "0.5f", "bvh"],
+    [FILTER, "const int to_right = corner & 1,", "const int to_right = 0,", "bvh"],
+    [FILTER, "s0112233445566778, row.y", "s1122334455667788, row.y", "tile"],
+    [FILTER, "likeness(own, there) + least", "likeness(own, there) + 100.0f * least", "bvh"],
+    [FILTER, "x / 2 - 1, y).colour", "x / 2, y).colour", "tile"],
+    [
+        ROWS,
+        "(varying_int)(0), (varying_int)(size.x - 1)",
+        "(varying_int)(0), (varying_int)(size.x - 2)",
+        "bvh",
+    ],
+    [ROWS, "clamp(y, 0, size.y - 1)", "clamp(y, 1, size.y - 1)", "bvh"],
+    [ROWS, "(float16)(rb.odd, rb2.odd)", "(float16)(rb.odd, rb.odd)", "tile"],
+    [ROWS, "colour.z.scdef, hit.scdef", "colour.z.s89ab, hit.scdef", "tile"],
+    [SOFT, "curve &= INTERLEAVED * INTERLEAVED - 1u;", "", "bvh"],
+    [SOFT, "0.2122f + cosine", "0.3122f + cosine", "bvh"],
+    [SOFT, "0.1211f * cosine", "0.2211f * cosine", "bvh"],
+    [
+        "cast/shade.cl",
+        "#elif SOFT\n        if (!IS_UNOCCLUDED(&scene->soft)) lit",
+        "#elif SOFT\n        lit",
+        "bvh",
+    ],
+    ["cast/soft.cl", "if (IS_UNOCCLUDED(&scene->soft)) {", "if (0) {", "bvh"],
+    ["tile_cpu/shade.cl", "if (!IS_UNOCCLUDED(&lighting->soft))\n", "if (1)\n", "tile"],
+    ["tile_cpu/sky.cl", "if (IS_UNOCCLUDED(&lighting->soft)) {", "if (0) {", "tile"],
+    ["tile_gpu/shadow.cl", "if (IS_UNOCCLUDED(&sources->soft)) {", "if (0) {", "tile-group"],
+    [
+        "tile_gpu/shadow.cl",
+        "source >= sources->light_count) return hits;",
+        "source >= sources->light_count) return 0;",
+        "tile-group",
+    ],
+    ["tile_gpu/shade.cl", "IS_UNOCCLUDED(&sources->soft) ?", "0 ?", "tile-group"],
+];
+
 #[test]
 fn a_broken_half_picture_is_a_wrong_picture() {
     let place = Place::with(&[("mesh.obj", MESH)]);
-    let filter = "common/half_light.cl";
-    let rows = "common/pixel_rows.cl";
-    let soft = "common/soft.cl";
-    let changes = [
-        (filter, "across == 2 ? 0.5f : 1.0f", "across == 2 ? 1.0f : 1.0f", "bvh"),
-        (filter, "(down == -2 || down == 2 ?", "(down == -2 ?", "bvh"),
-        (filter, "int across = -2;", "int across = -1;", "tile"),
-        (filter, "all = along(all, weight, there);", "all = along(all, weight, own);", "bvh"),
-        (filter, "return near * near;", "return near;", "bvh"),
-        (
-            filter,
-            "- (float)HALF_LIGHT_SHARPNESS * dot3",
-            "- 0.5f * (float)HALF_LIGHT_SHARPNESS * dot3",
-            "bvh",
-        ),
-        (filter, "(below ? down - top : 1.0f - (down - top))", "0.5f", "bvh"),
-        (filter, "const int to_right = corner & 1,", "const int to_right = 0,", "bvh"),
-        (filter, "s0112233445566778, row.y", "s1122334455667788, row.y", "tile"),
-        (filter, "likeness(own, there) + least", "likeness(own, there) + 100.0f * least", "bvh"),
-        (filter, "x / 2 - 1, y).colour", "x / 2, y).colour", "tile"),
-        (
-            rows,
-            "(varying_int)(0), (varying_int)(size.x - 1)",
-            "(varying_int)(0), (varying_int)(size.x - 2)",
-            "bvh",
-        ),
-        (rows, "clamp(y, 0, size.y - 1)", "clamp(y, 1, size.y - 1)", "bvh"),
-        (rows, "(float16)(rb.odd, rb2.odd)", "(float16)(rb.odd, rb.odd)", "tile"),
-        (rows, "colour.z.scdef, hit.scdef", "colour.z.s89ab, hit.scdef", "tile"),
-        (soft, "curve &= INTERLEAVED * INTERLEAVED - 1u;", "", "bvh"),
-        (soft, "0.2122f + cosine", "0.3122f + cosine", "bvh"),
-        (soft, "0.1211f * cosine", "0.2211f * cosine", "bvh"),
-        (
-            "cast/shade.cl",
-            "#elif SOFT\n        if (!IS_UNOCCLUDED(&scene->soft)) lit",
-            "#elif SOFT\n        lit",
-            "bvh",
-        ),
-        ("cast/soft.cl", "if (IS_UNOCCLUDED(&scene->soft)) {", "if (0) {", "bvh"),
-        ("tile_cpu/shade.cl", "if (!IS_UNOCCLUDED(&lighting->soft))\n", "if (1)\n", "tile"),
-        ("tile_cpu/sky.cl", "if (IS_UNOCCLUDED(&lighting->soft)) {", "if (0) {", "tile"),
-        ("tile_gpu/shadow.cl", "if (IS_UNOCCLUDED(&sources->soft)) {", "if (0) {", "tile-group"),
-        (
-            "tile_gpu/shadow.cl",
-            "source >= sources->light_count) return hits;",
-            "source >= sources->light_count) return 0;",
-            "tile-group",
-        ),
-        ("tile_gpu/shade.cl", "IS_UNOCCLUDED(&sources->soft) ?", "0 ?", "tile-group"),
-    ];
     // Only where no ground is behind the mesh.
-    let behind = (filter, "subtract(own, behind)", "own", "bvh");
+    let behind = [FILTER, "subtract(own, behind)", "own", "bvh"];
     let mut unnoticed = Vec::new();
-    let grounded = changes.map(|change| (change, &[][..]));
-    for ((file, from, to, family), background) in
-        grounded.into_iter().chain([(behind, &["--background", "white"][..])])
-    {
+    let grounded = CHANGES.iter().map(|change| (*change, &[][..]));
+    for ([file, from, to, family], background) in grounded.chain([(behind, &["--background", "white"][..])]) {
         let kernels = place.kernels(file, from, to);
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
         let more = [&more[..], background].concat();
