@@ -11,6 +11,11 @@ use crate::printer;
 use std::ffi::OsString;
 use std::process::ExitStatus;
 
+/// Lets glibc's allocator ask the system for huge pages (since glibc 2.35; others ignore it). In new memory, every page is
+/// an interruption by the system, which took a fifth of the time of a short command. glibc reads the variable only when a
+/// process starts, so the child has it, unless the user has set it.
+const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1");
+
 /// Returns whether this is the child process.
 pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
@@ -63,6 +68,9 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
 fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
+    if std::env::var_os(ALLOCATOR.0).is_none() {
+        command.env(ALLOCATOR.0, ALLOCATOR.1);
+    }
     command.status().map_err(failed)
 }
 

@@ -293,7 +293,7 @@ fn is_dressed(args: &Args) -> bool {
 /// Returns the number of samples per pixel: the requested number, or the default.
 fn sampling(args: &Args, dressed: bool) -> Sampling {
     match args.samples {
-        None if dressed => DRESSED_SAMPLES,
+        None if dressed && !args.adaptive => DRESSED_SAMPLES,
         samples if args.adaptive => Sampling::adaptive(samples.unwrap_or(ADAPTIVE_SAMPLES)),
         samples => Sampling::all(samples.unwrap_or(1)),
     }

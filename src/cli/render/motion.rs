@@ -206,7 +206,7 @@ fn cast_into(
     let has_keys = matches!(sink, Sink::Numbered(_));
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(1);
-        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(&receiver) });
+        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(receiver) });
         let mut times = Vec::with_capacity(frames.len());
         let mut cast = || -> Result<()> {
             for &number in frames {

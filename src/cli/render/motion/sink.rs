@@ -5,7 +5,9 @@ use super::frames::{Frames, Numbered};
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
 use crate::scene::Display;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
+use std::sync::{Mutex, PoisonError};
 
 /// The names of moving pictures.
 const NAMES: &str =
@@ -72,12 +74,84 @@ impl Sink {
     }
 
     /// Writes frames as they come, until the last.
-    pub fn write(self, frames: &Receiver<(Cast, Display)>) -> Result<()> {
+    pub fn write(self, frames: Receiver<(Cast, Display)>) -> Result<()> {
         match self {
-            Self::Numbered(numbered) => frames
-                .iter()
-                .try_for_each(|((number, key, image), display)| numbered.save(number, &key, &image, display)),
+            Self::Numbered(numbered) => each_of(frames, writers(), |((number, key, image), display)| {
+                numbered.save(number, &key, &image, display)
+            }),
             Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
         }
+    }
+}
+
+/// The most pictures that are encoded at the same time: beyond that, a GPU casts no faster.
+const MOST_WRITERS: usize = 4;
+/// Cores for each of them. The encoder of one picture uses several, but not all the time.
+const CORES_OF_WRITER: usize = 4;
+
+/// Returns how many pictures are encoded at the same time. On a small machine one is enough, and casting needs the cores too.
+fn writers() -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    (cores / CORES_OF_WRITER).clamp(1, MOST_WRITERS)
+}
+
+/// Calls `work` for everything that is received, on this many threads, until one call fails. Returns one of the errors.
+fn each_of<T: Send>(
+    received: Receiver<T>,
+    threads: usize,
+    work: impl Fn(T) -> Result<()> + Sync,
+) -> Result<()> {
+    let (received, failed) = (Mutex::new(received), AtomicBool::new(false));
+    let next = || received.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
+    let on_thread = || {
+        while let Some(next) = next() {
+            if failed.load(Ordering::Relaxed) {
+                break;
+            }
+            work(next).inspect_err(|_| failed.store(true, Ordering::Relaxed))?;
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..threads).map(|_| scope.spawn(on_thread)).collect();
+        threads.into_iter().try_for_each(|thread| {
+            thread.join().map_err(|_| Error::fault("writing the frames panicked")).and_then(|result| result)
+        })
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::sync_channel;
+
+    #[test]
+    fn writers_take_every_frame_once_and_stop_at_an_error() {
+        let written = Mutex::new(Vec::new());
+        let write = |wrong: usize| {
+            written.lock().unwrap().clear();
+            let (sender, receiver) = sync_channel(1);
+            std::thread::scope(|scope| {
+                let writers = scope.spawn(|| {
+                    each_of(receiver, 3, |number: usize| {
+                        if number == wrong {
+                            return Err(Error::run("full"));
+                        }
+                        written.lock().unwrap().push(number);
+                        Ok(())
+                    })
+                });
+                let sent = (0..1000).take_while(|number| sender.send(*number).is_ok()).count();
+                drop(sender);
+                (sent, writers.join().unwrap().is_ok())
+            })
+        };
+        assert_eq!(write(usize::MAX), (1000, true));
+        let mut all = written.lock().unwrap().clone();
+        all.sort_unstable();
+        assert_eq!(all, (0..1000).collect::<Vec<_>>());
+        let (sent, ok) = write(10);
+        assert!(!ok && sent < 30, "{sent} frames were sent");
     }
 }
