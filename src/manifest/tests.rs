@@ -38,6 +38,8 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 const TEXTURED: Workload = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
+/// Such a scene whose soft light is cast at half resolution.
+const HALF_LIGHT: Workload = Workload { half_light: true, ..SOFT };
 /// A scene with cut-outs.
 const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
 /// A scene whose sky is a picture.
@@ -93,7 +95,7 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         let members: Vec<_> =
             strategies().into_iter().filter(|strategy| std::ptr::eq(strategy.family(), family)).collect();
         let with = |workload| members.iter().map(move |of| spec_for(&Sources::Embedded, of, workload));
-        let of_scenes = [TEXTURED, CUT_OUT, SOFT, ENVIRONMENT].into_iter().flat_map(with);
+        let of_scenes = [TEXTURED, CUT_OUT, SOFT, HALF_LIGHT, ENVIRONMENT].into_iter().flat_map(with);
         let texts: Vec<_> = members.iter().map(spec).chain(of_scenes).collect();
         for (_, name) in family.defines.iter().copied().flatten() {
             let option = format!("-D {name}=");
@@ -123,6 +125,7 @@ fn every_file_belongs_to_a_family_or_serves_all() {
     named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
     named.extend(SAMPLE_FILES.map(str::to_owned));
+    named.insert(HALF_LIGHT_FILE.to_owned());
     named.extend(["tile_cpu/sky.cl", "tile_cpu/single_ray.cl"].map(str::to_owned));
     let all: BTreeSet<_> = Sources::names().into_iter().map(str::to_owned).collect();
     assert_eq!(all, named);
@@ -148,6 +151,7 @@ fn a_program_holds_no_file_of_another_family() {
 const PICTURE_FILES: [&str; 2] = ["common/environment.cl", "common/show_sky.cl"];
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
 const SAMPLE_FILES: [&str; 2] = ["common/samples.cl", "common/mark_rough.cl"];
+const HALF_LIGHT_FILE: &str = "common/half_light.cl";
 
 #[test]
 fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_no_others() {
@@ -174,6 +178,8 @@ fn textures_and_soft_lights_are_in_the_programs_of_scenes_that_have_them_and_in_
         assert!(SAMPLE_FILES.iter().all(|file| many.iter().any(|own| own == file)), "{strategy}");
         let one = files(Workload::CUBE);
         assert!(SAMPLE_FILES.iter().all(|file| one.iter().all(|own| own != file)), "{strategy}");
+        let of_half = [SOFT, HALF_LIGHT].map(|of| files(of).iter().any(|own| own == HALF_LIGHT_FILE));
+        assert_eq!(of_half, [false, strategy.family().takes(Fact::Soft)], "{strategy}");
     }
     for fact in [Fact::Textured, Fact::Soft] {
         let without: Vec<_> = FAMILIES.iter().filter(|family| !family.takes(fact)).map(|f| f.name).collect();

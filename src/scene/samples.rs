@@ -40,7 +40,7 @@ pub enum SampleLight {
     /// sample per pixel, lights are points.
     #[default]
     Own,
-    /// The same in a half picture for soft light, where what belongs to a pixel repeats after [`INTERLEAVED`] pixels.
+    /// The same in a half picture for soft light, where what belongs to a pixel repeats after `INTERLEAVED` pixels.
     Interleaved,
     /// From the lights' centres and with the sky's mean radiance, whatever is in between.
     Unoccluded,
