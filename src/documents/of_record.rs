@@ -100,6 +100,6 @@ fn instructions(record: &Record, name: &str) -> Option<u32> {
 }
 
 fn nothing(record: &Record) -> Told {
-    let why = if median(record).is_some() { "not told" } else { record.outcome.name() };
+    let why = if median(record).is_some() { "not reported" } else { record.outcome.name() };
     Told::Nothing(why.to_owned())
 }
