@@ -75,14 +75,14 @@ const CHANGES: &[[&str; 4]] = &[
     [FILTER, "across == 2 ? 0.5f : 1.0f", "across == 2 ? 1.0f : 1.0f", "bvh"],
     [FILTER, "(down == -2 || down == 2 ?", "(down == -2 ?", "bvh"],
     [FILTER, "int across = -2;", "int across = -1;", "tile"],
-    [FILTER, "all = along(all, weight, there);", "all = along(all, weight, own);", "bvh"],
+    [FILTER, "all = along(all, weight, there.colour);", "all = along(all, weight, own.colour);", "bvh"],
     [FILTER, "return near * near;", "return near;", "bvh"],
     [FILTER, "- (float)HALF_LIGHT_SHARPNESS * dot3", "- 0.5f * (float)HALF_LIGHT_SHARPNESS * dot3", "bvh"],
     [FILTER, "(below ? down - top : 1.0f - (down - top))", "0.5f", "bvh"],
     [FILTER, "const int to_right = corner & 1,", "const int to_right = 0,", "bvh"],
-    [FILTER, "s0112233445566778, row.y", "s1122334455667788, row.y", "tile"],
-    [FILTER, "likeness(own, there) + least", "likeness(own, there) + 100.0f * least", "bvh"],
-    [FILTER, "x / 2 - 1, y).colour", "x / 2, y).colour", "tile"],
+    [FILTER, "s0112233445566778, c.y", "s1122334455667788, c.y", "tile"],
+    [FILTER, "* ratio.hit + least", "* ratio.hit + 100.0f * least", "bvh"],
+    [FILTER, "x / 2 - 1, y)", "x / 2, y)", "tile"],
     [
         ROWS,
         "(varying_int)(0), (varying_int)(size.x - 1)",
@@ -95,12 +95,7 @@ const CHANGES: &[[&str; 4]] = &[
     [SOFT, "curve &= INTERLEAVED * INTERLEAVED - 1u;", "", "bvh"],
     [SOFT, "0.2122f + cosine", "0.3122f + cosine", "bvh"],
     [SOFT, "0.1211f * cosine", "0.2211f * cosine", "bvh"],
-    [
-        "cast/shade.cl",
-        "#elif SOFT\n        if (!IS_UNOCCLUDED(&scene->soft)) lit",
-        "#elif SOFT\n        lit",
-        "bvh",
-    ],
+    ["cast/shade.cl", "#if SOFT\n        if (!IS_UNOCCLUDED(&scene->soft))\n#endif", "", "bvh"],
     ["cast/soft.cl", "if (IS_UNOCCLUDED(&scene->soft)) {", "if (0) {", "bvh"],
     ["tile_cpu/shade.cl", "if (!IS_UNOCCLUDED(&lighting->soft))\n", "if (1)\n", "tile"],
     ["tile_cpu/sky.cl", "if (IS_UNOCCLUDED(&lighting->soft)) {", "if (0) {", "tile"],
@@ -118,10 +113,21 @@ const CHANGES: &[[&str; 4]] = &[
 fn a_broken_half_picture_is_a_wrong_picture() {
     let place = Place::with(&[("mesh.obj", MESH)]);
     // Only where no ground is behind the mesh.
-    let behind = [FILTER, "subtract(own, behind)", "own", "bvh"];
+    let behind = [
+        [FILTER, "subtract(own, behind)", "own", "bvh"],
+        [
+            FILTER,
+            "likeness(own.colour, there.colour) * there.hit",
+            "likeness(own.colour, there.colour)",
+            "bvh",
+        ],
+        [ROWS, "colour.z.scdef, hit.scdef", "colour.z.scdef, hit.scdee", "tile"],
+    ];
     let mut unnoticed = Vec::new();
     let grounded = CHANGES.iter().map(|change| (*change, &[][..]));
-    for ([file, from, to, family], background) in grounded.chain([(behind, &["--background", "white"][..])]) {
+    for ([file, from, to, family], background) in
+        grounded.chain(behind.map(|change| (change, &["--background", "#808080"][..])))
+    {
         let kernels = place.kernels(file, from, to);
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
         let more = [&more[..], background].concat();

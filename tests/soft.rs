@@ -176,7 +176,12 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("common/soft.cl", "sqrt(u.x) * sinpi(2.0f * u.z)", "sqrt(u.x) * sinpi(2.0f * u.y)", "tile"),
         ("common/soft.cl", "return normalize_or_zero(add(normal, point));", "return point;", "deferred"),
         ("cast/soft.cl", "open &= !SOLID_ON_RAYS", "open &= SOLID_ON_RAYS", "wide-common-origin"),
-        ("cast/soft.cl", "multiply(surface->lambertian,", "multiply(surface->glossy,", "deferred"),
+        (
+            "cast/soft.cl",
+            "received = multiply(surface->lambertian,",
+            "received = multiply(surface->glossy,",
+            "deferred",
+        ),
         ("tile_cpu/soft.cl", "end = first + LEAF_COUNT(word);", "end = first + 1;", "tile"),
         ("tile_cpu/soft.cl", "const float first = negative ?", "const float first = !negative ?", "tile"),
         ("tile_cpu/sky.cl", "open &= !are_stopped_alone", "open &= are_stopped_alone", "tile"),

@@ -23,7 +23,6 @@
 #include "common/width.cl"
 #include "common/vec3.cl"
 #include "common/camera.cl"
-#include "common/pixel_rows.cl"
 #include "common/hit.cl"
 #if SAMPLED
 #include "common/samples.cl"
@@ -41,9 +40,6 @@
 #endif
 #if SOFT
 #include "common/soft.cl"
-#endif
-#if HALF_LIGHT
-#include "common/half_light.cl"
 #endif
 #include "cast/layout/{layout}.cl"
 #include "cast/intersect/{intersector}.cl"
@@ -178,6 +174,10 @@ varying begin_rays(Working *working, Ray ray) {
 }
 
 #include "common/store_radiance.cl"
+#if HALF_LIGHT
+#include "common/pixel_rows.cl"
+#include "common/half_light.cl"
+#endif
 
 // Stores the result of one pass for the next: one number per pixel, which is the number of its nearest
 // triangle or, for a tree, the index of that triangle in leaf order.

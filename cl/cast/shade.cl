@@ -41,10 +41,11 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
         else if (!IS_UNOCCLUDED(&scene->soft)) lit &= !any_hit(working, scene, 1 + light, end, lit);
-#elif SOFT
-        if (!IS_UNOCCLUDED(&scene->soft)) lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #else
-        lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
+#if SOFT
+        if (!IS_UNOCCLUDED(&scene->soft))
+#endif
+            lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
         // Before the loop, a compiler would move this behind any_hit's barriers, and read another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));

@@ -1,7 +1,7 @@
 // Soft light at half resolution. A picture of half the width and height has all light with few samples per pixel, and
 // another one all light that would arrive if nothing were in between. Their ratio is filtered and then multiplied with the
 // unoccluded light of the whole picture, which has no noise (Heitz, Hill and McGuire, "Combining Analytic Direct
-// Illumination and Stochastic Shadows", I3D 2018). src/image/half_light.rs has the same.
+// Illumination and Stochastic Shadows", I3D 2018). src/reference/half_light.rs has the same.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -22,8 +22,10 @@ INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     return near * near;
 }
 
-// Returns a part of a whole, or 1 if the whole is nothing.
-INLINED_ROWS varying part_of(varying part, varying whole) { return SELECT(whole > 0.0f, part / whole, (varying)(1.0f)); }
+// Returns a part of a whole, or `other` if the whole is nothing.
+INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
+    return SELECT(whole > 0.0f, part / whole, other);
+}
 
 // Filters the ratio of the half picture. `ratios` receives, per pixel, which part of the light arrives.
 //
@@ -37,36 +39,43 @@ INLINED_ROWS varying part_of(varying part, varying whole) { return SELECT(whole 
 __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= half_size.x || y >= half_size.y) return;
-    const Vec3 own = load_pixels(half_unoccluded, half_size, x, y).colour;
+    const PixelRow own = load_pixels(half_unoccluded, half_size, x, y);
     const varying zero = (varying)(0.0f);
     Vec3 arrives = vec3(zero, zero, zero), all = vec3(zero, zero, zero);
     for (int down = -2; down <= 2; down++)
         for (int across = -2; across <= 2; across++) {
-            const Vec3 there = load_pixels(half_unoccluded, half_size, x + across, y + down).colour;
+            const PixelRow there = load_pixels(half_unoccluded, half_size, x + across, y + down);
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
-            const varying weight = share * likeness(own, there);
+            // The background is no surface.
+            const varying weight = share * likeness(own.colour, there.colour) * there.hit;
             arrives = along(arrives, weight, lit);
-            all = along(all, weight, there);
+            all = along(all, weight, there.colour);
         }
-    // Without any light, nothing is lost.
-    const Vec3 ratio = vec3(part_of(arrives.x, all.x), part_of(arrives.y, all.y), part_of(arrives.z, all.z));
-    store_pixels(ratios, half_size, x, y, ratio, zero);
+    // A channel without light has the ratio of all channels. Without any light, nothing is lost.
+    const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
+    const Vec3 ratio =
+        vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
+    store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
 // Returns a row of the half picture as pixels of the whole picture from column x on see it: the pixel at the left of their
 // centres, or the one at the right.
-INLINED_ROWS Vec3 half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
+INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
         // Two pixels of the whole picture to each of the half picture, which need no search.
-        const Vec3 row = load_pixels(image, half_size, x / 2 - 1, y).colour;
-        return to_right ? vec3(row.x.s1223344556677889, row.y.s1223344556677889, row.z.s1223344556677889)
-                        : vec3(row.x.s0112233445566778, row.y.s0112233445566778, row.z.s0112233445566778);
+        const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
+        const Vec3 c = row.colour;
+        PixelRow seen;
+        seen.colour = to_right ? vec3(c.x.s1223344556677889, c.y.s1223344556677889, c.z.s1223344556677889)
+                               : vec3(c.x.s0112233445566778, c.y.s0112233445566778, c.z.s0112233445566778);
+        seen.hit = to_right ? row.hit.s1223344556677889 : row.hit.s0112233445566778;
+        return seen;
     }
 #endif
     const varying_int columns = clamp(TO_INT(left) + to_right, (varying_int)(0), (varying_int)(half_size.x - 1));
-    return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns).colour;
+    return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns);
 }
 
 // Multiplies the picture's unoccluded light with the ratio, interpolated between the four nearest pixels of the half
@@ -87,9 +96,10 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     for (int corner = 0; corner < 4; corner++) {
         const int to_right = corner & 1, below = corner >> 1, row = (int)top + below;
         const varying part = (to_right ? across - left : 1.0f - (across - left)) * (below ? down - top : 1.0f - (down - top));
-        const Vec3 there = half_pixels(half_unoccluded, half_size, image_size, x, row, left, to_right);
-        const varying weight = part * (likeness(own, there) + least);
-        sum = along(sum, weight, half_pixels(ratios, half_size, image_size, x, row, left, to_right));
+        const PixelRow ratio = half_pixels(ratios, half_size, image_size, x, row, left, to_right);
+        const Vec3 there = half_pixels(half_unoccluded, half_size, image_size, x, row, left, to_right).colour;
+        const varying weight = part * (likeness(own, there) * ratio.hit + least);
+        sum = along(sum, weight, ratio.colour);
         weights += weight;
     }
     // The share of a pixel that shows the background is as bright as before.

@@ -88,7 +88,7 @@ uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have numbers close to them.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT
+#if HALF_LIGHT // only half pictures see these numbers; other frames of such a program are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));

@@ -10,6 +10,17 @@
 #define MEAN_WITH(mean, sample) sample
 #endif
 
+#if WIDTH == 16
+// Returns four neighbouring pixels in the image's format.
+float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
+    // From four planes of colour to r g b hit, r g b hit, ...
+    const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
+    const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
+    return (float16)(rb.s0, gh.s0, rb.s1, gh.s1, rb.s2, gh.s2, rb.s3, gh.s3, rb.s4, gh.s4, rb.s5, gh.s5, rb.s6, gh.s6,
+                     rb.s7, gh.s7);
+}
+#endif
+
 // Writes radiance and, as the fourth component, 1 for a hit and 0 for a miss.
 void store_radiance(EARLIER_PARAMETER __global float4 *image, int2 image_size, float4 background, Vec3 sum, Pixels pixels, Mask hits) {
     Lanes red, green, blue, hit;

@@ -15,7 +15,6 @@
 #include "common/width.cl"
 #include "common/vec3.cl"
 #include "common/camera.cl"
-#include "common/pixel_rows.cl"
 #include "common/hit.cl"
 #include "common/rows.cl"
 #if SAMPLED
@@ -29,9 +28,6 @@
 #endif
 #if SOFT
 #include "common/soft.cl"
-#endif
-#if HALF_LIGHT
-#include "common/half_light.cl"
 #endif
 #if ENVIRONMENT
 #include "common/show_sky.cl"

@@ -18,6 +18,10 @@
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
 #include "common/store_radiance.cl"
+#if HALF_LIGHT
+#include "common/pixel_rows.cl"
+#include "common/half_light.cl"
+#endif
 
 // A tile of 32 x 16 pixels: 32 vectors, each a block of 4 x 4 pixels whose 16 rays are the lanes of a float16.
 //

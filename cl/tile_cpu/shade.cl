@@ -178,7 +178,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// Stores that bypass the caches: nothing reads the image again before the next sample.
+// Stores that bypass the caches: nothing reads the image again before the next sample, or before other kernels.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else

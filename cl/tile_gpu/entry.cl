@@ -17,6 +17,10 @@
 #include "common/meet_plane.cl"
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
+#if HALF_LIGHT
+#include "common/pixel_rows.cl"
+#include "common/half_light.cl"
+#endif
 #include "common/lanes.cl"
 
 #if WIDTH != 1 || TILE_X % 8 || TILE_Y % 4

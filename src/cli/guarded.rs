@@ -22,13 +22,16 @@ pub fn is_inside() -> bool {
 }
 
 /// Runs this process's command line in a child process, and ends as the child ends. A command that reads
-/// standard input cannot be run twice.
+/// standard input cannot be run twice. One that shows pictures gets an allocator with huge pages; one that measures does
+/// not, since the workers of a run have none.
 ///
 /// # Errors
 ///
 /// Fails if a driver ended the child and leaving drivers out does not help.
-pub fn run(reads_standard_input: bool) -> Result<()> {
-    let status = attempt(&[])?;
+pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
+    let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
+    let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));
+    let status = attempt(allocator.as_slice())?;
     let Some(cause) = drivers_doing(status) else { return end_as(status) };
     end_as(without_broken(&cause, reads_standard_input)?)
 }
@@ -68,9 +71,6 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
 fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
-    if std::env::var_os(ALLOCATOR.0).is_none() {
-        command.env(ALLOCATOR.0, ALLOCATOR.1);
-    }
     command.status().map_err(failed)
 }
 

@@ -183,7 +183,8 @@ impl Cli {
     pub fn run(self) -> Result<()> {
         if self.command.starts_drivers() {
             if !guarded::is_inside() {
-                return guarded::run(self.command.reads_standard_input());
+                let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
+                return guarded::run(self.command.reads_standard_input(), shows_pictures);
             }
             guarded::ends_with_its_parent();
         }

@@ -19,6 +19,7 @@ use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
+use crate::reference::half_light::HalfPictures;
 use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
@@ -40,6 +41,15 @@ pub struct LightParts {
     pub lit: Radiance,
     /// The half picture with the light that would arrive if nothing were in between.
     pub unoccluded: Radiance,
+    /// The share of each of their pixels that hit something.
+    pub half_hit_shares: Vec<f32>,
+}
+
+impl LightParts {
+    /// Returns the half pictures.
+    pub fn halves(&self) -> HalfPictures<'_> {
+        HalfPictures { lit: &self.lit, unoccluded: &self.unoccluded, hit_shares: &self.half_hit_shares }
+    }
 }
 
 /// A frame's kernels with their arguments, ready to be cast.
@@ -191,7 +201,7 @@ impl Caster {
     /// mean. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
-        let Some(half) = &self.half_light else { return Ok(times) };
+        let Some(half) = self.half_light(sampling) else { return Ok(times) };
         let times = times.and(&half.cast(camera, sampling)?);
         Ok(times.and(&half.apply(&self.queue)?))
     }
@@ -203,21 +213,29 @@ impl Caster {
         camera: &Camera,
         sampling: &Sampling,
     ) -> Result<Option<LightParts>, LaunchError> {
-        let Some(half) = &self.half_light else { return Ok(None) };
+        let Some(half) = self.half_light(sampling) else { return Ok(None) };
         self.cast_rounds(camera, sampling)?;
         half.cast(camera, sampling)?;
         let (whole, hits) = self.read()?;
-        let mut hit_shares = Vec::with_capacity(whole.pixels.len());
-        read_rows(
-            &self.queue,
-            &self.image,
-            (0..self.size[1] as usize, self.size[0] as usize),
-            |_, values| {
-                hit_shares.extend(values.iter().map(|pixel| pixel[3]));
-            },
-        )?;
+        let hit_shares = self.read_hit_shares()?;
         let [lit, unoccluded] = half.read()?;
-        Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded }))
+        let half_hit_shares = half.read_hit_shares()?;
+        Ok(Some(LightParts { whole, hits, hit_shares, lit, unoccluded, half_hit_shares }))
+    }
+
+    /// Reads the share of each pixel's samples that hit something.
+    pub(super) fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
+        let [width, height] = self.size.map(|side| side as usize);
+        let mut shares = Vec::with_capacity(width * height);
+        read_rows(&self.queue, &self.image, (0..height, width), |_, values| {
+            shares.extend(values.iter().map(|pixel| pixel[3]));
+        })?;
+        Ok(shares)
+    }
+
+    /// Returns the half pictures, if a sampling uses them.
+    fn half_light(&self, sampling: &Sampling) -> Option<&HalfLight> {
+        self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
     /// Casts the samples' rounds, without soft light at half resolution.
@@ -372,7 +390,9 @@ impl Caster {
 }
 
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
-    let bytes = Requirements::of(strategy, workload).scratch_bytes as usize;
+    // Half pictures have buffers of their own.
+    let own = Workload { half_light: false, ..*workload };
+    let bytes = Requirements::of(strategy, &own).scratch_bytes as usize;
     Ok(match strategy.vectors.memory() {
         WorkingMemory::Private | WorkingMemory::Local => Working::None,
         WorkingMemory::Scratch => Working::Scratch(allocate(queue, bytes / 4)?),

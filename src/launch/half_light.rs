@@ -24,6 +24,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
+    /// The whole picture's size. At odd sizes, the half pictures' shape differs slightly.
+    whole_size: [u32; 2],
 }
 
 impl HalfLight {
@@ -55,12 +57,13 @@ impl HalfLight {
         };
         let filter = kernel(Role::FilterLight, workload.image_size)?;
         let apply = kernel(Role::ApplyLight, setup.workload.image_size)?;
-        Ok(Self { lit, unoccluded, filter, apply })
+        Ok(Self { lit, unoccluded, filter, apply, whole_size: setup.workload.image_size })
     }
 
     /// Casts the half pictures. Returns the times.
     pub fn cast(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
-        let cast = |caster: &Caster, light| caster.cast_round(camera, &sampling.of_half_light(light), None);
+        let camera = camera.covering(self.whole_size);
+        let cast = |caster: &Caster, light| caster.cast_round(&camera, &sampling.of_half_light(light), None);
         let lit = cast(&self.lit, SampleLight::Interleaved)?;
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
@@ -84,6 +87,11 @@ impl HalfLight {
         self.unoccluded.show_background(scene)
     }
 
+    /// Reads the share of each pixel of the half pictures that hit something.
+    pub fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
+        self.unoccluded.read_hit_shares()
+    }
+
     /// Reads the half pictures: lit, unoccluded.
     pub fn read(&self) -> Result<[Radiance; 2], LaunchError> {
         Ok([self.lit.read()?.0, self.unoccluded.read()?.0])
@@ -91,7 +99,7 @@ impl HalfLight {
 }
 
 /// Work-items of a work-group of the two kernels, across and down.
-const GROUP: [usize; 2] = [16, 4];
+const GROUP: [usize; 2] = [64, 1];
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -108,7 +116,7 @@ mod tests {
 
     /// Even sizes have a quicker way from a vector of pixels to the half picture. Vectors of 16 do not fill their rows, or
     /// just fill them.
-    const SIZES: [[u32; 2]; 4] = [[96, 64], [75, 61], [38, 22], [7, 5]];
+    const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
     /// The device's filter against the one in double precision, in every family that casts soft light.
     #[test]
@@ -130,17 +138,16 @@ mod tests {
                 caster.cast_samples(&scene.camera, &sampling).unwrap();
                 let picture = caster.read().unwrap().0;
                 let parts = caster.cast_parts(&scene.camera, &sampling).unwrap().expect("soft light");
-                let halves = [&parts.lit, &parts.unoccluded];
                 assert_eq!([parts.lit.width, parts.lit.height], size.map(|side| side.div_ceil(2)));
                 let background = scene.background.as_dvec3();
-                let expected = with_half_light(&parts.whole, &parts.hit_shares, halves, background);
+                let expected = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
                 let pixels = picture.pixels.iter().zip(&expected.pixels);
                 let largest = pixels.map(|(a, b)| relative_difference(*a, *b, 1e-4)).fold(0.0, f64::max);
                 assert!(largest < 1e-4, "{name}, {size:?}: {largest}");
-                // Something is in shadow, but nothing gets brighter than without anything in between.
+                // Something is in shadow, if there are enough pixels.
                 let darker =
                     parts.whole.pixels.iter().zip(&picture.pixels).filter(|(a, b)| b[1] < 0.9 * a[1]);
-                assert!(darker.count() * 50 > picture.pixels.len(), "{name}, {size:?}");
+                assert!(darker.count() * 50 > picture.pixels.len() || size == [1, 1], "{name}, {size:?}");
             }
         }
     }

@@ -95,11 +95,15 @@ impl Session {
     }
 
     /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Without soft light,
-    /// none is cast at half resolution.
+    /// or with a picture of the sky, none is cast at half resolution.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
-        let is_soft = self.scene.sky.is_some() || self.scene.lights.iter().any(|light| light.radius > 0.0);
-        let half_light = if is_soft { sampling.half_light } else { 0 };
+        let Scene { sky, lights, .. } = &*self.scene;
+        let is_soft = sky.is_some() || lights.iter().any(|light| light.radius > 0.0);
+        // A picture of the sky has mirrored parts, which have no unoccluded counterpart.
+        let has_picture = sky.as_ref().is_some_and(|sky| sky.picture.is_some());
+        let can = is_soft && !has_picture && sampling.most > 1;
+        let half_light = if can { sampling.half_light } else { 0 };
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
     }
 

@@ -9,15 +9,26 @@ use rayon::prelude::*;
 /// The filter's weights along an axis: with samples that repeat after four pixels, each of them has the same share.
 const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
+/// The two half pictures.
+pub struct HalfPictures<'a> {
+    /// All light that arrives.
+    pub lit: &'a Radiance,
+    /// All light that would arrive if nothing were in between.
+    pub unoccluded: &'a Radiance,
+    /// The share of each pixel that shows a surface.
+    pub hit_shares: &'a [f32],
+}
+
 /// Returns the picture with soft light. `whole` is its unoccluded light, `hit_shares` the share of each of its pixels that
-/// shows a surface instead of the background; `lit` and `unoccluded` are the half pictures.
+/// shows a surface instead of the background.
 pub fn with_half_light(
     whole: &Radiance,
     hit_shares: &[f32],
-    [lit, unoccluded]: [&Radiance; 2],
+    halves: &HalfPictures<'_>,
     background: DVec3,
 ) -> Radiance {
-    let ratios = filtered([lit, unoccluded]);
+    let ratios = filtered(halves);
+    let unoccluded = halves.unoccluded;
     let [across, down] = [(unoccluded.width, whole.width), (unoccluded.height, whole.height)];
     let place =
         |at: usize, (half, whole): (u32, u32)| (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5;
@@ -25,7 +36,7 @@ pub fn with_half_light(
         let own = at(whole, index);
         let behind = background * (1.0 - f64::from(hit_shares[index]));
         let [x, y] = [index % whole.width as usize, index / whole.width as usize];
-        let ratio = interpolated(own, [place(x, across), place(y, down)], unoccluded, &ratios);
+        let ratio = interpolated(own, [place(x, across), place(y, down)], halves, &ratios);
         (behind + (own - behind) * ratio).as_vec3().to_array()
     };
     let pixels = (0..whole.pixels.len()).into_par_iter().map(pixel).collect();
@@ -33,7 +44,8 @@ pub fn with_half_light(
 }
 
 /// Returns which part of the light arrives at each pixel of the half pictures.
-fn filtered([lit, unoccluded]: [&Radiance; 2]) -> Vec<DVec3> {
+fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
+    let HalfPictures { lit, unoccluded, hit_shares } = halves;
     let width = unoccluded.width as usize;
     let ratio = |index: usize| {
         let (own, [x, y]) = (at(unoccluded, index), [index % width, index / width].map(|at| at as i64));
@@ -41,25 +53,29 @@ fn filtered([lit, unoccluded]: [&Radiance; 2]) -> Vec<DVec3> {
         for (down, by_row) in (-2..).zip(WEIGHTS) {
             for (across, by_column) in (-2..).zip(WEIGHTS) {
                 let there = nearest(unoccluded, [x + across, y + down]);
-                let weight = by_row * by_column * likeness(own, at(unoccluded, there));
+                let weight =
+                    by_row * by_column * likeness(own, at(unoccluded, there)) * f64::from(hit_shares[there]);
                 arrives += weight * at(lit, there);
                 all += weight * at(unoccluded, there);
             }
         }
-        DVec3::from_array([0, 1, 2].map(|i| if all[i] > 0.0 { arrives[i] / all[i] } else { 1.0 }))
+        let part_of = |part: f64, whole: f64, other| if whole > 0.0 { part / whole } else { other };
+        let mean = part_of(arrives.element_sum(), all.element_sum(), 1.0);
+        DVec3::from_array([0, 1, 2].map(|i| part_of(arrives[i], all[i], mean)))
     };
     (0..unoccluded.pixels.len()).into_par_iter().map(ratio).collect()
 }
 
 /// Returns the ratio at a place of the half picture, between its four nearest pixels.
-fn interpolated(own: DVec3, [x, y]: [f64; 2], unoccluded: &Radiance, ratios: &[DVec3]) -> DVec3 {
+fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios: &[DVec3]) -> DVec3 {
+    let HalfPictures { unoccluded, hit_shares, .. } = halves;
     let least = 0.01 * own.length_squared().powi(2) + 1e-37;
     let (left, top) = (x.floor(), y.floor());
     let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
     let (sum, weights) = corners.into_iter().fold((DVec3::ZERO, 0.0), |(sum, weights), (right, below)| {
         let there = nearest(unoccluded, [(left + right) as i64, (top + below) as i64]);
         let part = (1.0 - (x - left - right).abs()) * (1.0 - (y - top - below).abs());
-        let weight = part * (likeness(own, at(unoccluded, there)) + least);
+        let weight = part * (likeness(own, at(unoccluded, there)) * f64::from(hit_shares[there]) + least);
         (sum + weight * ratios[there], weights + weight)
     });
     sum / weights
@@ -107,7 +123,8 @@ mod tests {
             }
         }
         let inner = |index: usize| (4..11).contains(&(index % 17)) && (4..7).contains(&(index / 17));
-        let found = with_half_light(&whole, &vec![1.0; 17 * 13], [&lit, &unoccluded], BACKGROUND);
+        let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 63] };
+        let found = with_half_light(&whole, &[1.0; 17 * 13], &halves, BACKGROUND);
         for (index, pixel) in found.pixels.iter().enumerate().filter(|(index, _)| inner(*index)) {
             assert!(close(*pixel, DVec3::splat(0.8 * 15.0 / 16.0)), "{index}: {pixel:?}");
         }
@@ -126,7 +143,8 @@ mod tests {
         side(&mut whole, [0.9, 0.3]);
         side(&mut unoccluded, [0.9, 0.3]);
         side(&mut lit, [0.9, 0.0]);
-        let found = with_half_light(&whole, &[1.0; 128], [&lit, &unoccluded], BACKGROUND);
+        let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
+        let found = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
         // Only the `least` weight mixes the sides, at the border.
         assert!(close(found.pixels[6], DVec3::splat(0.9)) && close(found.pixels[9], DVec3::ZERO));
         assert!(found.pixels[7][0] > 0.89 && found.pixels[8][0] < 0.01, "{:?}", &found.pixels[6..10]);
@@ -137,12 +155,38 @@ mod tests {
         let (whole, unoccluded, lit) = (flat([4, 4], 0.5), flat([2, 2], 0.5), flat([2, 2], 0.25));
         let mut shares = [1.0; 16];
         (shares[5], shares[6]) = (0.0, 0.5);
-        let found = with_half_light(&whole, &shares, [&lit, &unoccluded], BACKGROUND);
+        let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
+        let found = with_half_light(&whole, &shares, &halves, BACKGROUND);
         let halved = |share: f64| {
             let behind = BACKGROUND * (1.0 - share);
             behind + (DVec3::splat(0.5) - behind) * 0.5
         };
         assert!(close(found.pixels[0], DVec3::splat(0.25)), "{:?}", found.pixels[0]);
         assert!(close(found.pixels[5], halved(0.0)) && close(found.pixels[6], halved(0.5)));
+    }
+
+    #[test]
+    fn a_background_beside_a_surface_brightens_no_shadow() {
+        let (whole, unoccluded, mut lit) = (flat([8, 4], 0.5), flat([4, 2], 0.5), flat([4, 2], 0.1));
+        // The right half of the half pictures is background, of the same brightness.
+        for index in [2, 3, 6, 7] {
+            lit.pixels[index] = [0.5; 3];
+        }
+        let hit_shares = [1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0];
+        let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &hit_shares };
+        let found = with_half_light(&whole, &[1.0; 32], &halves, BACKGROUND);
+        assert!((0..4).all(|x| (found.pixels[x][0] - 0.1).abs() < 1e-3), "{:?}", &found.pixels[..8]);
+    }
+
+    #[test]
+    fn a_channel_without_light_has_the_ratio_of_the_others() {
+        let mut whole = flat([4, 4], 0.0);
+        let [mut unoccluded, mut lit] = [flat([2, 2], 0.0), flat([2, 2], 0.0)];
+        whole.pixels.fill([0.5, 0.1, 0.0]);
+        unoccluded.pixels.fill([0.5, 0.0, 0.0]);
+        lit.pixels.fill([0.1, 0.0, 0.0]);
+        let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
+        let found = with_half_light(&whole, &[1.0; 16], &halves, BACKGROUND);
+        assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
     }
 }

@@ -26,6 +26,9 @@ pub struct Camera {
     pub shift: [f32; 2],
     /// The width of a pixel's cone as a share of the pixel's: less than 1 if the pixel gets several samples.
     pub cone_share: f32,
+    /// The size of the image whose field of view this one shows, if the two have slightly different shapes; otherwise the
+    /// image's own size counts.
+    pub covers: Option<[u32; 2]>,
 }
 
 /// The rays of an image. The ray through pixel coordinates (x, y) starts at `eye` in the direction `corner +
@@ -60,6 +63,7 @@ impl Camera {
         z_near: 0.1,
         shift: [0.0; 2],
         cone_share: 1.0,
+        covers: None,
     };
 
     /// Returns a camera at `position` that looks at `target`, with a field of view of less than 180 degrees
@@ -91,6 +95,7 @@ impl Camera {
             z_near: 0.0,
             shift: [0.0; 2],
             cone_share: 1.0,
+            covers: None,
         })
     }
 
@@ -100,12 +105,19 @@ impl Camera {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
+    /// Returns the camera of an image that shows the field of view of another one with this size.
+    #[must_use]
+    pub fn covering(&self, size: [u32; 2]) -> Self {
+        Self { covers: Some(size), ..*self }
+    }
+
     /// Returns the rays of an image of `width` x `height` pixels.
     pub fn pixel_frame(&self, width: u32, height: u32) -> PixelFrame {
+        let [across, down] = self.covers.unwrap_or([width, height]).map(f64::from);
         let (width, height) = (f64::from(width), f64::from(height));
         let tan = f64::from(self.tan_half_fov);
         let (tan_x, tan_y) =
-            if self.fov_is_vertical { (tan * width / height, tan) } else { (tan, tan * height / width) };
+            if self.fov_is_vertical { (tan * across / down, tan) } else { (tan, tan * down / across) };
         let (right, up, forward) = (self.right.as_dvec3(), self.up.as_dvec3(), self.forward.as_dvec3());
         let (step_x, step_y) = (right * (2.0 * tan_x / width), up * (-2.0 * tan_y / height));
         let [x, y] = self.shift.map(f64::from);
@@ -131,6 +143,27 @@ impl PixelFrame {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_half_picture_of_an_odd_size_shows_the_same_field_of_view() {
+        for fov_is_vertical in [false, true] {
+            let camera = Camera { fov_is_vertical, ..Camera::PAPER };
+            for [width, height] in [[1921, 1080], [1600, 9], [1000, 1]] {
+                let half = [width, height].map(|side: u32| side.div_ceil(2));
+                let whole = camera.pixel_frame(width, height);
+                let other = camera.covering([width, height]).pixel_frame(half[0], half[1]);
+                for [x, y] in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+                    let at = |frame: &PixelFrame, [w, h]: [u32; 2]| {
+                        frame.direction(x * f64::from(w), y * f64::from(h))
+                    };
+                    assert!(
+                        at(&whole, [width, height]).distance(at(&other, half)) < 1e-9,
+                        "{width} x {height}"
+                    );
+                }
+            }
+        }
+    }
 
     #[test]
     fn looking_down_negative_z_is_the_papers_camera() {

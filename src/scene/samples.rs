@@ -147,6 +147,9 @@ impl Sample {
     /// Returns the width of a sample's cone as a share of the pixel's, in which as many cones lie as samples are cast by
     /// the end of the sample's round.
     pub fn cone_share(&self) -> f32 {
+        if self.light == SampleLight::Interleaved {
+            return 1.0; // all of them pass through the centre
+        }
         let cast = self.earlier - self.number + self.count;
         (cast as f32).sqrt().recip().max(LEAST_CONE)
     }

@@ -11,7 +11,7 @@ const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
 /// Radius of the key light, in radii of the mesh's ball. At a distance of ten radii it has an apparent
-/// diameter of nine degrees. A larger light would look grainy with four samples.
+/// diameter of nine degrees. A larger light would need more samples.
 const KEY_RADII: f64 = 0.8;
 /// The sky's radiance; white is 1/15.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);

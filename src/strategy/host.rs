@@ -19,6 +19,10 @@ const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
+/// Bytes per pixel of the parts of a picture with soft light at half resolution, while it is verified: its unoccluded light
+/// and hits, two half pictures, their hits and ratios, and the picture that they should make.
+const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
+
 /// The bytes of the host's memory that are in use at each moment at which the use may be largest.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
@@ -70,6 +74,9 @@ impl HostNeeds {
             let mut sum = kept;
             sum.add("reference's tree", &[(REFERENCE_BYTES, " B"), (w.triangles as u64, " triangles")]);
             sum.add("reference", &[(REFERENCE_PIXEL_BYTES + 12, " B"), (pixels, " pixels")]);
+            if w.half_light {
+                sum.add("parts with soft light", &[(LIGHT_PARTS_BYTES, " B"), (pixels, " pixels")]);
+            }
             if shared {
                 sum.join(global(strategy, w));
             }

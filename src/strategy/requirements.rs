@@ -194,8 +194,7 @@ pub(super) fn scratch(strategy: &Strategy, w: &Workload) -> Sum {
 
 /// Returns the workloads of the two half pictures for soft light, if it is cast at half resolution.
 fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
-    let half = Workload { half_light: false, ..w.halved() };
-    std::iter::repeat_n(half, if w.half_light { 2 } else { 0 })
+    std::iter::repeat_n(w.halved(), if w.half_light { 2 } else { 0 })
 }
 
 /// Returns the private memory: values that live across barriers, if the strategy has barriers, and the rays

@@ -92,10 +92,10 @@ impl Workload {
         self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
     }
 
-    /// Returns the sizes of the half picture for soft light.
+    /// Returns the workload of a half picture for soft light, which has no half pictures of its own.
     #[must_use]
     pub fn halved(&self) -> Self {
-        Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), ..*self }
+        Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }
     }
 
     /// Returns the number of work-items across and down: one per block of pixels or 32 per tile, rounded up

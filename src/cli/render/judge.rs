@@ -43,18 +43,26 @@ pub(super) fn check(
         );
         return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
     }
-    let compare = |image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {
-        let compared = compare(scene, (image, hits), strategy, (samples, counts), some);
-        compared.map_err(|reason| wrong(&reason, saved))
-    };
+    let compare =
+        |scene: &Scene, image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {
+            let compared = compare(scene, (image, hits), strategy, (samples, counts), some);
+            compared.map_err(|reason| wrong(&reason, saved))
+        };
     let rounds = sampling.rounds().concat();
-    let Some(parts) = parts else { return compare(image, Some(hits), &rounds, counts) };
-    let whole = compare(&parts.whole, Some(parts.hits), &rounds, counts)?;
+    let Some(parts) = parts else { return compare(scene, image, Some(hits), &rounds, counts) };
+    let whole = compare(scene, &parts.whole, Some(parts.hits), &rounds, counts)?;
+    // The half pictures show the field of view of the whole one.
+    let camera = scene.camera.covering([image.width, image.height]);
+    let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;
-    let halves = [(&parts.lit, SampleLight::Interleaved), (&parts.unoccluded, SampleLight::Unoccluded)];
-    for (half, light) in halves {
-        max_difference =
-            compare(half, None, &sampling.of_half_light(light), None)?.max_difference.max(max_difference);
+    for (half, light) in
+        [(&parts.lit, SampleLight::Interleaved), (&parts.unoccluded, SampleLight::Unoccluded)]
+    {
+        let compared = compare(&half_scene, half, None, &sampling.of_half_light(light), None)?;
+        max_difference = compared.max_difference.max(max_difference);
+    }
+    if hits != parts.hits || image.coverage != parts.whole.coverage {
+        return Err(wrong("the filter of soft light changed which pixels show a surface", saved));
     }
     let filtered = check_filter(image, scene, parts).map_err(|reason| wrong(&reason, saved))?;
     Ok(Verified { max_difference: max_difference.max(filtered), ..whole })
@@ -89,13 +97,13 @@ fn compare(
 
 /// Compares a picture with what the filter of soft light makes of its parts; returns the largest difference.
 fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::result::Result<f64, String> {
-    let halves = [&parts.lit, &parts.unoccluded];
-    let expected = with_half_light(&parts.whole, &parts.hit_shares, halves, scene.background.as_dvec3());
+    let background = scene.background.as_dvec3();
+    let expected = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
     let floor = dark_floor(&expected, scene.display);
     let differences =
         image.pixels.iter().zip(&expected.pixels).map(|(a, b)| relative_difference(*a, *b, floor));
-    let (worst, largest) =
-        differences.enumerate().fold((0, 0.0), |worst, found| if found.1 > worst.1 { found } else { worst });
+    // A difference that is not a number is infinite.
+    let (worst, largest) = differences.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
     if largest <= RELATIVE_LIMIT {
         return Ok(largest);
     }

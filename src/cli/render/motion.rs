@@ -204,9 +204,10 @@ fn cast_into(
 ) -> Result<Vec<f64>> {
     let name = PathBuf::from(sink.name());
     let has_keys = matches!(sink, Sink::Numbered(_));
+    let size = stage.args.subject.size();
     std::thread::scope(|scope| {
         let (sender, receiver) = sync_channel(1);
-        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(receiver) });
+        let writer = scope.spawn(move || if frames.is_empty() { Ok(()) } else { sink.write(size, receiver) });
         let mut times = Vec::with_capacity(frames.len());
         let mut cast = || -> Result<()> {
             for &number in frames {

@@ -92,9 +92,9 @@ impl Keys {
     /// Makes the keys of a film, which is cast with these kernels.
     pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
-        let Sampling { first, most, .. } = sampling;
+        let Sampling { first, most, half_light } = sampling;
         let shared = format!(
-            "{version} {strategy} {width}x{height} samples {first}-{most} {} {}",
+            "{version} {strategy} {width}x{height} samples {first}-{most}, soft {half_light} {} {}",
             film.kind(),
             kernels.hash().unwrap_or_default()
         );

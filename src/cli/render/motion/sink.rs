@@ -74,9 +74,9 @@ impl Sink {
     }
 
     /// Writes frames as they come, until the last.
-    pub fn write(self, frames: Receiver<(Cast, Display)>) -> Result<()> {
+    pub fn write(self, size: [u32; 2], frames: Receiver<(Cast, Display)>) -> Result<()> {
         match self {
-            Self::Numbered(numbered) => each_of(frames, writers(), |((number, key, image), display)| {
+            Self::Numbered(numbered) => each_of(frames, writers(size), |((number, key, image), display)| {
                 numbered.save(number, &key, &image, display)
             }),
             Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
@@ -89,10 +89,26 @@ const MOST_WRITERS: usize = 4;
 /// Cores for each of them. The encoder of one picture uses several, but not all the time.
 const CORES_OF_WRITER: usize = 4;
 
-/// Returns how many pictures are encoded at the same time. On a small machine one is enough, and casting needs the cores too.
-fn writers() -> usize {
+/// Returns how many pictures of a size are encoded at the same time. On a small machine one is enough, since casting needs
+/// the cores too.
+fn writers([width, height]: [u32; 2]) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    (cores / CORES_OF_WRITER).clamp(1, MOST_WRITERS)
+    let few_pixels = MOST_PIXELS / (u64::from(width) * u64::from(height)).max(1);
+    (cores / CORES_OF_WRITER).min(few_pixels as usize).clamp(1, MOST_WRITERS)
+}
+
+/// Pixels of all pictures that are encoded at the same time, of 12 bytes each.
+const MOST_PIXELS: u64 = 1 << 26;
+
+/// Tells the other threads to stop if one panics.
+struct StopsOthers<'a>(&'a AtomicBool);
+
+impl Drop for StopsOthers<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
 }
 
 /// Calls `work` for everything that is received, on this many threads, until one call fails. Returns one of the errors.
@@ -104,6 +120,7 @@ fn each_of<T: Send>(
     let (received, failed) = (Mutex::new(received), AtomicBool::new(false));
     let next = || received.lock().unwrap_or_else(PoisonError::into_inner).recv().ok();
     let on_thread = || {
+        let _stops = StopsOthers(&failed);
         while let Some(next) = next() {
             if failed.load(Ordering::Relaxed) {
                 break;

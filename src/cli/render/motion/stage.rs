@@ -37,8 +37,9 @@ impl Stage<'_> {
             Some(ready) => ready,
             None => self.prepare(scene)?,
         };
-        let (_, caster) = self.ready.insert(ready);
-        let times = caster.cast_samples(&scene.camera, &self.sampling).map_err(Refused::at("the launch"))?;
+        let (prepared, caster) = self.ready.insert(ready);
+        let times =
+            caster.cast_samples(&scene.camera, &prepared.sampling).map_err(Refused::at("the launch"))?;
         let (image, _) = caster.read().map_err(Refused::at("reading the image"))?;
         Ok((image, times.frame_ms))
     }
