@@ -94,8 +94,8 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Without soft light,
-    /// none is cast at half resolution.
+    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. If the scene has no
+    /// soft light, half pictures are left out.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let is_soft = self.scene.sky.is_some() || self.scene.lights.iter().any(|light| light.radius > 0.0);
@@ -180,7 +180,8 @@ impl Session {
         })
     }
 
-    /// Returns the program that was built early, or builds it now, and how long that took.
+    /// Returns the program that was built early, or builds it now. Also returns how long the build took here (0 if
+    /// early).
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));
