@@ -1,4 +1,4 @@
-# What there is to do with raycl; `make` alone lists it.
+# Targets to build, test and measure raycl. `make` without a target lists them.
 
 RAYCL = $${CARGO_TARGET_DIR:-target}/release/raycl
 QUICK = results/quick
@@ -9,49 +9,49 @@ QUICK = results/quick
 help: ## list these targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/make \1\t\2/p' Makefile | expand -t 17
 
-setup: ## install what is missing: a C linker, the OpenCL loader, PoCL (Debian-like; root or sudo)
+setup: ## install missing packages: a C linker, the OpenCL loader, PoCL (Debian-like; root or sudo)
 	@.ci/setup
 
 build: setup ## build target/release/raycl
 	cargo build --release --locked
 
-demo: build ## build, cast the paper's scenes in a few strategies, say where pictures and table lie
+demo: build ## build, cast the paper's scenes with a few strategies, print where the pictures and the table are
 	$(RAYCL) run configs/quick.toml --out $(QUICK) --resume
 
 setup-tests:
 	@.ci/setup --test
 
-# One test more than cores, since some wait.
+# One test thread more than cores, since some tests wait.
 TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked
 
 test: setup-tests ## run the tests
 	$(TEST)
 
-test-long: setup-tests ## run them without leaving anything out: every preset at every local size (half an hour)
+test-long: setup-tests ## run all tests without sampling: every preset at every local size (half an hour)
 	RAYCL_TEST_LONG=1 $(TEST)
 
-mutants: setup-tests ## break Rust and kernels in turn: a test must notice; goes on where it was stopped (an hour; Python 3.11)
+mutants: setup-tests ## make mistakes in Rust and kernels, one at a time: a test must fail; resumes where it was stopped (an hour; Python 3.11)
 	@tests/mutants/run
 
-mutants-sample: setup-tests ## the same of some, chosen by the date; SAMPLE=2026-11-21 repeats that day's
+mutants-sample: setup-tests ## make a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
 	@tests/mutants/run --sample "$${SAMPLE:-$$(date +%F)}"
 
-oclgrind: setup-tests ## simulate kernels, and kernels without each of their barriers: races, bounds, unwritten values
+oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and unwritten values; also with one barrier removed
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- oclgrind:: --nocapture
 
-test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, installed apart under target/
+test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, which is installed under target/
 	@.ci/test-intel
 
-test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill what can be killed (installs it; root; half an hour)
+test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill them in every way (installs Slurm; root; half an hour)
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: setup-tests ## the same in a minute, as CI does: a raycl killed, a task lost
+test-slurm-short: setup-tests ## a part of test-slurm, in a minute, as CI runs it: a raycl is killed, a task is lost
 	@tests/slurm/setup
 	cargo test --locked --no-run
 	RUNS=1 tests/slurm/run $${CARGO_TARGET_DIR:-target}/debug/raycl kill nokill
 
-fuzz: ## fuzz every reader of files, MINUTES (10) each; needs cargo-fuzz
+fuzz: ## fuzz every reader of files for MINUTES each (default: 10); needs cargo-fuzz
 	@.ci/fuzz
 
 lint: setup ## check format, lints and documentation, as CI does
@@ -60,7 +60,7 @@ lint: setup ## check format, lints and documentation, as CI does
 	cargo check --manifest-path tests/fuzz/Cargo.toml --target-dir target --no-default-features --bins --locked
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --lib --locked
 
-licences: ## check licences, bans and sources of all crates by deny.toml, without cargo-deny (Python 3.11)
+licences: ## check licences, bans and sources of all crates against deny.toml, without cargo-deny (Python 3.11)
 	@.ci/setup --licences
 	@.ci/licences
 
@@ -70,7 +70,7 @@ figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md 
 test-python: ## run the lines of docs/python.md (installs pandas, Polars and DuckDB under target/)
 	@tests/python/run target/python
 
-book: ## make target/book/index.html of docs/ (installs mdbook with cargo where it is missing)
+book: ## make target/book/index.html from docs/ (installs mdbook with cargo if it is missing)
 	@command -v mdbook >/dev/null || cargo install --locked mdbook
 	mdbook build
 

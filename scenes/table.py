@@ -13,7 +13,7 @@ FOLDER = pathlib.Path(__file__).parent / "table"
 
 
 def write_png(name, width, height, colour):
-    """A picture of 8 bits a channel; colour(u, v) is red, green and blue from 0 to 1, (0, 0) its upper left corner."""
+    """Writes a picture of 8 bits per channel; colour(u, v) is red, green and blue, 0 to 1, with (0, 0) in the upper left."""
     rows = bytearray()
     for y in range(height):
         rows.append(0)
@@ -53,7 +53,7 @@ def mixed(a, b, part):
 
 
 def wood():
-    """Four boards, their grain along u."""
+    """Four boards with their grain along u."""
     tone = [0.1, 0.65, 0.35, 0.9]
     waves, fine = Noise(3, 24, 1), Noise(6, 128, 2)
 
@@ -89,11 +89,11 @@ def tile():
 
 
 def globe():
-    """Land and sea that no map shows."""
+    """A globe with invented land and sea."""
     layers = [(Noise(4 << i, 2 << i, 11 + i), 0.5**i) for i in range(5)]
 
     def colour(u, v):
-        # Towards the poles a place is narrow: there the noise fades, and ice begins.
+        # Towards the poles, columns are narrow on the globe, so the noise fades there; ice begins there too.
         flat = math.sin(math.pi * v)
         height = sum(weight * (noise.at(u, v) - 0.5) for noise, weight in layers) * (0.4 + 0.6 * flat)
         ice = abs(v - 0.5) > 0.42 + 0.05 * height
@@ -107,7 +107,7 @@ def globe():
 
 
 def write_obj(name, library, quads):
-    """Quads of a material: four corners, each a position, a place in its picture, and a normal."""
+    """Writes quads with their materials. Each has four corners with a position, texture coordinates and a normal."""
     sets, faces, used = {"v": {}, "vt": {}, "vn": {}}, [], None
     for material, corners in quads:
         if material != used:
@@ -123,7 +123,7 @@ def write_obj(name, library, quads):
 
 
 def square(material, corner, right, up, times):
-    """A parallelogram with its picture `times` across and down."""
+    """A parallelogram whose texture repeats `times` across and down."""
     cross = [right[i - 2] * up[i - 1] - right[i - 1] * up[i - 2] for i in range(3)]
     length = math.sqrt(sum(x * x for x in cross))
     normal = [x / length for x in cross]
@@ -133,7 +133,7 @@ def square(material, corner, right, up, times):
 
 
 def ball(material, rows, columns):
-    """A unit ball, its picture once around."""
+    """A unit ball with its texture once around it."""
     def corner(i, j):
         polar, turn = math.pi * i / rows, 2 * math.pi * j / columns
         normal = (math.sin(polar) * math.cos(turn), math.cos(polar), -math.sin(polar) * math.sin(turn))

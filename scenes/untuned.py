@@ -11,7 +11,7 @@ import sys
 
 
 class Mesh:
-    """Positions, and triangles as triples of their places; normals are left to raycl."""
+    """Positions, and triangles as triples of position indices; raycl computes the normals."""
 
     def __init__(self):
         self.positions, self.triangles = [], []
@@ -40,7 +40,7 @@ class Mesh:
         self.grid(bands, sectors, at)
 
     def column(self, x, z, radius, height):
-        """Fluted."""
+        """A fluted column."""
 
         def at(u, v):
             turn = 2 * math.pi * v
@@ -146,7 +146,7 @@ def hair(mesh):
     mesh.sphere((0, 0, 0), 0.98, 30, 60)
 
 
-# Who makes it; the camera's position, what it looks at, its vertical field of view; the light's position.
+# The function that makes the scene; the camera's position, target and vertical field of view; the light's position.
 SCENES = [
     (ball, [0, 1, 2], [0, 0.5, 0], 36, [2, 3, 2]),
     (boxes, [-30, 4, -30], [0, 0, 0], 50, [-20, 20, 10]),
@@ -180,7 +180,7 @@ def main():
         name, mesh = make.__name__, Mesh()
         make(mesh)
         triangles = mesh.save(folder / f"{name}.obj")
-        power = 1.8 * math.dist(light, look_at) ** 2  # as bright in each
+        power = 1.8 * math.dist(light, look_at) ** 2  # the same brightness in each scene
         text = TOML.format(name=name, position=position, look_at=look_at, fov=fov, light=light, power=power)
         (folder / f"{name}.toml").write_text(text)
         print(f"{folder / name}.toml: {triangles} triangles")

@@ -1,7 +1,8 @@
-// Soft light at half resolution. A picture of half the width and height has all light with few samples per pixel, and
-// another one all light that would arrive if nothing were in between. Their ratio is filtered and then multiplied with the
-// unoccluded light of the whole picture, which has no noise (Heitz, Hill and McGuire, "Combining Analytic Direct
-// Illumination and Stochastic Shadows", I3D 2018). src/reference/half_light.rs has the same.
+// Soft light at half resolution. One picture of half the width and height has the light that arrives, with few samples
+// per pixel. Another one has the unoccluded light, which would arrive if nothing were in between. Their ratio is
+// filtered. The unoccluded light of the whole picture, which has no noise, is then multiplied by this ratio (Heitz,
+// Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
+// src/reference/half_light.rs has the same.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -12,26 +13,26 @@
 #error "HALF_LIGHT_SHARPNESS: how fast pixels count less for each other as their unoccluded light differs"
 #endif
 
-// A work-item has WIDTH pixels of a row.
+// A work-item processes WIDTH pixels of a row.
 
-// Returns how much a pixel counts for another one: most if their unoccluded light is equal, 0 if it differs much. Pixels of
-// other surfaces, or of other sides of an edge, mostly differ.
+// Returns the weight of one pixel for another: largest if their unoccluded light is equal, 0 if it differs much. Pixels
+// on different surfaces, or on different sides of an edge, mostly differ.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
     return near * near;
 }
 
-// Returns a part of a whole, or `other` if the whole is nothing.
+// Returns part / whole, or `other` if the whole is 0.
 INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
     return SELECT(whole > 0.0f, part / whole, other);
 }
 
-// Filters the ratio of the half picture. `ratios` receives, per pixel, which part of the light arrives.
+// Filters the ratio of the two half pictures. `ratios` receives the part of the light that arrives, per pixel.
 //
-// Neighbouring pixels have different points of lights, and directions of the sky; after 4 pixels, the same ones come again
-// (soft.cl). The filter's weights along each axis give every one of them the same share, so that no noise is left where all
-// pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
+// Neighbouring pixels use different points of lights and different directions of the sky, which repeat after 4 pixels
+// (soft.cl). The filter's weights along each axis give each of these samples the same share, so that no noise is left
+// where all pixels are alike (Keller and Heidrich, "Interleaved Sampling", EGWR 2001):
 //
 //     pixel    -2  -1   0   1   2
 //     sample    2   3   0   1   2
@@ -78,8 +79,8 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
     return gather_pixels(image + (size_t)clamp(y, 0, half_size.y - 1) * half_size.x, columns);
 }
 
-// Multiplies the picture's unoccluded light with the ratio, interpolated between the four nearest pixels of the half
-// picture, which count by their likeness.
+// Multiplies the picture's unoccluded light by the ratio. The ratio is interpolated between the four nearest pixels of
+// the half picture, weighted by their likeness.
 __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= image_size.x || y >= image_size.y) return;
@@ -89,7 +90,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const float per_x = (float)half_size.x / image_size.x, per_y = (float)half_size.y / image_size.y;
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);
-    // Even if no pixel is alike, there is a mean.
+    // `least` keeps the sum of weights above 0 even if no pixel is alike.
     const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;
@@ -102,7 +103,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
         sum = along(sum, weight, ratio.colour);
         weights += weight;
     }
-    // The share of a pixel that shows the background is as bright as before.
+    // The background's share of a pixel keeps its brightness.
     const Vec3 behind = scale(splat(uniform3(background.x, background.y, background.z)), 1.0f - pixels.hit);
     const Vec3 lit = multiply(subtract(own, behind), scale(sum, 1.0f / weights));
     store_pixels(image, image_size, x, y, add(behind, lit), pixels.hit);

@@ -9,7 +9,7 @@ typedef struct {
     varying hit;
 } PixelRow;
 
-// Returns pixels of a row at any columns, which must lie inside the image.
+// Returns the pixels at arbitrary columns of a row; the columns must lie inside the image.
 INLINED_ROWS PixelRow gather_pixels(const __global float4 *row, varying_int columns) {
     IntLanes at;
     at.all = columns;
@@ -28,7 +28,7 @@ INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x
     const __global float4 *row = image + (size_t)clamp(y, 0, size.y - 1) * size.x;
 #if WIDTH == 16
     if (x >= 0 && x + WIDTH <= size.x) {
-        // Four pixels per register; then even and odd lanes are separated twice: 16 pixels become 4 channels.
+        // Each register holds four pixels. Separating even and odd lanes twice turns the 16 pixels into 4 channels.
         const __global float *from = (const __global float *)(row + x);
         const float16 a = vload16(0, from), b = vload16(1, from), c = vload16(2, from), d = vload16(3, from);
         const float16 rb = (float16)(a.even, b.even), rb2 = (float16)(c.even, d.even);
@@ -42,7 +42,7 @@ INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x
     return gather_pixels(row, clamp(x + LANE_NUMBER, (varying_int)(0), (varying_int)(size.x - 1)));
 }
 
-// Stores those of the pixels from column x on that lie inside the image.
+// Stores the pixels from column x on, as far as they lie inside the image.
 INLINED_ROWS void store_pixels(__global float4 *image, int2 size, int x, int y, Vec3 colour, varying hit) {
     __global float4 *row = image + (size_t)y * size.x;
 #if WIDTH == 16

@@ -1,4 +1,4 @@
-// Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. They follow
+// Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. These follow
 // Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that samples of a pixel,
 // and those of neighbouring pixels, are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of
 // Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
@@ -20,7 +20,7 @@ typedef struct {
     const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
     uint2 sample;                  // the number of a pixel's sample, and the number of samples; 0 samples: see below
 #ifdef SUBPIXELS
-    varying_uint lane_sample; // how far each lane's sample lies behind that one
+    varying_uint lane_sample; // the number of each lane's sample, minus sample.x
 #endif
 } Soft;
 #ifdef SUBPIXELS
@@ -29,8 +29,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// Where soft light is cast at half resolution (half_light.cl), some pictures are of all light that would arrive if nothing
-// were in between: lights are points, and the sky has its mean radiance.
+// If soft light is cast at half resolution (half_light.cl), some pictures have unoccluded light, which is denoted by 0
+// samples: lights are points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -68,8 +68,8 @@ varying_uint spread_bits(varying_uint bits) {
     return (bits | bits << 1) & 0x55555555u;
 }
 
-// Returns the second coordinate of a number in Sobol's sequence, with its bits reversed: for the number as a
-// polynomial over bits, that of x + 1.
+// Returns the second coordinate of a point of Sobol's sequence, with its bits reversed. If the bits of the point's
+// number are the coefficients of a polynomial p(x) modulo 2, those of the result are the coefficients of p(x + 1).
 varying_uint second_of_sobol(varying_uint bits) {
     bits ^= bits >> 16;
     bits ^= bits >> 8 & 0x00ff00ffu;
@@ -83,10 +83,10 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are well
-// distributed jointly.
+// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. As points of the unit
+// square, the first two are evenly distributed too.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
-    // A pixel's samples have consecutive numbers, and pixels that are close on the curve have numbers close to them.
+    // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
 #if HALF_LIGHT // only half pictures see these numbers; other frames of such a program are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
@@ -105,7 +105,7 @@ float radius_of(const Soft *soft, int light) {
     return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
-// Returns the offset of the point that a pixel's sample sees from the centre of a light's ball. The points are those
+// Returns the offset, from the centre of a light's ball, of the point that a pixel's sample sees. The points are those
 // of a uniform distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
 // bright all over from every side, like a disc.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
@@ -156,8 +156,8 @@ Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #endif
 
 // Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any origins
-// and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. Weights are allowed their
-// rounding error, as in cast/intersect/moller_trumbore.cl.
+// and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test allows for the
+// rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
 Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
            const Vec3 *way, varying t_max) {
     const Vec3 q = cross3(*way, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);

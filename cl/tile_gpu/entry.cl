@@ -45,10 +45,11 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// A ray joins a pass if the axis has more than this fraction of its direction; the leader's has at least a third.
+// A ray joins a pass if the pass's axis has more than this fraction of the ray's direction, in the 1-norm. For the
+// leader, the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// If rays are grouped: the largest distance from the leader, as a multiple of the distance between neighbouring rays.
-// It corresponds to the width of a tile: the largest difference between rays to one surface.
+// If a pass has only close rays: their largest distance from the leader, as a multiple of the distance between
+// neighbouring rays. The value is the width of a tile, which is the largest distance between rays to one surface.
 #define NEIGHBOURS ((float)TILE_X)
 // A leader is first searched here, in the middle of the lanes' 8 x 4 pixels.
 #define MIDDLE_LANE 20
@@ -78,10 +79,10 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes, between the leader's ray and those of neighbouring pixels: the nearer neighbour in
-// its row and the nearer one in its column, and of these two the farther. `distance` is this lane's distance from the
-// leader's ray. FAR without neighbours. In a block of 8 x 4 lanes, neighbours are one lane beside, and eight above or
-// below; at an edge the index wraps around, which gives a more distant ray.
+// Returns the distance, in slopes, between the leader's ray and those of neighbouring pixels: the larger of two
+// distances, to the nearer neighbour in its row and to the nearer one in its column. FAR without neighbours. `distance`
+// is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a
+// row, and by 8 in a column; at an edge the index wraps around, which gives a more distant ray.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -100,7 +101,8 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    const uint first = lane_get(group, todo & (0u - todo), leader); // the leader's first ray, and other lanes' rays at that bit
+    // The bit of the leader's first ray. The other lanes use their rays at the same bit.
+    const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
     const Uniform3 own = way;
@@ -113,7 +115,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
-    // Rays from the eye are close to each other; hits, and so shadow rays, may lie on several surfaces.
+    // Rays from the eye are close to each other. Shadow rays may not be, since their hits may lie on several surfaces.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
@@ -124,7 +126,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
         tolerance = (spacing < FAR ? NEIGHBOURS * spacing : 0.0f) + 2.0f * SLOPE_ROUNDING;
     }
 
-    // The slopes of each ray, and the box around all that join.
+    // Computes the slopes of each ray, and the box around the slopes of all rays that join.
     uint joining = 0;
     float low_x = FAR, high_x = -FAR, low_y = FAR, high_y = -FAR;
     EACH_RAY(ray) {

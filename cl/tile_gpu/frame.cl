@@ -1,5 +1,5 @@
-// Rays from the eye, cast in tiles that groups own: a tile's pixels and their nearest hits. shadow.cl casts the
-// shadow rays of a round of lights; shade.cl casts leftover ones, and shades.
+// Casts rays from the eye in tiles that groups own, and finds their nearest hits. shadow.cl casts the shadow rays of a
+// round of lights; shade.cl casts leftover shadow rays, and shades.
 
 // The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
@@ -8,7 +8,7 @@
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
 // A frame may cast several samples of each pixel. Its rays then form a grid that is finer than the image, with 2^bits columns
-// and rows for each of the image's. For 2 bits, the samples of a pixel lie in it like this:
+// and rows per column and row of the image. For 2 bits, the samples of a pixel lie in the grid like this:
 //
 //      0  1  2  3
 //      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid,
@@ -31,9 +31,10 @@
 #endif
 #define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
 
-// Returns where a group's tile begins in the grid of rays, if tiles cover the grid, in a row of work-groups.
+// Returns where a group's tile begins in the grid of rays, if tiles cover the whole grid. `row` is its row of
+// work-groups.
 INLINED int2 tile_in_row(Group *group, int row) {
-    // Work-group, tile within it.
+    // The first tile of the work-group, plus the place of the group's tile within it.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
     const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
     return (int2)(tile_x * TILE_X, tile_y * TILE_Y);
@@ -48,7 +49,7 @@ INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8,
 
 // Returns where the group's own tile begins, packed. If `rough_count` is not 0, tiles cover only that many blocks of
 // pixels, and no tile is larger than a block. Only as many work-groups run as these blocks need, and their tiles are
-// numbered. Here each block has 16 x 16 rays, which are four tiles:
+// numbered block by block. Here each block has 16 x 16 rays, which are four tiles:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -98,7 +99,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
 typedef struct {
     int x, y, inside;
 #if SAMPLED
-    float ray_x, ray_y; // where in the image it passes through its pixel
+    float ray_x, ray_y; // the point of the image, in pixels, through which the ray passes
 #endif
 } EyeRay;
 
@@ -137,7 +138,7 @@ INLINED int2 place_in_tile(Group *group, int ray) {
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns the place of a lane's ray in a row of work-groups, if tiles cover the grid.
+// Returns the place of a lane's ray in the grid, if tiles cover the whole grid. `row` is its row of work-groups.
 INLINED int2 place_in_row(Group *group, int row, int ray) { return tile_in_row(group, row) + place_in_tile(group, ray); }
 
 // Returns a lane's ray in the group's own tile.
@@ -176,8 +177,8 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
     ways->per_end = 0.0f;
 }
 
-// Each axis serves at most one pass in each direction, since that pass leaves only rays that have less of the axis than
-// a leader has of its own. Rays without a direction (not a number) take part in no pass.
+// Each axis has at most one pass per direction: the rays that this pass leaves have a smaller fraction of the axis than
+// any leader has of its own axis. Rays whose direction is not a number (NaN) take part in no pass.
 #define MOST_PASSES 6
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
@@ -188,8 +189,9 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     uint todo = rays_inside(group, grid);
     Beam beam;
     EACH_RAY(ray) beam.place[ray] = NO_HIT;
-    // Once, unless the tile is so wide that its rays run along several axes. All lanes leave together, since the calls below
-    // need the whole group. There is one way out of the loop: compilers for barriers repeat what follows for each.
+    // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
+    // together, since the calls in it need the whole group. The loop has a single exit, since PoCL repeats the code
+    // after a loop with barriers for each of its exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Ways ways;
         Shaft shaft;
@@ -199,7 +201,7 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
         todo &= ~active;
     }
     uint hits = 0;
-    // Every ray of the tile is stored, also those that hit nothing: shading reads all of them.
+    // The result of every ray of the tile is stored, even if the ray hit nothing, since shading reads all results.
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
         if (eye_ray.inside) nearest[index_of(eye_ray, grid)] = beam.place[ray];

@@ -19,7 +19,7 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
         }
 #endif
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
-        // The ray again, from the light. It is the only ray of its shaft, whose box is a point.
+        // Computes the ray from the light again. It is the only ray of its shaft, so the box of slopes is a point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
@@ -37,7 +37,8 @@ INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
 
-// Casts the leftover shadow rays, one group per ray from the eye; such a ray is in the queue once.
+// Casts the leftover shadow rays. Each ray from the eye is in the queue at most once, and one group casts all of its
+// leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -48,7 +49,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                             ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
                                             entry.y, bias, stack);
-        // One ray from the eye per group and entry, so that no atomic is needed.
+        // Only this group writes the word of this ray from the eye, so no atomic operation is needed.
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
     }
 }
@@ -69,7 +70,7 @@ INLINED void load_material(const __global float *material, Surface *surface) {
     surface->kind = material[7];
 }
 
-// Returns the radiance that a hit reflects to the eye from the lights of a word.
+// Returns the radiance that a hit reflects to the eye from the lights whose bits are set in `reached`.
 INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reached, const Surface *surface, Meeting meeting,
                       Vec3 to_eye) {
     Vec3 sum = vec3(0.0f, 0.0f, 0.0f);
@@ -137,8 +138,8 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
     *sum += (float4)(received.x, received.y, received.z, 0.0f);
 }
 
-// A pixel of the image after a round of lights, from the round's sum over the samples of a frame. With several samples,
-// the image has their mean; a later round adds its part of these samples.
+// The value of a pixel after a round of lights, computed from the round's sum over the samples of a frame. With several
+// samples, the image contains their mean. A later round of the frame adds its lights' part of these samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -160,9 +161,9 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no kernel has
-// done so, the first `queue_rows` rows of work-groups cast the leftover shadow rays and shade these pixels. These are
-// few rays, each of which takes long; meanwhile the other work-groups shade all pixels whose lights are known.
+// Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no other kernel
+// has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast them and shade their pixels. These
+// rays are few, but each takes long; meanwhile the other work-groups shade all pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES

@@ -1,13 +1,13 @@
-// Shadow rays of a round of lights: for each light, from it to the hits that face it.
+// Shadow rays of a round of lights. They run from each light to the hits that face it.
 
-// Limits for each tile and light: the number of passes, each of rays that are close to each other, and the number of
-// words taken from the stack. At silhouettes they are never enough; leftover shadow rays are then cast one at a time,
-// each by a whole group.
+// Limits per tile and light: the number of passes, and the number of words taken from the stack. A pass casts rays that
+// are close to each other. At silhouettes these limits are never enough; leftover shadow rays are then cast one at a
+// time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word has one bit for each light of a round and each of the lane's rays, light by light; the number of lights in a
-// round follows from that. Every RAYS-th bit of the word belongs to the same pixel. In a pixel's own word, bit 31 says that
-// some of its shadow rays are leftover.
+// A lane's word has one bit per light of a round and ray of the lane, ordered by light. The size of the word limits the
+// number of lights per round. Every RAYS-th bit of the word belongs to the same pixel. In a pixel's own word, bit 31 is
+// set if some of its shadow rays are leftover.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
@@ -77,7 +77,7 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
 
 // Returns the hit without its material: enough to know which lights the surface faces, and where rays to them begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
-#if PLANES_OF_ORIGIN // which give t and weights at once; in slivers their rounding errors are too large for shading
+#if PLANES_OF_ORIGIN // planes give t and weights at once; in slivers their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
     const __global float4 *normals = surfaces + 3 * (size_t)place;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
@@ -112,7 +112,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #include "tile_gpu/soft.cl"
 #endif
 // The additional parameters of functions for lights with a radius or a sky, including the comma.
-#if SOFT // whose frames cast one sample of each pixel
+#if SOFT // frames with soft light cast one sample per pixel
 #if SAMPLED
 #define BIND_LANE_SAMPLE own_sources.soft.lane_sample = 0;
 #else
@@ -175,8 +175,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
             const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
             const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
-                // FAR means that something is in between. A traversal that was stopped early proves nothing for the other
-                // rays.
+                // FAR means that something blocks the ray. If the traversal was stopped early, all other rays remain
+                // undecided.
                 const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
                 clear |= open && enough ? 1u << ray : 0u;
                 *left |= open && !enough ? 1u << ray : 0u;
@@ -189,7 +189,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 }
 
 #if SOFT
-// Returns the hits that face a source, where nothing counts as being in between.
+// Returns the hits that face a source. This is for unoccluded light, which nothing blocks.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
@@ -204,7 +204,7 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 // Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
-    int first = 0; // continues even if no lane has an entry: a compiler for barriers failed after a return here
+    int first = 0; // goes on even if no lane has an entry: with barriers, a compiler failed after a return here
     // One atomic operation per group; each lane finds its entry by its rank among those with one.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
@@ -280,7 +280,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
-// Casts both, one after the other: while the last tiles cast rays from the eye, other tiles already cast shadow rays.
+// Casts rays from the eye, then shadow rays: while the last tiles cast rays from the eye, other tiles already cast
+// shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS

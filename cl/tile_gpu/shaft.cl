@@ -27,20 +27,20 @@ INLINED Origin origin_at(Uniform3 at, int number) {
 typedef struct {
     int across, down, along; // the axes of the scene for x, y and z
     float sign;              // -1 if rays run towards smaller z
-    uint x_rows, y_rows;     // the rows of a lane's child in a node with its x and y
-    uint near_row, far_row;  // and with the z at which rays reach it first and last
+    uint x_rows, y_rows;     // offsets in a node of the x and y of this lane's child
+    uint near_row, far_row;  // offsets in a node of the z at which rays enter and leave that child
     float x, y, z;           // the rays' origin along these axes
     float low_x, high_x, low_y, high_y;
     float longest; // the largest component of a direction (x, y, 1)
 #if PLANES_OF_ORIGIN
     const __global float4 *planes; // of all triangles, for this origin
-    uint across_row, down_row, along_row; // the rows of its axes in them
+    uint across_row, down_row, along_row; // the offsets in `planes` of the rows for the pass's axes
 #endif
 } Shaft;
 
 INLINED float component(float x, float y, float z, int axis) { return axis == 0 ? x : axis == 1 ? y : z; }
 
-// Chooses the axes of a pass so that the largest component of a direction is z.
+// Chooses the axes of a pass so that z is the largest component of the leader's direction.
 INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
     // Axes are permuted cyclically and never mirrored, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
@@ -87,8 +87,8 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
 }
 
 // Loads the corners of the triangle at an index in leaf order. If a compiler finds that a quad's fourth word is
-// unused, it loads the rest in two pieces, which takes twice as long. The value returned here is always 1, and uses
-// all fourth words.
+// unused, it loads the rest in two pieces, which takes twice as long. The return value therefore depends on all fourth
+// words, although it is always 1.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 first = row[0], second = row[1], third = row[2];

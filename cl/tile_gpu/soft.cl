@@ -1,5 +1,5 @@
-// Rays without a common origin: to points of a light with a radius, and to the sky. All of them are leftover rays: a
-// group casts one after the other, and tests a node's children or a leaf's triangles with it, one per lane.
+// Rays without a common origin: to points of a light with a radius, and to the sky. All of them are leftover shadow
+// rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
 // The lights of a round, followed by the sky after all lights. Lights are counted from the round's first.
 typedef struct {

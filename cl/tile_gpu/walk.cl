@@ -7,8 +7,8 @@ typedef struct {
     uint word;
 } Child;
 
-// Tests whether the shaft meets this lane's child of a node nearer than `reach`. After rounding it may report
-// additional children, but never misses one.
+// Tests whether the shaft meets this lane's child of a node nearer than `reach`. Because of rounding, the test may
+// report additional children, but it never misses one.
 INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
@@ -22,7 +22,8 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // Between near and far, the shaft's sides are slope times z, farthest out at one of both. The box must overlap.
+    // At each z, a side of the shaft lies at its slope times z, so it is farthest out at near or at far. The box of the
+    // child must overlap this range.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -38,7 +39,7 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
 //     lane              0  1  2  3  4  5  6
 //     meets its child   -  x  -  -  x  x  -      lane_ballot: 0b0110010
 //     entry                5        2  9
-//     rank                 1        0  2         number of nearer ones among those met
+//     rank                 1        0  2         number of nearer children among those met
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
@@ -61,7 +62,7 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 }
 
 #if CUTOUTS
-// Returns whether a ray that hits the triangle at an index in leaf order hits its surface, and no hole of it.
+// Returns whether a ray that hits the triangle at an index in leaf order hits its surface, and not a hole.
 INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, place, &corners.a, &corners.b, &corners.c);
@@ -121,8 +122,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     return count != 0;
 }
 
-// The least 1/z that a hit must have to matter to any ray of the group: the smallest of its nearest hits. A ray
-// that has hit nothing counts with its end (0 for rays from the eye).
+// Returns the least 1/z at which a hit matters to any ray of the group: the smallest 1/z of its rays' nearest hits. For
+// a ray that has hit nothing, the 1/z of its end counts (0 for rays from the eye).
 INLINED float worst_of(Group *group, const Beam *beam) {
     float worst = FAR;
     EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
@@ -136,11 +137,11 @@ INLINED int is_looking(const Beam *beam) {
     return looking;
 }
 
-// z beyond which no hit matters.
+// Returns the z beyond which no hit matters.
 INLINED float reach_of(float worst) { return worst > 0.0f ? fmin(1.00001f * reciprocal(worst), FAR) : FAR; }
 
-// Walks the tree with a pass's beam: to the nearest hit of each ray, or with `any` to some. Each word taken from the stack
-// costs one of `budget`; returns whether it was enough.
+// Walks the tree with a pass's beam, and finds the nearest hit of each ray or, with `any`, any hit. With `any`, each
+// word taken from the stack uses up one unit of `budget`. Returns whether the budget was enough.
 INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam, const int any, int *budget,
          __local uint2 *stack, const Candidates *candidates) {
     float worst = worst_of(group, beam), reach = reach_of(worst);
@@ -158,7 +159,7 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Back to the nearest node or leaf that waits. Those that later hits made pointless are dropped without a visit.
+        // Returns to the nearest waiting node or leaf. Entries beyond the hits found since are dropped without a visit.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];
@@ -166,7 +167,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // The few rays of a tile that take long are faster with a group each, so they are left over.
+        // The few rays of a tile that take long are faster if each is cast by a group of its own, so they are left
+        // over.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

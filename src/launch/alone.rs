@@ -1,5 +1,5 @@
-//! Runs kernels that a test makes of a few kernel files, so that what they compute is compared with its counterpart on
-//! the host.
+//! Runs kernels that a test builds from a few kernel files, so that it can compare their results with those of the
+//! host's counterpart.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -34,7 +34,7 @@ impl Alone {
         builder
     }
 
-    /// Returns what a kernel writes to its buffer of `len` results.
+    /// Runs a kernel and returns the `len` results that it writes to its buffer.
     pub fn results<T: OclPrm>(
         &self,
         len: usize,

@@ -97,16 +97,16 @@ impl<'a> Argument<'a> {
     }
 }
 
-/// The argument that scenes with textures have in addition.
+/// The additional argument of scenes with textures.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
-/// The argument that scenes with cut-outs have in addition.
+/// The additional argument of scenes with cut-outs.
 pub(super) const MASK_ROWS: &str = "mask_rows";
-/// The argument that scenes with sampled soft lights or a sky have in addition.
+/// The additional argument of scenes with sampled soft lights or a sky.
 pub(super) const SOFT: &str = "soft";
-/// The argument that frames of pixels with several samples have in addition.
+/// The additional argument of frames with several samples per pixel.
 pub(super) const WANTED: &str = "wanted";
 
-/// Arguments by the names of their parameters. A kernel uses those that it has a parameter for.
+/// Arguments by parameter name. A kernel uses only the arguments for which it has a parameter.
 #[derive(Clone, Default)]
 pub(super) struct Arguments<'a>(Vec<(&'static str, Argument<'a>)>);
 
@@ -147,7 +147,7 @@ impl<'a> Arguments<'a> {
         Ok(())
     }
 
-    /// Binds again the arguments that can differ between frames, if the kernel has them.
+    /// Rebinds the arguments that can differ between frames, if the kernel has them.
     pub fn rebind(&self, kernel: &Kernel) -> Result<(), LaunchError> {
         for (name, argument) in &self.0 {
             match (kernel.named_arg_idx(name), argument) {

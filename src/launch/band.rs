@@ -45,8 +45,8 @@ impl Cost {
     }
 }
 
-/// Returns the ends of the devices' parts of a frame, 0 to 1 from the top, and the time of a part. All parts
-/// take equally long.
+/// Returns where each device's part of a frame ends (0 is the top, 1 the bottom), and the time that each part takes.
+/// All parts take equally long.
 pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     let parts: Vec<Vec<f64>> = costs.iter().map(Cost::parts_ms).collect();
     let ends = |ms: f64| -> Vec<f64> {
@@ -57,7 +57,7 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // In the time that the fastest device needs alone, the whole frame is certainly cast.
+    // The time that the fastest device needs alone is certainly enough for the whole frame.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;
@@ -111,8 +111,8 @@ mod tests {
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has its own costs: the upper half costs the second device nothing, yet it casts the
-        // lower half.
+        // Each device has its own costs: the upper half costs the second device nothing, yet this device casts
+        // the lower half.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }

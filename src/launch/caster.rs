@@ -1,4 +1,4 @@
-//! A caster: everything that is needed to cast frames of one point repeatedly.
+//! A caster: everything that is needed to cast the frame of one point (strategy, sizes, scene and device) repeatedly.
 
 use super::arguments::Arguments;
 use super::band::Band;
@@ -29,17 +29,17 @@ use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
 
-/// What a picture with soft light at half resolution is made of.
+/// The parts from which a picture with soft light at half resolution is computed.
 pub struct LightParts {
     /// The whole picture's unoccluded light.
     pub whole: Radiance,
-    /// Number of its pixels that hit something.
+    /// Number of pixels of the whole picture that hit something.
     pub hits: usize,
     /// The share of each pixel's samples that hit something.
     pub hit_shares: Vec<f32>,
-    /// The half picture with all light that arrives.
+    /// The half picture with the light that arrives, and so with shadows.
     pub lit: Radiance,
-    /// The half picture with the light that would arrive if nothing were in between.
+    /// The half picture with unoccluded light.
     pub unoccluded: Radiance,
     /// The share of each of their pixels that hit something.
     pub half_hit_shares: Vec<f32>,
@@ -59,11 +59,11 @@ pub struct Caster {
     image: Buffer<Float4>,
     working: Working,
     samples: Option<Samples>,
-    /// Soft light at half resolution, if it is cast so.
+    /// The half pictures, if soft light is cast at half resolution.
     half_light: Option<Box<HalfLight>>,
-    /// How finely a frame can divide pixels, to cast several samples of each.
+    /// The finest division of pixels in a frame: 2^`most_bits` sub-pixels across and down, each with one sample.
     most_bits: u32,
-    /// Rays across and down in a tile, if frames can cast only some tiles.
+    /// Number of rays in a tile, across and down, if a frame can cast only some of the tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
     /// True if the background is transparent, so that images have coverage.
@@ -82,7 +82,7 @@ impl Caster {
         Ok(Self { half_light: half_light.map(Box::new), ..caster })
     }
 
-    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are counted with another one's.
+    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are part of another frame's count.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -165,7 +165,8 @@ impl Caster {
         self.cast_extent(frames, Extent::default())
     }
 
-    /// Casts a frame of some rays `frames` times, waits for the last one, and returns the mean times of one.
+    /// Casts a frame `frames` times, with the rays of `extent`, waits for the last one, and returns the mean times of
+    /// one.
     fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -184,8 +185,8 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Changes the background, the distance at which shadow rays start, and the exposure by which rough blocks are
-    /// marked, to those of a scene, starting with the next frame.
+    /// Takes from a scene its background, the distance at which shadow rays start, and the exposure that decides which
+    /// blocks are rough, starting with the next frame.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
             samples.show(scene.display.exposure)?;
@@ -197,8 +198,8 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture with the samples of each pixel, several in a frame if the strategy can. The image is then their
-    /// mean. Returns the total times.
+    /// Casts a picture with all samples of each pixel, several samples per frame if the strategy supports that. The
+    /// image becomes the mean of the samples. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -206,8 +207,8 @@ impl Caster {
         Ok(times.and(&half.apply(&self.queue)?))
     }
 
-    /// Casts what a picture with soft light at half resolution is made of, and reads it. Returns `None` if there is no such
-    /// light.
+    /// Casts and reads the parts of a picture with soft light at half resolution. Returns `None` if soft light is not
+    /// cast at half resolution.
     pub fn cast_parts(
         &self,
         camera: &Camera,
@@ -238,7 +239,7 @@ impl Caster {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts the samples' rounds, without soft light at half resolution.
+    /// Casts both rounds of samples, without soft light at half resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
@@ -251,8 +252,8 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts the samples of one round, several in a frame if the strategy can. `rough` is the number of blocks that need
-    /// more samples, if the others need none.
+    /// Casts the samples of one round, several samples per frame if the strategy supports that. `rough` is the number
+    /// of rough blocks if only these get the samples.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -282,8 +283,8 @@ impl Caster {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
 
-    /// Casts one frame with consecutive samples of one round, and adds them to the mean in the image. `rough` is the number of
-    /// blocks that need more samples, if the others need none.
+    /// Casts one frame with consecutive samples of one round, and adds them to the mean in the image. `rough` is the
+    /// number of rough blocks if only these get the samples.
     fn cast_together(
         &self,
         camera: &Camera,
@@ -291,7 +292,7 @@ impl Caster {
         rough: Option<usize>,
     ) -> Result<FrameTimes, LaunchError> {
         let Some(first) = samples.first() else { return Ok(FrameTimes::default()) };
-        // The kernel places several samples; for one, the camera is shifted.
+        // The kernel shifts the rays of several samples; for a single sample, the camera is shifted instead.
         let offset = if samples.len() > 1 { [0.0; 2] } else { first.offset };
         self.look_from(&camera.of_sample(&Sample { offset, ..*first }))?;
         let arguments = sample_argument(Arguments::default(), first);

@@ -73,7 +73,7 @@ impl FrameTimes {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
 
-    /// Returns the time of its shortest part: a pass if there are several.
+    /// Returns the time of the shortest pass, or of the whole frame if it has no separate passes.
     pub fn shortest_ms(&self) -> f64 {
         let passes = [self.primary_ms, self.shadow_ms, self.shade_ms];
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)

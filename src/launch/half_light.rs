@@ -1,5 +1,5 @@
 //! Soft light at half resolution: two pictures of half the width and height, with and without shadows, and the kernels
-//! that filter their ratio and multiply the whole picture with it.
+//! that filter their ratio and multiply the whole picture by it.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -18,9 +18,9 @@ use std::time::Instant;
 
 /// The half pictures, with the kernels that use them.
 pub(super) struct HalfLight {
-    /// All light that arrives.
+    /// The half picture with the light that arrives, and so with shadows.
     lit: Caster,
-    /// All light that would arrive if nothing were in between.
+    /// The half picture with the light that would arrive if nothing were in between.
     unoccluded: Caster,
     filter: Step,
     apply: Step,
@@ -29,7 +29,7 @@ pub(super) struct HalfLight {
 }
 
 impl HalfLight {
-    /// Allocates the half pictures of a frame with its whole `image`. The program is that of the frame.
+    /// Allocates the half pictures of a frame whose whole picture is `image`. They use the frame's program.
     pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
         let workload = setup.workload.halved();
         let half = Setup { workload: &workload, ..*setup };
@@ -68,7 +68,7 @@ impl HalfLight {
         Ok(lit.and(&cast(&self.unoccluded, SampleLight::Unoccluded)?))
     }
 
-    /// Filters the half pictures' ratio and multiplies the whole picture with it.
+    /// Filters the half pictures' ratio and multiplies the whole picture by it.
     pub fn apply(&self, queue: &Queue) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let steps = [&self.filter, &self.apply];
@@ -118,7 +118,7 @@ mod tests {
     /// just fill them.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
-    /// The device's filter against the one in double precision, in every family that casts soft light.
+    /// Compares the device's filter with the one in double precision, in every kernel family that casts soft light.
     #[test]
     fn a_picture_is_what_the_filter_makes_of_its_parts() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

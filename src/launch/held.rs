@@ -15,7 +15,7 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Returns the bytes held by others, which `strategy` does not share.
+    /// Returns the bytes of all frames, and those of the parts of the scene that `strategy` does not share.
     pub fn beside(&self, strategy: &Strategy) -> u64 {
         let own = Kind::of(strategy);
         let others = self.shared_bytes.iter().filter(|(kind, _)| **kind != own).map(|(_, bytes)| bytes);

@@ -53,7 +53,7 @@ impl<'a> Parts<'a> {
         builder(queue, program, strategy, kernel, arguments)
     }
 
-    /// Returns a kernel with one work-item per block of pixels, or with as many work-items as `items` says.
+    /// Returns a kernel with one work-item per block of pixels, or with `items` work-items across and down.
     pub fn pixel_kernel(
         &self,
         kernel: &'static manifest::Kernel,
@@ -121,8 +121,8 @@ impl<'a> Parts<'a> {
         Ok(steps)
     }
 
-    /// Shows the picture of the sky behind everything; `None` if the sky has no picture, or the picture is
-    /// not seen. The kernel processes the whole image even for a band, since it takes little time.
+    /// Returns the step that shows the sky's picture behind everything; `None` if the sky has no picture, or the
+    /// picture is not seen. The kernel processes the whole image even for a band, since it takes little time.
     pub fn show_sky(
         &self,
         image: &'a Buffer<Float4>,
@@ -192,8 +192,8 @@ pub(super) fn builder<'b>(
     let mut builder = Kernel::builder();
     builder.program(&program.program).name(kernel.name).queue(queue.commands.clone());
     // SAFETY: `bind` compares each argument with its parameter in the manifest, from which the kernels'
-    // parameter lists are generated. The check by `ocl` compares names of types, and would refuse words as a
-    // tree's floats.
+    // parameter lists are generated. The check by `ocl` compares names of types, and would refuse a buffer of
+    // words for a tree's floats.
     unsafe { builder.disable_arg_type_check() };
     arguments.bind(kernel, strategy, &mut builder)?;
     Ok(builder)

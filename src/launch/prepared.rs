@@ -25,7 +25,7 @@ pub struct Prepared {
     pub program: BuiltProgram,
     /// The time for which building continued after the scene was loaded.
     pub build_wait_ms: f64,
-    /// The largest amount of memory on the host that it needs at any time.
+    /// The largest amount of host memory that the strategy needs at any time.
     pub host_bytes: u64,
     pub(super) queue: Queue,
     pub(super) scene: Arc<Scene>,
@@ -98,12 +98,12 @@ impl Prepared {
         caster.kernels().map(made).collect()
     }
 
-    /// Returns its program as the device's compiler sees it.
+    /// Returns the program after preprocessing, as the device's compiler sees it.
     pub fn preprocessed(&self) -> OrError<Preprocessed> {
         preprocess_for(&self.queue, &self.spec)
     }
 
-    /// Compiles another text on the same device. It is not stored.
+    /// Compiles another source for the same device, without storing the program in the cache.
     pub fn build_text(&self, spec: &ProgramSpec) -> Result<BuiltProgram, BuildError> {
         BuiltProgram::build(&self.queue.context, self.queue.device, spec, &Kept::default())
     }

@@ -20,8 +20,8 @@ pub(super) struct Rounds<'p, 'a> {
     arguments: Arguments<'a>,
     /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
-    /// True if leftover shadow rays are cast by the kernel that shades. It stores a pixel as soon as one ray is known, so it
-    /// cannot do so if frames cast several samples of a pixel.
+    /// True if the shading kernel also casts the leftover shadow rays. It then stores a pixel as soon as the pixel's
+    /// one ray is decided, so this is impossible if frames cast several samples of a pixel.
     shades_left_over: bool,
 }
 
@@ -42,8 +42,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
     }
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)): first shadow rays, then leftover
-    /// ones by a group each, then shading.
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). It casts shadow rays, then leftover
+    /// shadow rays (each by a whole group), and then shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();
@@ -106,8 +106,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Prepares the planes of a tree's triangles for the origins of a round (the first is the eye, the second
-    /// its first light) and empties the queue. Does nothing if the strategy uses no planes.
+    /// Prepares the planes of a tree's triangles for the origins of a round (origin 0 is the eye, origin 1 the
+    /// round's first light) and empties the queue. Does nothing if the strategy uses no planes.
     fn prepare(
         &self,
         origins: Range<usize>,

@@ -33,7 +33,7 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Allocates the numbers; `None` if every pixel gets one sample.
+    /// Allocates the buffers; `None` if every pixel gets one sample.
     pub fn allocate(queue: &Queue, workload: &Workload) -> ocl::Result<Option<Self>> {
         if !workload.many_samples {
             return Ok(None);
@@ -83,7 +83,7 @@ impl Samples {
         Self { mark: Some(Step::Run(kernel)), ..self }
     }
 
-    /// Changes the exposure, which decides what blocks are rough.
+    /// Changes the exposure, which decides which blocks are rough.
     pub fn show(&self, exposure: f32) -> Result<(), LaunchError> {
         let kernel = self.mark.as_ref().and_then(Step::kernel);
         kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
@@ -99,7 +99,8 @@ impl Samples {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
 
-    /// Lets only rough blocks get more than the first samples. Returns the number of these blocks, and the time that took.
+    /// Lets only rough blocks get more than the first samples. Returns the number of rough blocks, and the time for
+    /// finding them.
     pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<(usize, FrameTimes), LaunchError> {
         let Some(step) = &self.mark else { return Ok(Default::default()) };
         let start = Instant::now();
@@ -113,7 +114,7 @@ impl Samples {
         Ok((count[0] as usize, times))
     }
 
-    /// Reads the numbers.
+    /// Reads the number of samples of each block.
     pub fn read(&self, queue: &Queue) -> ocl::Result<SampleCounts> {
         let mut counts = vec![0; self.wanted.len()];
         self.wanted.cmd().queue(&queue.commands).read(&mut counts).enq()?;
@@ -178,7 +179,7 @@ mod tests {
 
     impl Marking {
         const SIDES: [usize; 2] = [13, 9];
-        /// A black or a white channel at this exposure.
+        /// The exposure with which the picture is displayed.
         const EXPOSURE: f32 = 15.0;
 
         fn new() -> Self {
@@ -227,7 +228,8 @@ mod tests {
         }
     }
 
-    /// An edge lies between a pixel and the one before it, across or down: the blocks that have both, or touch both, are rough.
+    /// An edge lies between a pixel and the one before it, across or down. A block is rough if it contains or touches
+    /// both pixels.
     #[test]
     fn an_edge_is_in_the_blocks_on_both_its_sides() {
         let marking = Marking::new();
@@ -254,8 +256,7 @@ mod tests {
         }
     }
 
-    /// Differences count as displayed: beyond white there are none, and a gamma of 2 makes those near black
-    /// larger.
+    /// Differences count as displayed: there are none beyond white, and a gamma of 2 enlarges those near black.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let marking = Marking::new();

@@ -115,8 +115,8 @@ fn light_floats(lights: &[Light]) -> Vec<f32> {
     lights.iter().flat_map(|light| [light.position.to_array(), light.power.to_array()].concat()).collect()
 }
 
-/// Returns the sky in the layout of `cl/common/soft.cl` (zeros if there is none), then the lights' radii; with a
-/// picture in that of `cl/common/environment.cl`, and its texels at the end.
+/// Returns the sky (zeros if there is none), then the lights' radii, in the layout of `cl/common/soft.cl`. A sky with a
+/// picture has the layout of `cl/common/environment.cl`, and its texels come last.
 fn soft_floats(scene: &Scene) -> Vec<f32> {
     let mut floats = vec![0.0; SOFT_HEAD_FLOATS];
     let picture = scene.sky.as_ref().and_then(|sky| sky.picture.as_deref());

@@ -1,4 +1,4 @@
-//! Buffers between the kernels of tiles that groups share.
+//! Buffers that pass results from kernel to kernel, for tiles that are shared by groups of work-items.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -6,16 +6,17 @@ use ocl::Buffer;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::prm::Uint2;
 
-/// Number of groups per compute unit that cast leftover shadow rays. With fewer, millions of small triangles
-/// take longer (16: 14% more at three million); with more, everything else does (64: 3 to 4% more on the
-/// bunny and the dragon; NVIDIA H200, 2026-11-20).
+/// Number of groups per compute unit that cast leftover shadow rays. With fewer, scenes of millions of small
+/// triangles take longer (16: 14% more at three million); with more, all other scenes take longer (64: 3 to 4%
+/// more on the bunny and the dragon; NVIDIA H200, 2026-11-20).
 const GROUPS_A_UNIT: usize = 32;
 
 /// Buffers between the kernels of a round of lights.
 pub(super) struct Shared {
     /// The lights that reach the hit of a ray from the eye, one bit per light.
     pub lit: Buffer<u32>,
-    /// Rays from the eye with leftover shadow rays, and the lights of those; at most one entry per ray from the eye.
+    /// Rays from the eye that have leftover shadow rays, each with the lights of these shadow rays; at most one entry
+    /// per ray from the eye.
     pub queue: Buffer<Uint2>,
     /// Number of entries in the queue.
     pub queued: Buffer<i32>,

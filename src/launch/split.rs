@@ -15,7 +15,7 @@ use std::time::Instant;
 const PARTS: usize = 32;
 /// Pixel rows of the first trial frame; each later one has twice as many, until it takes long enough.
 const TRIAL_ROWS: u32 = 256;
-/// A shorter frame would not fill a device and would not show how the cost is distributed.
+/// Least time of a trial frame; a shorter frame would not fill a device or show how the cost is distributed.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts of which the fastest, or the median, is used.
 const CASTS: usize = 3;
@@ -136,7 +136,7 @@ impl Ready {
         }
         let part_ms = |part: usize| {
             let rows = [end(part), end(part + 1)];
-            // Parts may differ by a row of work-groups, so the cost is given per row.
+            // The heights of parts may differ by a row of work-groups, so the cost is given per row of pixels.
             Ok(fastest_ms(&self.caster(image_size, rows)?)? / f64::from(rows[1] - rows[0]))
         };
         (0..PARTS).map(part_ms).collect()
@@ -240,8 +240,8 @@ impl Split<'_> {
     }
 
     /// Returns the size of a trial frame: the smallest that keeps the fastest device busy for a while, or the
-    /// full frame. It measures each device's time for it, and leaves out those that are much slower, since a
-    /// larger frame would only increase the difference.
+    /// full frame. Also measures each device's time for the trial frame, and leaves out devices that are much
+    /// slower, since a larger frame would only increase the difference.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;

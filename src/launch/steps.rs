@@ -19,7 +19,7 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel.
     Run(Kernel),
-    /// Runs a kernel whose work-items own rays: a frame of several samples has more of them.
+    /// Runs a kernel whose work-items own rays: a frame with several samples per pixel needs more work-items.
     Cast(Kernel),
 }
 
@@ -32,7 +32,7 @@ impl Step {
         }
     }
 
-    /// Enqueues the command; where work-items own rays, with as many of them as the frame casts.
+    /// Enqueues the command. A kernel whose work-items own rays gets as many work-items as the frame's rays need.
     pub fn enqueue(&self, queue: &Queue, extent: Extent) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {

@@ -12,18 +12,20 @@ const SIDE: usize = 4;
 /// A pixel's centre.
 const CENTRE: f32 = 0.5;
 
-/// Returns how many samples a frame can cast.
+/// Returns how many samples of a pixel a frame can cast with 2^`bits` sub-pixels across and down.
 const fn room(bits: u32) -> usize {
     1 << (2 * bits)
 }
 
-/// Returns the smallest division of a pixel, as the logarithm of sub-pixels across, that has room for some samples.
+/// Returns the coarsest division of a pixel that has room for `samples`, as the binary logarithm of the sub-pixels
+/// across.
 fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
-/// Returns how finely a frame of a strategy can divide pixels, as the logarithm of sub-pixels across: tiles
-/// have a place for each ray. The picture of a sky is added by a kernel that knows only whole pixels.
+/// Returns the finest division of pixels in a frame of a strategy, as the binary logarithm of the sub-pixels across.
+/// Only tiles have a place for each ray of a pixel. If the sky's picture is seen, pixels are not divided, since the
+/// kernel that adds the picture knows only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -33,16 +35,16 @@ pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     if vectors && strategy.passes == Passes::Fused && !sees_sky(scene) { MOST_BITS } else { 0 }
 }
 
-/// Returns the number of tiles in a block of equally many samples, if tiles fit into blocks. `tile` is a tile's rays across
-/// and down.
+/// Returns the number of tiles in a block of pixels, if tiles fit into blocks. `tile` is the number of rays in a tile,
+/// across and down.
 pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
     let side = (SAMPLED_BLOCK as usize) << bits;
     let fits = tile.iter().all(|rays| side.is_multiple_of(*rays));
     fits.then(|| tile.iter().map(|rays| side / rays).product())
 }
 
-/// Divides a round's samples into frames that divide pixels as finely as `most_bits`, or less. Most sub-pixels of a frame
-/// have a sample; the remaining samples are cast one by one.
+/// Distributes a round's samples over frames that divide pixels at most as finely as `most_bits`. Most sub-pixels of a
+/// frame have a sample; the remaining samples are cast one by one.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;
@@ -65,13 +67,13 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
     (arguments.with("sample_x", place(0)).with("sample_y", place(1)), bits)
 }
 
-/// Returns where a sample of a frame lies in its pixel. Places without a sample have that of the first.
+/// Returns where a sample of a frame lies in its pixel. A sub-pixel without a sample gets the first sample's place.
 fn place_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
 }
 
-/// Returns where each sample of a frame lies in its pixel: x and y of all that a frame can have.
+/// Returns where each sample of a frame lies in its pixel: x and y of as many samples as a frame can have.
 pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
 }
@@ -95,7 +97,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Sides that are multiples of no block's.
+    /// Sides that are not multiples of a block's.
     const SIZE: [u32; 2] = [75, 61];
 
     #[test]

@@ -36,8 +36,8 @@ impl DeviceTextures {
         Ok(Some(Self { words: upload(queue, &words(textures))?, rows, cut_outs: textures.have_holes() }))
     }
 
-    /// Adds the textures' arguments: once for shading and, if there are cut-outs, once for rays through their
-    /// holes.
+    /// Adds the textures' arguments: once for shading and, if there are cut-outs, a second time for rays through
+    /// their holes.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(TEXTURE_ROWS, &self.rows).with("texture_words", &self.words);
         if !self.cut_outs {
@@ -73,8 +73,8 @@ pub(super) fn word_count(textures: &Textures) -> usize {
     head_words(textures) + own.map(|(_, texture)| texture.texels.len()).sum::<usize>()
 }
 
-/// Returns the first texture, if it comes before this one, that has the same texels: a picture with two wrap
-/// modes, or one that is both a colour and a mask.
+/// Returns the first earlier texture with the same texels, if there is one: a picture may have two wrap modes, or
+/// be both a colour and a mask.
 fn shares(textures: &Textures, number: usize, texture: &Texture) -> Option<usize> {
     textures.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, &texture.texels))
 }

@@ -91,7 +91,7 @@ impl Beam {
     }
 
     /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. No other
-    /// triangle may lie within the fraction `rival` of its distance behind it. `None` if the result is
+    /// triangle may lie behind it by less than the fraction `rival` of its distance. `None` if the result is
     /// uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.angle * tree.reach(self.origin);

@@ -126,7 +126,7 @@ impl<'a, R: Real> Caster<'a, R> {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
         let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
-        // A surface this near hides a light, but nothing of a sky whose reach is shorter.
+        // A light within the bias counts as hidden; a sky whose reach is shorter than the bias does not.
         let is_sky = sight.light >= self.scene.lights.len();
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
@@ -142,8 +142,8 @@ impl<'a, R: Real> Caster<'a, R> {
         (b - a).cross(c - a).normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part)
     }
 
-    /// Returns the lights that are so low above the hit's triangle that rounding, which moves it off its plane
-    /// ([`Self::off_plane`]), decides what their shadow rays hit first.
+    /// Returns the hit's triangle if lights are so low above it that rounding, which moves the hit off the triangle's
+    /// plane ([`Self::off_plane`]), decides what their shadow rays hit first.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -167,7 +167,7 @@ impl<'a, R: Real> Caster<'a, R> {
         let wrong_side = |sight: &Sight<R>| {
             self.reaches(sight, if grazing.is_of(sight.w_i) { R::ZERO - bias } else { bias })
         };
-        // Also applies to a hit that rounding has moved.
+        // This test also allows for a hit that rounding has moved.
         let in_plane =
             |sight: &Sight<R>| grazing.is_less(R::from(0.5) * sight.w_i.dot(normal) * sight.distance);
         let with = |sight: &Sight<R>| in_plane(sight) || usual(sight);

@@ -15,21 +15,22 @@ use glam::DVec3;
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
 /// agree on a pixel that does not change under them.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: up to twice what rounding can do, which is 16 roundings of single precision (a direction
-/// has four, cross and dot products six). Pixels that change only under wide nudges are verified too.
+/// The angle of narrow nudges: up to twice the angle by which rounding can turn a ray, which is 16 roundings of single
+/// precision (a direction has four, cross and dot products six). Pixels that change only under wide nudges are verified
+/// too.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
 /// rounding.
 const RIVAL: f64 = 1e-6;
 /// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
-/// triangle's size. For grazing light, this decides whether a shadow ray starts above or below its own surface, and
-/// moving the ray does not reveal it.
+/// triangle's size. For grazing light, this decides whether a shadow ray starts above or below its own surface.
+/// Nudges of the pixel's ray do not reveal this.
 const OFF_PLANE: f64 = 1e-6;
 
 /// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
 /// its normal are rounded.
 const SKY_NUDGE: f64 = 1e-6;
-/// This angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
+/// The same angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
 /// picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
@@ -96,9 +97,10 @@ impl Asked<'_> {
     }
 }
 
-/// Casts the pixel. Then it casts it again with its ray nudged in each direction along the image's axes, with half and
-/// twice the shadow bias, with shadow rays from a little above and below its hit's plane, with surfaces near lights counted as occluders or not, with the edges of holes moved by
-/// rounding, and with the possible roundings of grazing light. If two surfaces coincide, either is correct, so those behind are included too.
+/// Casts the pixel. Then casts it again with its ray nudged in each direction along the image's axes, with half and
+/// twice the shadow bias, with shadow rays from a little above and below its hit's plane, with surfaces near lights
+/// counted as occluders or not, with the edges of holes moved by rounding, and with the possible roundings of grazing
+/// light. If two surfaces coincide, either one is correct, so surfaces just behind the hit are included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -144,8 +146,9 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
     sample
 }
 
-/// Returns the ways in which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring triangle then
-/// starts above or below that one, which moving the ray in the hit's own plane does not reveal.
+/// Returns the offsets by which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring
+/// triangle may then start above or below that triangle. Nudges do not reveal this, since they move the hit within its
+/// own plane.
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]
@@ -301,7 +304,7 @@ pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Returns whether only wide nudges do.
+/// Returns whether at most wide nudges change a pixel noticeably.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }

@@ -54,13 +54,13 @@ pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
     WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }
 
-/// The cost of every pixel in a tree that is built.
+/// Returns the cost of every pixel if each ray traverses this tree.
 pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
-/// The counts of one pixel. A single thread counts, but the type requires finders to be shareable, so they
-/// are atomic.
+/// The counts of one pixel. A single thread counts, but the trait requires finders to be shareable between threads, so
+/// the counts are atomic.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,

@@ -9,11 +9,11 @@ use super::traverse::Finder;
 use crate::scene::{Mapped, Texture, Textures};
 use std::sync::Arc;
 
-/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice what weights,
-/// products and sums in single precision can do, eight roundings.
+/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of weights,
+/// products and sums in single precision, which is eight roundings.
 const ROUNDING: f64 = 1e-6;
 
-/// Returns those hits of another finder that lie on surfaces, and not in holes.
+/// A finder that passes on only those hits of another finder that lie on surfaces, and not in holes.
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,
@@ -28,7 +28,8 @@ impl<'a, R: Real> Solid<'a, R> {
         Self { finder: Arc::new(finder), textures, lean: 0.0 }
     }
 
-    /// Returns two finders, with holes that rounding made smaller and larger; none if there are no holes.
+    /// Returns two finders, one with holes made smaller by rounding and one with larger holes; none if there are no
+    /// holes.
     pub fn leaning(&self) -> impl Iterator<Item = Self> {
         let leans = self.textures.map_or(&[][..], |_| &[1.0, -1.0]);
         leans.iter().map(|lean| Self { finder: Arc::clone(&self.finder), lean: *lean, ..*self })
@@ -43,8 +44,8 @@ impl<'a, R: Real> Solid<'a, R> {
     }
 }
 
-/// Returns an upper bound of the change of a mask's alpha, in steps of an 8-bit channel, for a change of both
-/// coordinates by their largest value: from texel to texel it changes by 255 at most.
+/// Returns an upper bound of the change of a mask's alpha, in steps of an 8-bit channel, if each coordinate changes by
+/// its largest value. Alpha changes by at most 255 from texel to texel.
 fn steepness(mask: &Texture, row: &Mapped) -> f64 {
     let along = |axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);

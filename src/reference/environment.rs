@@ -4,7 +4,7 @@ use super::real::{Real, Vector};
 use crate::scene::{Sky, SkyPicture};
 use glam::Vec3;
 
-/// Returns the sky's radiance in a direction: four texels, mixed.
+/// Returns the sky's radiance in a direction: a bilinear mean of four texels.
 pub fn radiance_of_picture<R: Real>(sky: &Sky, picture: &SkyPicture, way: R::Vector) -> R::Vector {
     let [width, height] = picture.size.map(|side| R::of(side.into()));
     let (middle, up) = (R::Vector::of(picture.ahead), R::Vector::of(sky.up));
@@ -20,7 +20,7 @@ pub fn radiance_of_picture<R: Real>(sky: &Sky, picture: &SkyPicture, way: R::Vec
     mix(upper, lower, y - top)
 }
 
-/// Returns a texel; columns go on around, rows end at zenith and nadir.
+/// Returns a texel; columns wrap around, rows are clamped at the zenith and the nadir.
 fn texel<R: Real>(picture: &SkyPicture, column: i32, row: i32) -> R::Vector {
     let [width, height] = picture.size.map(|side| side as i32);
     let (x, y) = (column.rem_euclid(width), row.clamp(0, height - 1));

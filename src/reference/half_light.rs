@@ -1,12 +1,12 @@
-//! Filters soft light that was cast at half resolution, and brings it to the whole picture, in double precision.
-//! `cl/common/half_light.cl` does the same on devices, and says how.
+//! Filters soft light that was cast at half resolution, and applies it to the whole picture, in double precision.
+//! `cl/common/half_light.cl` does the same on devices, and explains how.
 
 use crate::image::Radiance;
 use crate::manifest::HALF_LIGHT_SHARPNESS;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The filter's weights along an axis: with samples that repeat after four pixels, each of them has the same share.
+/// The filter's weights along an axis: if samples repeat after four pixels, each sample gets the same share.
 const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 
 /// The two half pictures.
@@ -81,7 +81,7 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns how much a pixel counts for another one with this unoccluded light.
+/// Returns the weight of one pixel for another, given the unoccluded light of both.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)
@@ -116,7 +116,7 @@ mod tests {
     fn light_that_repeats_after_four_pixels_is_smooth() {
         let (whole, unoccluded) = (flat([17, 13], 0.8), flat([9, 7], 0.8));
         let mut lit = unoccluded.clone();
-        // One of 16 samples finds something in between.
+        // One of 16 samples is occluded.
         for (index, pixel) in lit.pixels.iter_mut().enumerate() {
             if index % 9 % 4 == 1 && index / 9 % 4 == 2 {
                 *pixel = [0.0; 3];

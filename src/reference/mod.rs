@@ -94,7 +94,7 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts some pixels only, each with the mean of several samples, as many of `of_pixel` as `count` returns for
+/// Casts only some pixels. Each gets the mean of several samples: as many of `of_pixel` as `count` returns for
 /// the pixel. A pixel is certain if all its samples are. The other pixels are black and
 /// uncertain, and are not used in verification.
 pub fn reference_of(

@@ -43,7 +43,7 @@ mod tests {
         let mut means = Radiance::new(13, 9);
         means.pixels[4 * 13 + 4] = [0.0, 0.25 / 15.0, 0.0];
         let steps = steps_of_blocks(&means, 15.0);
-        // Blocks of four: the pixel is the first of the second one across and down.
+        // Blocks have 4 x 4 pixels: the changed pixel is the first one of the second block across and down.
         let rough: Vec<bool> = steps.iter().map(|steps| (steps - 127.5).abs() < 1e-3).collect();
         let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
         assert_eq!(rough, expected.concat(), "{steps:?}");

@@ -88,8 +88,8 @@ pub fn shade<R: Real>(
     })
 }
 
-/// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, whatever is in
-/// between: an estimate by one half vector, whose probability is that of the highlight.
+/// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, regardless of occluders.
+/// This is an estimate by one half vector, whose probability is that of the highlight.
 fn mirrored_sky<R: Real>(
     seen: &Seen<'_>,
     material: &Material,

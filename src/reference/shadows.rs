@@ -17,14 +17,14 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle near one of them.
+/// Points of a triangle around one of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle.
     pub triangle: u32,
-    /// The point in their midst.
+    /// The point at their centre.
     pub centre: DVec3,
-    /// The largest distance from it.
+    /// The largest distance of a point from the centre.
     pub spread: f64,
 }
 
@@ -48,7 +48,7 @@ impl<'a> Shadows<'a> {
         })
     }
 
-    /// Returns whether that was uncertain for a light, or there is a sky.
+    /// Returns whether [`Self::reaches`] was uncertain for any light, or there is a sky.
     pub fn some_are_unsure(&self) -> bool {
         self.seen.sky.is_some() || self.known.borrow().contains(&Some(None))
     }

@@ -19,7 +19,7 @@ pub struct Seen<'a> {
     pub mirrored: [f64; 2],
     /// True if all light arrives, whatever is in between.
     pub unoccluded: bool,
-    /// By how much the mirrored direction is moved.
+    /// The offset by which the mirrored direction is moved.
     turn: DVec3,
 }
 
@@ -54,7 +54,7 @@ impl<'a> Seen<'a> {
         let [across, down, axis] = AXES.map(DVec3::from_array);
         let own = sine * (turn.sin() * across + turn.cos() * down) + (1.0 - squared_sine).sqrt() * axis;
         let (own, axis) = (R::Vector::round(own + self.turn), R::Vector::round(axis));
-        // The axis is turned to the normal on the shortest way.
+        // The axis is turned to the normal by the smallest rotation.
         let both = axis + normal;
         let part = both.dot(own) / (R::ONE + axis.dot(normal)).max(R::from(1e-6));
         own - both * part + normal * (R::from(2.0) * axis.dot(own))
@@ -69,7 +69,8 @@ pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
 
-/// Returns the sky's radiance in a direction. Without a picture, it is the horizon's in all directions below it.
+/// Returns the sky's radiance in a direction. Without a picture, it is that of the horizon in all directions below the
+/// horizon.
 pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     if let Some(picture) = &sky.picture {
         return radiance_of_picture::<R>(sky, picture, way);
@@ -78,7 +79,7 @@ pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     R::Vector::of(sky.horizon) * (R::ONE - height) + R::Vector::of(sky.zenith) * height
 }
 
-/// Returns the mean of the sky's radiance around a normal, weighted by the cosine, nearly: see `cl/common/soft.cl`.
+/// Returns an approximate mean of the sky's radiance around a normal, weighted by the cosine; see `cl/common/soft.cl`.
 pub fn mean_of_sky<R: Real>(sky: &Sky, normal: R::Vector) -> R::Vector {
     if sky.picture.is_some() {
         return radiance_of_sky::<R>(sky, normal);
@@ -108,8 +109,8 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
 }
 
-/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two are
-/// well distributed jointly.
+/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. As points of the unit
+/// square, the first two are evenly distributed too.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
@@ -214,7 +215,7 @@ mod tests {
         }
     }
 
-    /// Otherwise a device would be judged by other rays than it casts.
+    /// With other bits, the reference would cast other rays than the device that it judges.
     #[test]
     fn devices_compute_the_same_bits() {
         const SIZE: [u32; 2] = [23, 67];

@@ -115,12 +115,12 @@ fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
 
 #[test]
 fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
-    // So small that a ray from far below its plane misses it.
+    // The triangle is so small that a ray from far below its plane misses it.
     let uncertain = |height: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh_mut().positions =
             vec![vec3(0.05, -0.05, -2.0), vec3(0.0, 0.05, -2.0), vec3(-0.05, -0.05, -2.0)];
-        scene.mesh_mut().normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface: the light is not faint
+        scene.mesh_mut().normals.fill(vec3(0.0, 1.0, 0.0)); // as on a curved surface, so that the light is not faint
         scene.lights[0].position = vec3(0.0, 9.0, -2.0 + height);
         let found = reference(&scene, [401, 251], Culling::None);
         let lit = found.radiance.pixels.iter().zip(&found.certain).filter(|(pixel, _)| **pixel != [0.0; 3]);
@@ -197,7 +197,7 @@ fn a_light_behind_a_surface_gives_nothing() {
 
 #[test]
 fn what_is_nearer_than_the_bias_casts_no_shadow() {
-    // A light behind, towards which the normals point, and a second triangle in front of it.
+    // The light is behind the triangle, and the normals point towards it. A second triangle lies in between.
     let lit = |gap: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh_mut().normals.fill(Vec3::NEG_Z);
@@ -211,8 +211,9 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }
 
-/// A sample's shadow ray there rises to a light of the room 0.3 degrees above its triangle, and passes a neighbour that it is 0.2
-/// degrees below: all kernels find it blocked, since rounding lifts its start off its plane.
+/// The shadow ray of one of the pixel's samples rises 0.3 degrees above its triangle towards a light of the room, and
+/// runs 0.2 degrees below a neighbouring triangle. All kernels find this ray blocked, since rounding lifts its start
+/// off its plane.
 #[test]
 fn a_shadow_ray_along_a_neighbour_is_uncertain() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table.toml");

@@ -9,8 +9,9 @@ use std::sync::LazyLock;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
-/// Returns the texture's colour where a pixel's cone of this direction and width meets a triangle, in linear light: from
-/// the mip level whose texels are as large as the pixel, a mean of the two nearest levels. `None` without a texture.
+/// Returns the texture's colour, in linear light, where a pixel's cone of this direction and width meets a triangle.
+/// The mip level is the one whose texels are as large as the pixel, and the colour is a mean of the two nearest levels.
+/// `None` without a texture.
 pub fn texture_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,
@@ -32,8 +33,7 @@ pub fn texture_colour<R: Real>(
     Some(colour(finer) * (R::ONE - part) + colour(coarser) * part)
 }
 
-/// Returns the side of a texel of level 0 on a triangle, as short as the surface's angle makes it look from this
-/// direction.
+/// Returns the side length of a texel of level 0 on a triangle, foreshortened as it appears from this direction.
 fn texel_side<R: Real>(
     texture: &Texture,
     row: &Mapped,

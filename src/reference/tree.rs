@@ -137,7 +137,7 @@ impl Tree {
     }
 }
 
-/// More levels than a tree over any mesh has. Nodes of the first levels are split where it is cheapest; the
+/// More levels than a tree over any mesh has. Nodes of the first levels are split where the cost is least; the
 /// others are halved by count.
 const DEPTH: usize = 72;
 const LEVELS_BY_COST: usize = 36;

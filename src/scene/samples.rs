@@ -11,9 +11,9 @@ const WIDTH: f64 = 1.5;
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
 /// Number of bisections when a position in the filter is searched; more than double precision needs.
 const HALVINGS: u32 = 54;
-/// With adaptive sampling, every pixel gets one in this many of the samples.
+/// With adaptive sampling, every pixel gets 1 / `FIRST_OF` of the samples, rounded up.
 const FIRST_OF: u32 = 16;
-/// The least share of a pixel's width that the cone of one of several samples has, as in pbrt.
+/// The least width of a sample's cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
@@ -36,11 +36,11 @@ pub struct Sample {
 /// How light arrives at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
-    /// From the point of each light and the direction of the sky that belong to the pixel and the sample; with a single
-    /// sample per pixel, lights are points.
+    /// From one point of each light and one direction of the sky, which depend on the pixel and the sample; with a
+    /// single sample per pixel, lights are points.
     #[default]
     Own,
-    /// The same in a half picture for soft light, where what belongs to a pixel repeats after `INTERLEAVED` pixels.
+    /// The same in a half picture for soft light, where these points and directions repeat after `INTERLEAVED` pixels.
     Interleaved,
     /// From the lights' centres and with the sky's mean radiance, whatever is in between.
     Unoccluded,
@@ -51,7 +51,7 @@ pub enum SampleLight {
 pub struct Sampling {
     /// The number of samples of every pixel.
     pub first: u32,
-    /// The number of samples where neighbouring pixels differ after the first ones.
+    /// The number of samples of pixels in blocks where neighbouring pixels differ after the first samples.
     pub most: u32,
     /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel (with
     /// one, lights are points), and then filtered.
@@ -77,8 +77,8 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the first samples, of every pixel, and the others. Their positions are parts of one sequence. Lights and
-    /// the sky have a sequence of their own in each of the two rounds.
+    /// Returns the two rounds of samples: the first ones, which every pixel gets, and the others. The positions of both
+    /// rounds are parts of one sequence. Points of lights and directions of the sky have a separate sequence per round.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {
@@ -92,8 +92,8 @@ impl Sampling {
         [first, rest]
     }
 
-    /// Returns the samples of a half picture for soft light, at pixels' centres. Unoccluded light needs only one, since only
-    /// points of lights differ between samples.
+    /// Returns the samples of a half picture for soft light, at pixels' centres. Unoccluded light needs only one
+    /// sample, since samples differ only in the points of lights.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
         let count = if light == SampleLight::Unoccluded { 1 } else { self.half_light };
         let sample = |number| Sample { number, count, earlier: number, light, ..Sample::CENTRE };
@@ -120,7 +120,7 @@ impl SampleCounts {
         self.of_block.get(block as usize).copied().unwrap_or(0)
     }
 
-    /// Returns the mean number of samples of a pixel.
+    /// Returns the mean number of samples per pixel.
     pub fn mean(&self) -> f64 {
         let [width, height] = self.size;
         let row = |y| (0..width).map(move |x| u64::from(self.at([x, y]))).sum::<u64>();
@@ -144,8 +144,8 @@ impl Sample {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
 
-    /// Returns the width of a sample's cone as a share of the pixel's, in which as many cones lie as samples are cast by
-    /// the end of the sample's round.
+    /// Returns the width of a sample's cone as a share of the pixel's width. The pixel's area is divided among all
+    /// samples that are cast by the end of the sample's round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
             return 1.0; // all of them pass through the centre
@@ -164,9 +164,10 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 }
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
-/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The first is
-/// the most central, since with adaptive sampling it may be a pixel's only one. An exclusive or brings it to the front:
-/// aligned blocks of the sequence stay together, and only blocks are evenly distributed.
+/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most
+/// central sample comes first, since with adaptive sampling it may be a pixel's only one. An exclusive or of all
+/// indices with its index brings it to the front. This keeps aligned blocks of the sequence together, which matters
+/// because only such blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -176,7 +177,7 @@ fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
         (0..count.next_power_of_two()).map(|number| [place(number, 0), place(number, 1)]).collect();
     let distance = |number: &usize| block[*number][0].hypot(block[*number][1]);
     let nearest = (0..block.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0);
-    // The block's length is a power of two, so that no exclusive or of its indices leaves it.
+    // The block's length is a power of two, so the exclusive or of two of its indices is again one of its indices.
     (0..count as usize).map(|number| block[number ^ nearest]).collect()
 }
 

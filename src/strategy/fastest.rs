@@ -61,14 +61,14 @@ pub struct Constants {
     pub tree_triangles: f64,
     /// From this number of triangles per pixel on, the rays of a tile share too little work.
     pub single_triangles_a_pixel: f64,
-    /// `single_triangles_a_pixel` if surfaces lie all around the eye, since more then lie behind each other.
+    /// `single_triangles_a_pixel` if surfaces lie all around the eye, since more triangles then lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// From this number of pixels per compute unit on, there are enough tiles to keep it busy.
+    /// From this number of pixels per compute unit on, there are enough tiles to keep the unit busy.
     pub single_pixels_a_unit: f64,
-    /// From this number of pixels on, and that of `large_pixels_a_triangle`, large tiles are enough to keep the
-    /// device busy, and share more work.
+    /// Large tiles share more work. From this number of pixels on, there are enough of them to keep the device busy,
+    /// if the limit `large_pixels_a_triangle` is reached too.
     pub large_pixels: f64,
-    /// The limit of `large_pixels`, per triangle.
+    /// The least number of pixels per triangle for large tiles.
     pub large_pixels_a_triangle: f64,
     /// From this number of pixels on, passes are separate.
     pub separate_pixels: f64,
@@ -205,10 +205,10 @@ impl Way {
 
 /// Returns the fastest strategy for a task on devices of this class, according to measurements, and its local
 /// size. Small scenes are tested exhaustively: on a CPU with as many rays per work-item as its vectors hold;
-/// on a GPU with a few rays, and triangles streamed through `__local` memory. Larger scenes use a tree that
-/// tiles of rays traverse together: on a CPU in vectors; on a GPU only if 32 work-items can share a tile by
-/// lane operations that were measured. If triangles are much smaller than pixels, single rays are faster,
-/// since the rays of a tile take different paths.
+/// on a GPU with a few rays per work-item, and triangles streamed through `__local` memory. Larger scenes use a tree
+/// that tiles of rays traverse together: on a CPU in vectors; on a GPU only if 32 work-items can share a tile by lane
+/// operations with which tiles were measured. If triangles are much smaller than pixels, single rays are faster, since
+/// the rays of a tile take different paths.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Way::fastest(limits, task).strategy(limits, task.watertight)
 }

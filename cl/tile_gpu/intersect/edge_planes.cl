@@ -5,13 +5,13 @@
 
 // Returns the plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap in other
 // tests. Swapping p and q only changes all signs. (Measured on a GPU: with the full overlap, one pixel of two million
-// is dark on terrain; with half of it none is, and none of 60,516 rays leaks.)
+// is dark on terrain; with half of it, no pixel is dark, and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
 }
 
-// Returns the reciprocal of the largest power of two that is not greater.
+// Returns the reciprocal of the largest power of two that is not greater than `positive`.
 INLINED float per_power_of_two_below(float positive) {
     return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
 }
@@ -53,7 +53,7 @@ INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
+// Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);

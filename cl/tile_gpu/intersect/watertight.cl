@@ -11,8 +11,8 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
-// than `worst`. It allows for many times the rounding error of the test itself, so that it never excludes a ray that
-// hits.
+// than `worst`. The bounds allow for many times the rounding error of the test itself, so that they never exclude a ray
+// that hits.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
@@ -36,7 +36,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Returns whether a ray hits, with 1/z greater than `nearest` and less than `ceiling`, and where.
+// Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
     // The shear moves the point of the ray at a corner's depth to the origin.
