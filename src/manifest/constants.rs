@@ -20,7 +20,7 @@ pub const SOFT_HEAD_FLOATS: usize = 10;
 pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// Side in pixels of the blocks whose pixels get equally many samples. Vectors of tiles are such blocks.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// The difference of neighbouring pixels as displayed, in steps of 256, from which they get more samples.
+/// The difference of neighbouring pixels as displayed, in 8-bit steps, from which they get more samples.
 pub const ROUGH_STEPS: u32 = 30;
 /// Number of pixels of the half picture, across and down, after which the points of lights and the directions of the sky
 /// repeat. The filter covers as many.

@@ -132,8 +132,8 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 
     /// Returns by how much rounding may move a hit off its triangle's plane: the fraction `part` of the largest of three
-    /// lengths: the hit's distance, its distance from the scene's origin, and the largest distance of its triangle from that
-    /// origin. A test of the triangle subtracts numbers of this size.
+    /// lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from the farthest
+    /// corner of its triangle. A test of the triangle subtracts numbers of this size.
     pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);

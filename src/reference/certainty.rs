@@ -252,7 +252,7 @@ impl PixelSample {
         }
     }
 
-    /// Adds another sample of the same pixel. Whether it hits is taken from the last one, as in a caster.
+    /// Adds another sample of the same pixel. The pixel hits something if any of its samples does.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
         // Of several samples, one that hits is enough.

@@ -5,7 +5,7 @@ use crate::image::Radiance;
 use crate::manifest::SAMPLED_BLOCK;
 
 /// Returns, for each block of an image row by row, the largest difference of neighbouring pixels in it and
-/// around it, nearly as displayed: with a gamma of 2, in steps of 256.
+/// around it, nearly as displayed: with a gamma of 2, in 8-bit steps.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));

@@ -11,7 +11,7 @@ use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
 
-/// Largest difference of a certain pixel as displayed, in steps of 256.
+/// Largest difference of a certain pixel as displayed, in 8-bit steps.
 const STEPS_OF_256: u8 = 1;
 
 /// The result of comparing an image with its reference.
