@@ -20,7 +20,7 @@ Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     return vec3(red.all, green.all, blue.all);
 }
 
-// Returns the sky's radiance in a direction: four texels, mixed.
+// Returns the sky's radiance in a direction, interpolated between four texels.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);

@@ -301,7 +301,7 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
 
 /// The default for a bare mesh.
 const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
-/// The most samples of a pixel with `--adaptive`, if their number is not given.
+/// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;
 
 fn ms_since(start: Instant) -> f64 {

@@ -82,7 +82,7 @@ fn is_source(path: &Path) -> bool {
     extension.is_some_and(|extension| SOURCES.contains(&extension))
 }
 
-/// Waits for a change and for the pause after it; returns false if no more changes can come.
+/// Waits for a change, and then until changes have paused; returns false if no more changes can come.
 fn next_change(changes: &Receiver<()>) -> bool {
     changes.recv().is_ok() && quiet(changes)
 }

@@ -110,7 +110,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Compares an image with the reference and saves its pictures.
+    /// Compares an image with the reference and saves the pictures of the comparison.
     fn judge(
         &mut self,
         cast: &Cast,

@@ -51,8 +51,8 @@ fn ask(cl_dir: Option<&Path>) -> Result<std::result::Result<DeviceList, String>>
     ask_with(cl_dir, &[])
 }
 
-/// Returns the child process's answer. The inner error states how the process ended if it sent no valid
-/// answer.
+/// Returns the child process's answer. If the process sent no valid answer, the inner error states how the process
+/// ended.
 fn ask_with(
     cl_dir: Option<&Path>,
     variables: &[(&str, OsString)],

@@ -28,8 +28,8 @@ impl<'a, R: Real> Solid<'a, R> {
         Self { finder: Arc::new(finder), textures, lean: 0.0 }
     }
 
-    /// Returns two finders, one with holes made smaller by rounding and one with larger holes; none if there are no
-    /// holes.
+    /// Returns two finders: in one, holes are smaller by the rounding error, in the other they are larger by it; none
+    /// if there are no holes.
     pub fn leaning(&self) -> impl Iterator<Item = Self> {
         let leans = self.textures.map_or(&[][..], |_| &[1.0, -1.0]);
         leans.iter().map(|lean| Self { finder: Arc::clone(&self.finder), lean: *lean, ..*self })

@@ -85,7 +85,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges still misses a triangle seen edge-on, and one before t_min or behind the best hit so far.
+    // Even within the edges, a ray misses a triangle that is seen edge-on, or that it meets before t_min or behind
+    // the best hit so far.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

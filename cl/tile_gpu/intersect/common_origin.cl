@@ -10,7 +10,7 @@
 //     y's row     u.y  v.y  w.y  (1/z).y   ...
 //     z's row     u.z  v.z  w.z  (1/z).z
 //
-// A pass along x takes the rows in the order y, z, x: turning axes costs no instruction.
+// A pass along x reads the rows in the order y, z, x, so that permuting the axes costs no instruction.
 #include "common/planes_of_origin.cl"
 
 // Half of the overlap of triangles in other tests, as in edge_planes.cl.
