@@ -60,12 +60,12 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// Returns a row of the half picture as pixels of the whole picture from column x on see it: the pixel at the left of their
-// centres, or the one at the right.
+// Returns pixels of a row of the half picture, one for each pixel of the whole picture from column x on: the nearest one
+// to the left of that pixel's centre, or the nearest one to its right.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
-        // Two pixels of the whole picture to each of the half picture, which need no search.
+        // Each pixel of the half picture covers two of the whole picture, so a load and a shuffle replace the gather.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;

@@ -142,7 +142,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 #endif
 
 // Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of these directions is
-// 2 / (3 pi) (sin a + (pi - a) cos a) for an angle a between the normal and up; a parabola in cos a is within 0.012 of it.
+// 2 / (3 pi) (sin a + (pi - a) cos a) for an angle a between the normal and up; a parabola in cos a is within 0.006 of it.
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

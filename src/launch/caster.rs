@@ -4,7 +4,7 @@ use super::arguments::Arguments;
 use super::band::Band;
 use super::buffers::{allocate, read_rows};
 use super::frame::{FrameTimes, Phase};
-use super::half_light::HalfLight;
+use super::half_light::{HalfLight, LightParts};
 use super::held::FrameBytes;
 use super::parts::Parts;
 use super::records::Records;
@@ -19,7 +19,6 @@ use super::subpixels::{frames, most_bits, subpixel_arguments, tiles_of_block};
 use super::{LaunchError, Queue, ShowProgram};
 use crate::image::{Radiance, Shown, TOGETHER};
 use crate::manifest::ROW_FLOATS;
-use crate::reference::half_light::HalfPictures;
 use crate::scene::{Camera, Display, Sample, SampleCounts, Sampling, Scene};
 use crate::strategy::{Passes, Requirements, Strategy, WorkingMemory, Workload};
 use image::RgbImage;
@@ -28,29 +27,6 @@ use ocl::{Buffer, Kernel};
 use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
-
-/// The parts from which a picture with soft light at half resolution is computed.
-pub struct LightParts {
-    /// The whole picture's unoccluded light.
-    pub whole: Radiance,
-    /// Number of pixels of the whole picture that hit something.
-    pub hits: usize,
-    /// The share of each pixel's samples that hit something.
-    pub hit_shares: Vec<f32>,
-    /// The half picture with the light that arrives, and so with shadows.
-    pub lit: Radiance,
-    /// The half picture with unoccluded light.
-    pub unoccluded: Radiance,
-    /// The share of each of their pixels that hit something.
-    pub half_hit_shares: Vec<f32>,
-}
-
-impl LightParts {
-    /// Returns the half pictures.
-    pub fn halves(&self) -> HalfPictures<'_> {
-        HalfPictures { lit: &self.lit, unoccluded: &self.unoccluded, hit_shares: &self.half_hit_shares }
-    }
-}
 
 /// A frame's kernels with their arguments, ready to be cast.
 pub struct Caster {

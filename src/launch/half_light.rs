@@ -11,10 +11,34 @@ use super::steps::{Extent, Step};
 use super::{LaunchError, Queue};
 use crate::image::Radiance;
 use crate::manifest::Role;
+use crate::reference::half_light::HalfPictures;
 use crate::scene::{Camera, SampleLight, Sampling, Scene};
 use ocl::Buffer;
 use ocl::prm::{Float4, Int2};
 use std::time::Instant;
+
+/// The parts from which a picture with soft light at half resolution is computed.
+pub struct LightParts {
+    /// The whole picture's unoccluded light.
+    pub whole: Radiance,
+    /// Number of pixels of the whole picture that hit something.
+    pub hits: usize,
+    /// The share of each pixel's samples that hit something.
+    pub hit_shares: Vec<f32>,
+    /// The half picture with the light that arrives, and so with shadows.
+    pub lit: Radiance,
+    /// The half picture with unoccluded light.
+    pub unoccluded: Radiance,
+    /// The share of each of their pixels that hit something.
+    pub half_hit_shares: Vec<f32>,
+}
+
+impl LightParts {
+    /// Returns the half pictures.
+    pub fn halves(&self) -> HalfPictures<'_> {
+        HalfPictures { lit: &self.lit, unoccluded: &self.unoccluded, hit_shares: &self.half_hit_shares }
+    }
+}
 
 /// The half pictures, with the kernels that use them.
 pub(super) struct HalfLight {
@@ -43,10 +67,7 @@ impl HalfLight {
         let arguments = arguments.with("image_size", size(setup.workload.image_size)).with("image", image);
         let rays = setup.strategy.width.rays();
         let kernel = |role: Role, [across, down]: [u32; 2]| {
-            let family = setup.strategy.family();
-            let kernel = family.kernel(role);
-            let missing = || LaunchError::Kernel { family: family.name, role: format!("{role:?}") };
-            let kernel = kernel.ok_or_else(missing)?;
+            let kernel = setup.kernel_for(role)?;
             let mut kernel = builder(setup.queue, setup.program, setup.strategy, kernel, &arguments)?;
             kernel.global_work_size([
                 (across as usize).div_ceil(rays).next_multiple_of(GROUP[0]),

@@ -37,10 +37,11 @@ mod textures;
 mod tree;
 
 pub use ask::preprocess_for;
-pub use caster::{Caster, LightParts};
+pub use caster::Caster;
 pub use error::LaunchError;
 pub use frame::FrameTimes;
 pub(crate) use frame::duration_ms;
+pub use half_light::LightParts;
 pub use prepared::Prepared;
 pub use queue::Queue;
 pub use rays::Ray;

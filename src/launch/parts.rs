@@ -38,9 +38,7 @@ pub(super) struct Parts<'a> {
 impl<'a> Parts<'a> {
     /// Returns the family's kernel for a role.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
-        let family = self.setup.strategy.family();
-        let kernel = family.kernel(role);
-        kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, role: format!("{role:?}") })
+        self.setup.kernel_for(role)
     }
 
     /// Returns a kernel with its arguments, without its size.

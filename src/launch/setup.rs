@@ -2,7 +2,8 @@
 
 use super::arguments::{Arguments, SOFT};
 use super::scene::Geometry;
-use super::{DeviceScene, DeviceTree, Queue};
+use super::{DeviceScene, DeviceTree, LaunchError, Queue};
+use crate::manifest::{self, Role};
 use crate::program::BuiltProgram;
 use crate::scene::{Camera, Sample, SampleLight, Scene};
 use crate::strategy::{Strategy, Workload};
@@ -30,6 +31,13 @@ pub(super) struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
+    /// Returns the family's kernel for a role.
+    pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
+        let family = self.strategy.family();
+        let kernel = family.kernel(role);
+        kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, role: format!("{role:?}") })
+    }
+
     /// Returns the arguments that depend on the scene and the camera.
     pub fn arguments(&self) -> Arguments<'a> {
         let [width, height] = self.workload.image_size;

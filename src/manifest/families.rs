@@ -1,13 +1,12 @@
 //! The table of kernel families.
 
-use super::Fact::{
-    self, Always, CutOut, Environment, HalfLight, Indexed, Planes, Sampled, Soft, Soup, Textured, Tiled, Tree,
-};
+use super::Fact::{self, Always, Environment, HalfLight, Planes, Sampled};
 use super::Role::{
     ApplyLight, Background, FilterLight, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade,
     Shadow,
 };
 use super::Values::{AllBut, FilesIn, Only};
+use super::define_lists::*;
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
 
@@ -363,74 +362,6 @@ const APPLY_KERNEL: Kernel = Kernel {
     when: HalfLight,
     parameters: &[HALF_LIGHT, RATIOS, SIZE, IMAGE],
 };
-
-type Defines = &'static [(Fact, &'static str)];
-
-const COMMON_DEFINES: Defines = &[
-    (Always, "WIDTH"),
-    (Always, "BLOCK_X"),
-    (Always, "LOCAL_X"),
-    (Always, "LOCAL_Y"),
-    (Always, "CULL_BACK"),
-    (Always, "REDUCE_BUILTIN"),
-    (Always, "NO_HIT"),
-    (Always, "RECORD_FLOATS"),
-    (Always, "LIGHT_FLOATS"),
-    (Always, "MATERIAL_FLOATS"),
-    (Always, "PLANES_OF_ORIGIN"),
-    (Always, "TEXTURES"),
-    (Always, "CUTOUTS"),
-    (Always, "SOFT"),
-    (Always, "SKY"),
-    (Always, "SAMPLED"),
-    (Sampled, "SAMPLED_BLOCK"),
-    (Sampled, "ROUGH_STEPS"),
-    (Always, "HALF_LIGHT"),
-    (HalfLight, "HALF_LIGHT_SHARPNESS"),
-    (HalfLight, "INTERLEAVED"),
-    (Always, "ENVIRONMENT"),
-];
-const TEXTURE_DEFINES: Defines = &[
-    (Textured, "TEXTURE_HEAD_WORDS"),
-    (Textured, "WRAP_REPEAT"),
-    (Textured, "WRAP_CLAMP"),
-    (Textured, "WRAP_MIRROR"),
-    (Textured, "MIPS"),
-    (CutOut, "LEAST_ALPHA_UNIT"),
-];
-const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
-/// Defines for tests that need exact signs.
-const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
-const CAST_DEFINES: Defines = &[
-    (Always, "PAPER_EPSILONS"),
-    (Always, "TREE"),
-    (Always, "LINEAR_IN_PIXEL"),
-    (Always, "RECORDS_ONCE"),
-    (Always, "WORKING_VECTORS"),
-    (Always, "TRIANGLES"),
-    (Soup, "SOUP_STRIDE"),
-    (Indexed, "INDEX_BITS"),
-    (Indexed, "POSITIONS"),
-    (Indexed, "NORMALS"),
-    (Indexed, "MATERIALS"),
-    (Tiled, "TILE_TRIANGLES"),
-];
-const TREE_DEFINES: Defines = &[
-    (Tree, "ROW_FLOATS"),
-    (Tree, "NODE_WIDTH"),
-    (Tree, "NODE_STRIDE"),
-    (Tree, "STACK_SIZE"),
-    (Tree, "LEAF_COUNT_SHIFT"),
-    (Tree, "LEAF_MOST"),
-];
-const TILE_DEFINES: Defines = &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT")];
-const VECTOR_DEFINES: Defines = &[(Always, "PREFETCH"), (Always, "UNUSED_WORD"), (Always, "PADDING_ROWS")];
-const GROUP_DEFINES: Defines = &[
-    (Always, "GROUP_LANES"),
-    (Always, "TILES_ACROSS"),
-    (Always, "LIGHTS_OF_ROUND"),
-    (Always, "LANE_OPERATIONS"),
-];
 
 const NO_TREE: &str = "uses no tree, so that only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so that only the default value is allowed";

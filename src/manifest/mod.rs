@@ -6,6 +6,7 @@
 //! reported and which strategies are allowed.
 
 mod constants;
+mod define_lists;
 mod families;
 #[cfg(test)]
 mod labels;

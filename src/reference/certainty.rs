@@ -3,12 +3,12 @@
 use super::beam::Beam;
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
+use super::pixel_sample::{PixelSample, Reach};
 use super::ray::Ray;
 use super::shade::Sight;
 use super::shadows::{Points, Shadows};
 use super::soft::Seen;
 use super::tree::Tree;
-use crate::image::RELATIVE_LIMIT;
 use crate::scene::PixelFrame;
 use glam::DVec3;
 
@@ -36,23 +36,6 @@ const PICTURE_NUDGE: f64 = 4e-6;
 
 /// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
 pub(super) const AT_LIGHT: f64 = 1e-6;
-
-/// A pixel's radiance, and how it changes under nudges of its ray.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PixelSample {
-    /// The radiance at the pixel's centre.
-    pub radiance: DVec3,
-    /// True if the ray hits something.
-    pub hit: bool,
-    /// True if a nudge changes a hit to a miss or the reverse.
-    pub turns: bool,
-    /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
-    pub change: f64,
-    /// The largest change without wide nudges.
-    pub near_change: f64,
-    /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
-    pub range: [DVec3; 2],
-}
 
 /// The inputs for one sample of a pixel.
 pub struct Asked<'a> {
@@ -224,64 +207,6 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     Some(sample)
 }
 
-impl PixelSample {
-    fn of(radiance: DVec3, hit: bool) -> Self {
-        Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
-    }
-
-    /// Includes another value of the radiance.
-    fn consider(&mut self, other: DVec3) {
-        self.nudge(Reach::Near, other);
-    }
-
-    /// Includes the radiance of a nudged ray.
-    fn nudge(&mut self, reach: Reach, other: DVec3) {
-        let change = (other - self.radiance).abs().max_element();
-        self.change = self.change.max(change);
-        if reach == Reach::Near {
-            self.near_change = self.near_change.max(change);
-            self.range = [self.range[0].min(other), self.range[1].max(other)];
-        }
-    }
-
-    /// Records that a nudge changed a hit to a miss, or the reverse.
-    fn turn(&mut self, reach: Reach) {
-        (self.turns, self.change) = (true, f64::INFINITY);
-        if reach == Reach::Near {
-            self.near_change = f64::INFINITY;
-        }
-    }
-
-    /// Adds another sample of the same pixel. The pixel hits something if any of its samples does.
-    pub fn add(&mut self, other: &Self) {
-        self.radiance += other.radiance;
-        // Of several samples, one that hits is enough.
-        let surely = |sample: &Self| sample.hit && !sample.turns;
-        self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
-        self.hit |= other.hit;
-        self.change += other.change;
-        self.near_change += other.near_change;
-        self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
-    }
-
-    /// Divides the sum of several samples by their number.
-    pub fn divide(&mut self, count: f64) {
-        self.radiance /= count;
-        self.change /= count;
-        self.near_change /= count;
-        self.range = self.range.map(|end| end / count);
-    }
-}
-
-/// The size of a nudge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reach {
-    /// More than rounding.
-    Wide,
-    /// As much as rounding.
-    Near,
-}
-
 /// The number of nudges.
 const NUDGES: usize = 8;
 
@@ -297,21 +222,6 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
             [[x + dx, y], [x - dx, y], [x, y + dy], [x, y - dy]].map(|place| (reach, place))
         },
     )
-}
-
-/// Returns whether no nudge changes a pixel noticeably, relative to the greater of its brightness and `floor`.
-pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
-    is_small(sample.change, sample, floor)
-}
-
-/// Returns whether at most wide nudges change a pixel noticeably.
-pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
-    is_small(sample.near_change, sample, floor)
-}
-
-fn is_small(change: f64, sample: &PixelSample, floor: f64) -> bool {
-    let brightness = sample.radiance.abs().max_element();
-    sample.radiance.is_finite() && change < RELATIVE_LIMIT * brightness.max(floor)
 }
 
 #[cfg(test)]
@@ -380,39 +290,5 @@ mod tests {
                 quickly(&scene, culling);
             }
         }
-    }
-
-    #[test]
-    fn a_sample_remembers_changes_both_ways_and_adds_up() {
-        let mut one = PixelSample::of(DVec3::splat(1.0), true);
-        one.consider(DVec3::splat(0.25));
-        one.consider(DVec3::splat(1.5));
-        assert_eq!((one.change, one.range), (0.75, [DVec3::splat(0.25), DVec3::splat(1.5)]));
-        one.add(&PixelSample::of(DVec3::splat(3.0), false));
-        one.divide(2.0);
-        assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
-        assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // Of several samples one that certainly hits is enough; one that may hit leaves it open.
-        let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
-        for (samples, hit, turns) in [
-            ([(true, false), (false, true)], true, false),
-            ([(true, true), (false, false)], true, true),
-            ([(false, false), (false, true)], false, true),
-        ] {
-            let mut sum = PixelSample::default();
-            samples.into_iter().for_each(|(hit, turns)| sum.add(&sample(hit, turns)));
-            assert_eq!((sum.hit, sum.turns), (hit, turns), "{samples:?}");
-        }
-    }
-
-    #[test]
-    fn beside_the_dark_a_change_is_relative_to_the_floor() {
-        let sample = |radiance: f64, change: f64| PixelSample {
-            change,
-            ..PixelSample::of(DVec3::splat(radiance), true)
-        };
-        assert!(is_certain(&sample(1e-6, 0.9e-4 * RELATIVE_LIMIT), 1e-4));
-        assert!(!is_certain(&sample(1e-6, 1.1e-4 * RELATIVE_LIMIT), 1e-4));
-        assert!(is_certain(&sample(1.0, 0.9 * RELATIVE_LIMIT), 1e-4));
     }
 }

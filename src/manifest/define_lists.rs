@@ -1,0 +1,73 @@
+//! The defines of kernel programs, in lists that several families use.
+
+use super::Fact::{self, Always, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree};
+
+/// Names of defines, each with the condition under which programs have it.
+pub type Defines = &'static [(Fact, &'static str)];
+
+pub const COMMON_DEFINES: Defines = &[
+    (Always, "WIDTH"),
+    (Always, "BLOCK_X"),
+    (Always, "LOCAL_X"),
+    (Always, "LOCAL_Y"),
+    (Always, "CULL_BACK"),
+    (Always, "REDUCE_BUILTIN"),
+    (Always, "NO_HIT"),
+    (Always, "RECORD_FLOATS"),
+    (Always, "LIGHT_FLOATS"),
+    (Always, "MATERIAL_FLOATS"),
+    (Always, "PLANES_OF_ORIGIN"),
+    (Always, "TEXTURES"),
+    (Always, "CUTOUTS"),
+    (Always, "SOFT"),
+    (Always, "SKY"),
+    (Always, "SAMPLED"),
+    (Sampled, "SAMPLED_BLOCK"),
+    (Sampled, "ROUGH_STEPS"),
+    (Always, "HALF_LIGHT"),
+    (HalfLight, "HALF_LIGHT_SHARPNESS"),
+    (HalfLight, "INTERLEAVED"),
+    (Always, "ENVIRONMENT"),
+];
+pub const TEXTURE_DEFINES: Defines = &[
+    (Textured, "TEXTURE_HEAD_WORDS"),
+    (Textured, "WRAP_REPEAT"),
+    (Textured, "WRAP_CLAMP"),
+    (Textured, "WRAP_MIRROR"),
+    (Textured, "MIPS"),
+    (CutOut, "LEAST_ALPHA_UNIT"),
+];
+pub const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
+/// Defines for tests that need exact signs.
+pub const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
+pub const CAST_DEFINES: Defines = &[
+    (Always, "PAPER_EPSILONS"),
+    (Always, "TREE"),
+    (Always, "LINEAR_IN_PIXEL"),
+    (Always, "RECORDS_ONCE"),
+    (Always, "WORKING_VECTORS"),
+    (Always, "TRIANGLES"),
+    (Soup, "SOUP_STRIDE"),
+    (Indexed, "INDEX_BITS"),
+    (Indexed, "POSITIONS"),
+    (Indexed, "NORMALS"),
+    (Indexed, "MATERIALS"),
+    (Tiled, "TILE_TRIANGLES"),
+];
+pub const TREE_DEFINES: Defines = &[
+    (Tree, "ROW_FLOATS"),
+    (Tree, "NODE_WIDTH"),
+    (Tree, "NODE_STRIDE"),
+    (Tree, "STACK_SIZE"),
+    (Tree, "LEAF_COUNT_SHIFT"),
+    (Tree, "LEAF_MOST"),
+];
+pub const TILE_DEFINES: Defines = &[(Always, "TILE_X"), (Always, "TILE_Y"), (Always, "WATERTIGHT")];
+pub const VECTOR_DEFINES: Defines =
+    &[(Always, "PREFETCH"), (Always, "UNUSED_WORD"), (Always, "PADDING_ROWS")];
+pub const GROUP_DEFINES: Defines = &[
+    (Always, "GROUP_LANES"),
+    (Always, "TILES_ACROSS"),
+    (Always, "LIGHTS_OF_ROUND"),
+    (Always, "LANE_OPERATIONS"),
+];
