@@ -2,6 +2,7 @@
 //! since one of the attempts may still be running.
 
 use crate::error::Result;
+use crate::record::journals::{RECORDS, SAMPLES};
 use crate::record::{Record, Sample, read_lines};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
@@ -20,12 +21,12 @@ pub struct Before {
 pub fn read(folders: &[PathBuf]) -> Result<Before> {
     let mut before = Before::default();
     for folder in folders {
-        before.records.extend(lines::<Record>(&folder.join("records.jsonl"))?);
+        before.records.extend(lines::<Record>(&folder.join(RECORDS))?);
     }
     let done: HashSet<&str> = before.records.iter().map(|record| record.key.as_str()).collect();
     let mut next = 0;
     for folder in folders {
-        let mut samples = lines::<Sample>(&folder.join("samples.jsonl"))?;
+        let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
         // Samples that an attempt copied itself are also in the folder where they were taken.
         samples.retain(|sample| sample.origin.is_none());
         let open: HashSet<u32> = samples
@@ -69,9 +70,9 @@ mod tests {
 
     fn attempt(folder: &Path, record: &str, samples: &[(&str, u32, Option<&str>)]) -> PathBuf {
         std::fs::create_dir_all(folder).unwrap();
-        let mut records = JsonLines::append_to(&folder.join("records.jsonl")).unwrap();
+        let mut records = JsonLines::append_to(&folder.join(RECORDS)).unwrap();
         records.append(&Record { key: record.into(), ..Record::default() }).unwrap();
-        let mut journal = JsonLines::append_to(&folder.join("samples.jsonl")).unwrap();
+        let mut journal = JsonLines::append_to(&folder.join(SAMPLES)).unwrap();
         for (key, launch, origin) in samples {
             let origin = origin.map(str::to_owned);
             journal

@@ -7,9 +7,10 @@ use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
 use crate::printer;
+use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
-    AnchorSample, CONTROLS, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample,
-    TEMPORARY_PREFIX, own_folder, read_lines, renew_intervals, sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
+    own_folder, read_lines, renew_intervals, sync_folder,
 };
 use std::collections::HashMap;
 use std::io::ErrorKind;
@@ -46,7 +47,7 @@ pub struct Past {
 /// Reads journals. Damaged lines are reported, and their points are measured again.
 fn past(records: &Path, samples: &Path) -> Result<Past> {
     let (records, samples) = (read_lines(records)?, read_lines(samples)?);
-    let damage = [records.damage("records.jsonl"), samples.damage("samples.jsonl")];
+    let damage = [records.damage(RECORDS), samples.damage(SAMPLES)];
     damage.into_iter().flatten().for_each(printer::tell);
     Ok(Past::of(records.lines, samples.lines))
 }
@@ -99,7 +100,7 @@ impl Results {
             .map_err(|error| cannot_make(if folder.is_dir() { &images } else { folder }, &error))?;
         let lock = Lock::take(folder)?;
         let [records, samples, rounds, anchors] =
-            ["records.jsonl", "samples.jsonl", "rounds.jsonl", "anchors.jsonl"].map(|name| folder.join(name));
+            [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         remove_left_overs(folder);
         keep_environment(folder, environment)?;
         let results = Self {

@@ -3,6 +3,7 @@
 
 use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;
+use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS};
 use super::plan::CurrentPlan;
 use super::rounds::{RoundLoad, disturbance, moved_processors};
 use super::scenes::tell_scenes_apart;
@@ -16,10 +17,6 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// The name of the journal of records.
-const RECORDS: &str = "records.jsonl";
-/// The journal of control points, by which blocks of a plan are compared.
-pub const CONTROLS: &str = "controls.jsonl";
 /// The file in which `raycl merge` describes the attempts from which a folder was merged.
 pub const MERGE: &str = "merge.json";
 
@@ -68,12 +65,10 @@ impl Folder {
         records.extend(controls.lines);
         judge(&mut records);
         let controls = records.split_off(count);
-        let rounds = lines_if_any(&folder.join("rounds.jsonl"))?;
-        let anchors = lines_if_any(&folder.join("anchors.jsonl"))?;
-        let damage: Vec<_> = lines_damage
-            .chain(rounds.damage("rounds.jsonl"))
-            .chain(anchors.damage("anchors.jsonl"))
-            .collect();
+        let rounds = lines_if_any(&folder.join(ROUNDS))?;
+        let anchors = lines_if_any(&folder.join(ANCHORS))?;
+        let damage: Vec<_> =
+            lines_damage.chain(rounds.damage(ROUNDS)).chain(anchors.damage(ANCHORS)).collect();
         let rounds = rounds.lines;
         let mut sure = how_sure(&records);
         sure.extend(hosts_that_differ(&records, &controls));

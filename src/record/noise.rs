@@ -5,6 +5,7 @@ use super::together::{resolution, resolution_within};
 use super::types::{HOST, Record};
 use super::{Folder, interval};
 use serde::Serialize;
+use std::collections::HashSet;
 
 /// The differences that runs on one device can show, as fractions: 0.03 is 3%.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -52,8 +53,8 @@ impl Noise {
     /// Returns the noise of every device in a folder.
     pub fn of(folder: &Folder) -> Vec<Self> {
         let mut devices: Vec<&str> = folder.records.iter().map(|record| record.device.as_str()).collect();
-        devices.retain(|device| *device != HOST);
-        devices.dedup();
+        let mut seen = HashSet::from([HOST]);
+        devices.retain(|device| seen.insert(*device));
         devices.into_iter().map(|device| Self::of_device(folder, device)).collect()
     }
 
@@ -108,9 +109,15 @@ mod tests {
     fn each_device_has_its_noise_and_the_host_none() {
         let mut wobbly = measured("gpu", "naive", 8, 10.0);
         wobbly.samples_ms = (0..10).map(|n| 10.0 * (1.0 + 0.01 * f64::from(n % 3))).collect();
-        let records = [measured("host", "serial", 0, 9.0), wobbly, measured("gpu", "wide", 1, 1.0)];
+        let records = [
+            measured("host", "serial", 0, 9.0),
+            wobbly,
+            measured("cpu", "naive", 8, 50.0),
+            measured("gpu", "wide", 1, 1.0),
+        ];
         let folder = Folder { records: judged(records), ..Folder::default() };
-        let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
+        let [gpu, cpu] = &Noise::of(&folder)[..] else { panic!("two devices") };
+        assert_eq!((cpu.device.as_str(), cpu.samples), ("cpu", 10));
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");

@@ -1,5 +1,6 @@
 //! Removes damaged lines from a folder's journals, and keeps a copy of each original file.
 
+use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use super::{AnchorSample, Record, RoundLoad, Sample, ordinary, own_file, write_whole};
 use crate::error::{Error, Result};
 use serde::de::DeserializeOwned;
@@ -23,10 +24,11 @@ pub struct Repaired {
 /// folder's lock.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
-        repair_file(&folder.join("records.jsonl"), is_a::<Record>)?,
-        repair_file(&folder.join("samples.jsonl"), is_a::<Sample>)?,
-        repair_file(&folder.join("rounds.jsonl"), is_a::<RoundLoad>)?,
-        repair_file(&folder.join("anchors.jsonl"), is_a::<AnchorSample>)?,
+        repair_file(&folder.join(RECORDS), is_a::<Record>)?,
+        repair_file(&folder.join(SAMPLES), is_a::<Sample>)?,
+        repair_file(&folder.join(ROUNDS), is_a::<RoundLoad>)?,
+        repair_file(&folder.join(ANCHORS), is_a::<AnchorSample>)?,
+        repair_file(&folder.join(CONTROLS), is_a::<Record>)?,
     ];
     Ok(repaired.into_iter().flatten().collect())
 }
@@ -77,6 +79,18 @@ fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
 mod tests {
     use super::super::read_lines;
     use super::*;
+
+    #[test]
+    fn every_journal_is_repaired() {
+        for journal in [RECORDS, SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(journal);
+            std::fs::write(&path, "nonsense\n").unwrap();
+            let repaired = repair(folder.path()).unwrap();
+            assert_eq!(repaired.iter().map(|one| &one.file).collect::<Vec<_>>(), [&path]);
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), "");
+        }
+    }
 
     #[test]
     fn damaged_lines_go_and_a_copy_stays() {

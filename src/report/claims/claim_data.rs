@@ -4,6 +4,7 @@ use super::point::{Point, Size};
 use super::sure::Ratio;
 use super::verdict::Line;
 use crate::peak::Peak;
+use crate::record::journals::SAMPLES;
 use crate::record::{Folder, Group, Outcome, Record, Sample, duration, median, ranking, read_lines};
 use crate::report::words::{first_line, title};
 use std::ops::RangeInclusive;
@@ -106,7 +107,7 @@ impl<'a> ClaimData<'a> {
 
     /// Returns the samples of a record, from its run's journal.
     pub(super) fn samples(&self, record: &Record) -> Vec<Sample> {
-        let read = read_lines::<Sample>(&self.run.path().join("samples.jsonl"));
+        let read = read_lines::<Sample>(&self.run.path().join(SAMPLES));
         let all = read.map(|lines| lines.lines).unwrap_or_default();
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }

@@ -125,7 +125,7 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
 }
 
-/// Returns rows of curve, block, published time, our time, and ours divided by the published one.
+/// Returns rows of curve, block, published time, our time, and the published one divided by ours.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

@@ -39,7 +39,7 @@ pub struct Figure {
     pub pictures: Vec<Picture>,
     /// Our plots for it.
     pub plots: Vec<Plot>,
-    /// Rows of curve, block, published time, our time, and ours divided by the published one.
+    /// Rows of curve, block, published time, our time, and the published one divided by ours.
     pub rows: Vec<[String; 5]>,
     /// The command that would measure it, if there is no record.
     pub missing: String,

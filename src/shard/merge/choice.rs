@@ -2,6 +2,7 @@
 
 use super::{Measured, lines};
 use crate::error::Result;
+use crate::record::journals::RECORDS;
 use crate::record::{Outcome, Record};
 use crate::shard::Attempt;
 use std::collections::{BTreeMap, HashMap};
@@ -21,7 +22,7 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {
         let mut own: HashMap<String, Record> = HashMap::new();
-        for record in lines::<Record>(&attempt.folder.join("records.jsonl"))? {
+        for record in lines::<Record>(&attempt.folder.join(RECORDS))? {
             own.insert(record.key.clone(), record);
         }
         own.into_values().for_each(|record| chosen.offer(place, record));

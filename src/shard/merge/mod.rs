@@ -12,7 +12,8 @@ use super::missing::{self, Missing};
 use super::{Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
-use crate::record::{AnchorSample, CONTROLS, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines};
+use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
+use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines};
 use crate::record::{write_whole, write_whole_by};
 use choice::choose;
 use launches::Launches;
@@ -60,8 +61,8 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
-    write_renumbered::<RoundLoad>(out, "rounds.jsonl", &attempts, &launches, |line| &mut line.launch)?;
-    write_renumbered::<AnchorSample>(out, "anchors.jsonl", &attempts, &launches, |line| &mut line.launch)?;
+    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |line| &mut line.launch)?;
+    write_renumbered::<AnchorSample>(out, ANCHORS, &attempts, &launches, |line| &mut line.launch)?;
     write_peak(out, &attempts)?;
     for (attempt, record) in records.iter_mut().chain(&mut controls) {
         launches.renumber(*attempt, record);
@@ -71,7 +72,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     }
     write_lines(&out.join(CONTROLS), controls.iter().map(|(_, record)| record))?;
     CurrentPlan { points: planned.points }.write(out)?;
-    write_lines(&out.join("records.jsonl"), records.iter().map(|(_, record)| record))?;
+    write_lines(&out.join(RECORDS), records.iter().map(|(_, record)| record))?;
     Ok(Merged { attempts: attempts.len(), records: records.len(), samples, notes, missing })
 }
 
@@ -84,7 +85,7 @@ pub fn no_shards(out: &Path) -> Error {
 
 /// Refuses a folder with the results of a run, which are not merged from attempts.
 fn refuse_other_results(out: &Path) -> Result<()> {
-    match out.join("records.jsonl").exists() && !out.join(MERGE).exists() {
+    match out.join(RECORDS).exists() && !out.join(MERGE).exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
             .with_help("let the shards write to another folder with --out")),
         false => Ok(()),
@@ -157,11 +158,9 @@ fn write_samples(
 ) -> Result<[usize; 2]> {
     let counted = launches::counted(records);
     let mut counts = [0, 0];
-    write_whole_by(&out.join("samples.jsonl"), |file| {
+    write_whole_by(&out.join(SAMPLES), |file| {
         for (place, attempt) in attempts.iter().enumerate() {
-            for mut sample in
-                lines::<Sample>(&attempt.folder.join("samples.jsonl")).map_err(std::io::Error::other)?
-            {
+            for mut sample in lines::<Sample>(&attempt.folder.join(SAMPLES)).map_err(std::io::Error::other)? {
                 let counts_here = counted.contains(&(place, sample.launch, sample.key.as_str()));
                 counts[usize::from(!counts_here)] += 1;
                 if counts_here {
