@@ -277,6 +277,23 @@ mod tests {
     }
 
     #[test]
+    fn a_records_own_revision_goes_before_the_environments() {
+        let of = |name: &str, revision: Option<&str>| Record {
+            revision: revision.map(str::to_owned),
+            ..record(name, name, 1.0)
+        };
+        let folder = folder(&[of("bvh", Some("0123")), of("naive", Some("0123-dirty")), of("wide", None)]);
+        for (environment, expected) in
+            [("4567", "1 of 3 records come"), ("4567-dirty", "2 of 3 records come")]
+        {
+            let text = serde_json::json!({"git_revision": environment}).to_string();
+            std::fs::write(folder.path().join("environment.json"), text).unwrap();
+            let (_, notes) = shown(&folder);
+            assert!(notes.iter().any(|note| note.starts_with(expected)), "{environment}: {notes:?}");
+        }
+    }
+
+    #[test]
     fn a_folder_without_records_is_a_mistake_that_names_it() {
         let error = Folder::read(Path::new("/nonexistent/x")).expect_err("it is not there");
         assert_eq!(error.exit_code(), 2);

@@ -250,6 +250,20 @@ mod tests {
     }
 
     #[test]
+    fn the_winner_is_compared_with_the_host_at_the_same_scene_and_image_size() {
+        let host = |ms: f64| measured("host", "serial-f32", 0, ms);
+        let records = judged([
+            Record { image_size: [1600, 1000], ..host(840.0) },
+            Record { scene: "room".into(), ..host(210.0) },
+            host(420.0),
+            measured("pocl", "wide", 1, 10.0),
+        ]);
+        let text = summary_markdown(&records, &[], "?", "!");
+        let fastest = text.lines().find(|line| line.starts_with("Fastest")).expect("a winner");
+        assert!(fastest.contains(" 42.0 times (42.0 to 42.0) as fast as serial-f32."), "{text}");
+    }
+
+    #[test]
     fn rates_have_the_units_of_their_columns() {
         // 400,000 primary rays in 5 ms of a frame of 10 ms, and half as many shadow rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));

@@ -178,6 +178,14 @@ pub mod tests {
     }
 
     #[test]
+    fn too_few_samples_are_those_of_the_launch_that_has_the_fewest() {
+        let uneven = sampled("wide", (0..15).map(|place| (u32::from(place >= 12), 5.0)));
+        let records = judged([measured("gpu", "naive", 8, 10.0), uneven]);
+        assert_eq!(not_enough(&records[0]), None);
+        assert_eq!(not_enough(&records[1]).as_deref(), Some("not enough samples (n = 3)"));
+    }
+
+    #[test]
     fn the_best_of_some_has_few_samples_only_where_all_have() {
         let records = judged([
             few("gpu", "naive", 4, 1.0, 1),

@@ -92,4 +92,17 @@ mod tests {
         assert_eq!(results[1]["invalidity"], "constraints");
         assert_eq!(results[1]["configuration"]["block_size_x"], 32);
     }
+
+    #[test]
+    fn rays_of_a_frame_are_not_those_of_its_primary_pass() {
+        // 400,000 primary rays in 5 ms of a frame of 10 ms, and half as many shadow rays.
+        let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
+        let wide = measured("gpu", "wide", 1, 10.0);
+        let record = Record { primary_ms, shadow_rays, rays_per_s: Some(8e7), ..wide };
+        let document: Value = serde_json::from_str(&t4_results(&[record])).expect("JSON");
+        let all = document["results"][0]["measurements"].as_array().expect("a list");
+        let value =
+            |name: &str| all.iter().find(|one| one["name"] == name).and_then(|one| one["value"].as_f64());
+        assert_eq!((value("frame_rays"), value("primary_rays")), (Some(6e7), Some(8e7)));
+    }
 }

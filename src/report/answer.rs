@@ -307,6 +307,19 @@ mod tests {
     }
 
     #[test]
+    fn where_nobody_wins_is_no_comparison() {
+        let records = judged([
+            measured("gpu", "wide", 1, 10.0),
+            Record { scene: "room".into(), ..measured("gpu", "wide", 1, 10.0) },
+            infeasible("small", "wide", 1, "work-group: too large"),
+            few("slow", "wide", 1, 10.0, 3),
+        ]);
+        let answers = answers(&groups(&records));
+        assert_eq!(answers.len(), 4);
+        assert_eq!(headline(&answers), "In all 2 comparisons, wide is fastest or tied for fastest");
+    }
+
+    #[test]
     fn nothing_measured_is_said() {
         let records = [infeasible("gpu", "naive", 32, "work-group: too large")];
         let answers = answers(&groups(&records));

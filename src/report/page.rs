@@ -332,3 +332,36 @@ impl Answer {
         by(self.image_size)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::{infeasible, measured};
+
+    #[test]
+    fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
+        let with = |name: &str, outcome| Record { outcome, ..infeasible("gpu", name, 1, "no") };
+        let records = [
+            measured("gpu", "naive", 8, 1.0),
+            infeasible("gpu", "local-vectors", 32, "too large"),
+            infeasible("gpu", "local-vectors", 16, "too large"),
+            with("wide", Outcome::OtherKind),
+            with("bvh", Outcome::BuildFailed),
+        ];
+        let said = |records: &[Record]| -> Vec<String> {
+            let counts = counts(records, &groups(records));
+            counts.into_iter().map(|(count, name)| format!("{count} {name}")).collect()
+        };
+        assert_eq!(
+            said(&records)[2..],
+            [
+                "5 points",
+                "10 timed frames",
+                "2 do not fit",
+                "1 is meant for another kind of device",
+                "1 failed",
+            ]
+        );
+        assert_eq!(said(&records[..4])[4..], ["2 do not fit", "1 is meant for another kind of device"]);
+    }
+}

@@ -138,4 +138,27 @@ mod tests {
         assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
     }
+
+    #[test]
+    fn means_over_scenes_are_geometric() {
+        let of = |scene: &str, device: &str, name: &str, ms: f64| Record {
+            scene: scene.to_owned(),
+            ..measured(device, name, 8, ms)
+        };
+        let records = judged([
+            of("teapot", "gpu", "naive", 1.0),
+            of("teapot", "gpu", "wide", 4.0),
+            of("teapot", "cpu", "naive", 9.0),
+            of("teapot", "cpu", "wide", 1.0),
+            of("room", "gpu", "naive", 9.0),
+            of("room", "gpu", "wide", 1.0),
+            of("room", "cpu", "naive", 9.0),
+            of("room", "cpu", "wide", 1.0),
+        ]);
+        // On the gpu `naive` takes 1 and 9 times the best, `wide` 4 and 1. The best of the cpu is `wide`;
+        // those of the gpu, used on the cpu, take 9 and 1 times its best.
+        for plot in side_by_side(&groups(&records)) {
+            assert!(plot.svg.contains(">3.00<") && plot.svg.contains(">2.00<"), "{}", plot.svg);
+        }
+    }
 }

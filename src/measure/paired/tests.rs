@@ -77,6 +77,20 @@ fn apart_the_medians_of_all_samples_are_compared() {
 }
 
 #[test]
+fn apart_the_interval_has_the_spread_of_both() {
+    let mut unsteady = steady(2, 3, 9);
+    unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
+    let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
+    let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
+    // By hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends are a factor of 53 apart.
+    for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
+        assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
+    }
+    let (one, both) = (unsteady.ratio_apart(&even), unsteady.ratio_apart(&unsteady));
+    assert!((both.error / one.error - 2.0_f64.sqrt()).abs() < 1e-3, "{one:?} {both:?}");
+}
+
+#[test]
 fn a_sample_that_took_long_in_each_launch_is_no_difference() {
     let mut samples = steady(4, 3, 9);
     for sample in samples.iter_mut().filter(|sample| sample.point == 3).step_by(9) {

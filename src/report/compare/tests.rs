@@ -51,6 +51,34 @@ fn what_all_points_share_needs_a_baseline() {
 }
 
 #[test]
+fn a_baseline_whose_program_changed_is_none() {
+    let run = |label: &str, host: Record| {
+        let kernels = [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0)].map(|(name, ms)| timed("a", name, ms));
+        folder(label, [kernels.to_vec(), vec![host]].concat())
+    };
+    let faster = Record { key: "another program".into(), ..timed("host", "serial", 50.0) };
+    let comparison = of(&run("old", timed("host", "serial", 100.0)), &run("new", faster));
+    assert_eq!(comparison.summary(), "1 faster, 0 slower, 3 same, 0 unclear");
+    assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
+    let notes = &comparison.notes;
+    assert!(notes.iter().any(|note| note.starts_with("No baseline was measured")), "{notes:?}");
+}
+
+#[test]
+fn an_estimate_that_is_not_certain_is_no_regression() {
+    let names = ["naive", "wide", "bvh", "tile", "raster"];
+    let before = names.map(|name| timed("a", name, 5.0)).to_vec();
+    // In one launch as fast as before, in the other 20% slower: 10% on average, and uncertain.
+    let mut after = before.clone();
+    after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.2);
+    after[2].median_ms = Some(5.5);
+    let comparison = of(&folder("old", before), &folder("new", after));
+    let found = comparison.pairs[2].change_percent();
+    assert!(found.is_some_and(|percent| percent > 8.0), "{found:?}");
+    assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
+}
+
+#[test]
 fn one_kernel_that_is_slower_is_found_among_others() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let run =
