@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::*;
+use crate::device::DeviceKind;
 use crate::strategy::{Triangles, Vectors, Width};
 
 const GOOD: &str = r#"question = "Which?"
@@ -117,6 +118,15 @@ fn a_name_stands_for_what_does_not_vary() {
     let entry = "[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\nmath = \"fast\"\n";
     let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();
     assert_eq!(experiment.strategies[2].name, "mine");
+}
+
+#[test]
+fn a_preset_is_meant_for_its_kind_of_device_unless_its_entry_says_any_kind() {
+    let meant_for = |more: &str| {
+        let text = format!("{GOOD}[[strategy]]\npreset = \"wide\"\n{more}");
+        load_with(&text, &[]).unwrap().strategies[2].meant_for
+    };
+    assert_eq!([meant_for(""), meant_for("any_kind = true\n")], [Some(DeviceKind::Cpu), None]);
 }
 
 #[test]

@@ -138,3 +138,45 @@ fn number_at_end(text: &str) -> &str {
     let number = &text[start..];
     number.trim_start_matches(['e', '.'])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::sheet::SHEET;
+    use super::*;
+
+    /// A sheet with one block: a table of two rows.
+    const FIGURES: &str = r#"
+        [sources]
+        [facts]
+        [blocks.threads]
+        kind = "table"
+        head = "size"
+        rows = ["8x8", "10x10"]
+        columns = [{ head = "threads", of = "occupancy: groups=8 threads=1536 {}" }]
+    "#;
+    const TABLE: [&str; 4] = ["| size | threads |", "|---|---|", "| 8x8 | 512 |", "| 10x10 | 800 |"];
+
+    /// Returns the page of a document that has these lines in its block.
+    fn page(lines: &[&str]) -> Page {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        std::fs::write(root.path().join(SHEET), FIGURES).unwrap();
+        let text = format!("{BEGIN}threads -->\n{}\n{END}\n", lines.join("\n"));
+        Page::of(&text, &Sheet::read(root.path()).unwrap())
+    }
+
+    #[test]
+    fn a_block_that_is_too_short_or_too_long_is_stale() {
+        let right = page(&TABLE);
+        assert_eq!((right.stale, right.wrong), (Vec::new(), Vec::new()));
+        let none = "(no line)";
+        let longer = [&TABLE[..], &["| 12x12 | 1440 |"]].concat();
+        for (lines, line, stands, says) in
+            [(&TABLE[..3], 5, none, TABLE[3]), (&longer[..], 6, longer[4], none)]
+        {
+            let made = page(lines);
+            let difference = Difference { line, stands: stands.to_owned(), records_say: says.to_owned() };
+            assert_eq!((made.stale, made.text), (vec![difference], right.text.clone()));
+        }
+    }
+}

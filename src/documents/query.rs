@@ -245,8 +245,17 @@ mod tests {
         assert_eq!(answer("published: teapot naive 14x14"), Ok(Told::Nothing("no point".into())));
         assert_eq!(words("occupancy: groups=8 threads=1536 10x10"), "800");
         assert_eq!(words("occupancy: capability=2.0 registers=63 16x16"), "512 (registers)");
+        // Seven groups of 196 work-items fit.
+        assert_eq!(words("occupancy: groups=8 threads=1536 14x14"), "1372");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4"), "10.8");
         assert_eq!(words("published: teapot naive 1x1, s, 2 digits"), "163");
+    }
+
+    #[test]
+    fn the_quotient_of_other_figures_than_times_is_their_own() {
+        assert_eq!(words("old: naive 1x1 registers"), "64");
+        assert_eq!(words("old: local-vectors 1x1 registers"), "49");
+        assert_eq!(words("old: naive 1x1 registers / local-vectors 1x1 registers"), "1.31");
     }
 
     #[test]

@@ -144,5 +144,6 @@ mod tests {
         assert!(found("1026 triangles at 800 x 500, 8 blocks.", &facts).is_empty());
         assert_eq!(found("1027 triangles, 11026 triangles, 1.8 blocks", &facts), ["1027", "11026", "1.8"]);
         assert_eq!(found("800 x 5000", &facts), ["800", "5000"]);
+        assert_eq!(found("12% of 12 groups", &["12"]), ["12%"]);
     }
 }

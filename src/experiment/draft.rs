@@ -106,3 +106,36 @@ impl Drafter<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Plan, asleep};
+    use super::*;
+    use crate::config;
+    use std::path::Path;
+
+    /// Returns the key of a point of a config that ends with these lines.
+    fn key_with(lines: &str) -> String {
+        let text = format!(
+            "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\
+             image_sizes = [[8, 5]]\nlocal_sizes = [4]\n{lines}"
+        );
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+        let experiment = config::parse(&config, text, &[]).unwrap();
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let point = Plan::new(&experiment, 1).points[0];
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        drafter.draft(&point, Some(&asleep::device(1.0)), &at).unwrap().key
+    }
+
+    #[test]
+    fn results_of_a_device_with_other_limits_have_another_key() {
+        let emulated = ["local_bytes = 16384", "local_bytes = 32768", "constant_bytes = 16384"];
+        let mut keys = emulated.map(|limit| key_with(&format!("[emulate]\n{limit}\n"))).to_vec();
+        keys.push(key_with(""));
+        assert_eq!(keys[3], key_with(""));
+        keys.sort();
+        keys.dedup();
+        assert_eq!(keys.len(), 4, "{keys:?}");
+    }
+}

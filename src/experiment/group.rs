@@ -1,6 +1,8 @@
 //! A group of points that are compared with each other, including casters on the host. In every launch each
 //! point is checked, then those that passed are timed together.
 
+#[cfg(test)]
+mod tests;
 mod timed;
 
 use super::Run;

@@ -75,6 +75,8 @@ mod tests {
         order: Vec<usize>,
         failing: Option<usize>,
         breaks_after: Option<usize>,
+        /// The number of frames of a sample.
+        batch: Option<u32>,
     }
 
     impl Rounds for Fake {
@@ -85,7 +87,7 @@ mod tests {
                 return Ok(None);
             }
             let ms = (point + 1) as f64 + 0.1 * (casts % 3) as f64;
-            Ok(Some(FrameTimes::whole(ms, ms)))
+            Ok(Some(FrameTimes { batch: self.batch, ..FrameTimes::whole(ms, ms) }))
         }
         fn sampled(&mut self, _point: usize, _round: u32, _times: &FrameTimes) -> Result<()> {
             Ok(())
@@ -102,6 +104,16 @@ mod tests {
     fn the_time_limit_counts_the_samples_of_all_rounds() -> Result<()> {
         let rule = StoppingRule { max_samples: 100, time_limit_ms: 20.0, ..RULE };
         assert_eq!(measure(3, &rule, 1, &mut Fake::default())?, End::Enough(StopReason::TimeLimit));
+        Ok(())
+    }
+
+    #[test]
+    fn the_time_limit_counts_every_frame_of_a_batch() -> Result<()> {
+        let rule = StoppingRule { time_limit_ms: 1000.0, ..RULE };
+        let mut batches = Fake { batch: Some(1000), ..Fake::default() };
+        let end = measure(1, &rule, 1, &mut batches)?;
+        assert_eq!((end, batches.order.len()), (End::Enough(StopReason::TimeLimit), 5));
+        assert_eq!(measure(1, &rule, 1, &mut Fake::default())?, End::Enough(StopReason::MaxSamples));
         Ok(())
     }
 

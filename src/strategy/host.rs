@@ -107,7 +107,7 @@ fn mesh_bytes(w: &Workload) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::preset;
+    use super::super::{Requirements, preset};
     use super::*;
 
     fn workload(triangles: usize, side: u32) -> Workload {
@@ -159,6 +159,15 @@ mod tests {
              + tree being built 1192000128 B = 1832000128 B > 1000000000 B by a test"
         );
         assert!(needs.check(&available, 900_000_000).is_ok());
+    }
+
+    #[test]
+    fn a_device_that_shares_the_hosts_memory_has_its_buffers_and_working_vectors_there() {
+        let w = workload(10, 4000);
+        let device = Requirements::of(&preset("naive").unwrap().strategy, &w);
+        assert_eq!(device.scratch_bytes, 108 * 4000 * 4000);
+        let [shared, own] = [true, false].map(|shared| needs("naive", &w, shared, false).bytes());
+        assert_eq!(shared - own, device.global_bytes + device.scratch_bytes);
     }
 
     #[test]

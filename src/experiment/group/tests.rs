@@ -1,0 +1,143 @@
+//! Tests which launches count: those in which every point was sampled.
+
+use super::*;
+use crate::config;
+use crate::device_lock::Locks;
+use crate::experiment::protocol::{Reply, Request};
+use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
+use crate::launch::FrameTimes;
+use crate::program::Sources;
+use crate::record::{AnchorSample, RoundLoad};
+use std::cell::Cell;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// The frame at which a worker dies: the last of the third round of two points.
+const DEADLY: usize = 6;
+
+/// Keeps records. It has the samples of an earlier session.
+#[derive(Default)]
+struct Noting {
+    past: HashMap<String, Vec<Taken>>,
+    records: Vec<Record>,
+    launches: u32,
+}
+
+impl ResultSink for Noting {
+    fn works_on(&mut self, _what: &str) {}
+    fn says(&mut self, _line: &str) {}
+    fn keep(&mut self, record: Record) -> Result<()> {
+        self.records.push(record);
+        Ok(())
+    }
+    fn sample(&mut self, _key: &str, _round: u32, _taken: &Taken) -> Result<()> {
+        Ok(())
+    }
+    fn load(&mut self, _load: &RoundLoad) -> Result<()> {
+        Ok(())
+    }
+    fn anchor(&mut self, _sample: &AnchorSample) -> Result<()> {
+        Ok(())
+    }
+    fn next_launch(&mut self) -> u32 {
+        self.launches += 1;
+        self.launches - 1
+    }
+    fn advances(&mut self, _steps: usize) {}
+    fn past(&self, key: &str) -> Vec<Taken> {
+        self.past.get(key).cloned().unwrap_or_default()
+    }
+}
+
+/// Starts workers, and counts the frames of all of them.
+#[derive(Default)]
+struct Mortals {
+    frames: Rc<Cell<usize>>,
+}
+
+struct Mortal {
+    frames: Rc<Cell<usize>>,
+    answer: Wait,
+}
+
+impl Spawner for Mortals {
+    fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
+        let frames = Rc::clone(&self.frames);
+        Ok(Box::new(Mortal { frames, answer: Wait::Reply(Reply::Started) }))
+    }
+}
+
+impl Worker for Mortal {
+    fn send(&mut self, request: &Request) {
+        if let Request::Check { key, .. } = request {
+            let record = Box::new(Record { key: key.clone(), ..Record::default() });
+            self.answer = Wait::Reply(Reply::Checked { record, ready: true });
+            return;
+        }
+        self.frames.set(self.frames.get() + 1);
+        self.answer = match self.frames.get() {
+            DEADLY => Wait::Dead(Death::default()),
+            _ => Wait::Reply(Reply::Sample(FrameTimes::whole(1.0, 1.0))),
+        };
+    }
+
+    fn wait(&mut self, _limit: Duration) -> Wait {
+        self.answer.clone()
+    }
+}
+
+/// Returns a group of the points "a" and "b".
+fn group() -> OpenGroup {
+    let pending = |(point, key): (usize, &str)| {
+        let record = Record { key: key.to_owned(), ..Record::default() };
+        PendingPoint::new([point, 0, 0], String::new(), record)
+    };
+    OpenGroup::new([(0, "a"), (1, "b")].map(pending).into())
+}
+
+#[test]
+fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
+    let rule = StoppingRule { min_samples: 5, max_samples: 9, relative_sigma: 0.005, time_limit_ms: 1e9 };
+    let samples = |launch: u32, count: usize| {
+        vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; count]
+    };
+    let past = HashMap::from([
+        ("a".to_owned(), [samples(0, 5), samples(1, 5), samples(2, 5)].concat()),
+        ("b".to_owned(), [samples(0, 5), samples(1, 4)].concat()),
+    ]);
+    let mut group = group();
+    group.adopt(&rule, 3, &mut Noting { past, ..Noting::default() });
+    let launches = |pending: &PendingPoint| pending.taken.iter().map(|sample| sample.launch).collect();
+    let taken: Vec<Vec<u32>> = group.points().iter().map(launches).collect();
+    assert_eq!((group.whole, taken), (1, vec![vec![0; 5]; 2]));
+}
+
+#[test]
+fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
+    let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
+        strategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [4]\n\
+        timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }\n";
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+    let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
+    let run = Run {
+        experiment: &experiment,
+        overrides: &[],
+        // No lock is taken for this device.
+        devices: &[&asleep::device(1.0)],
+        sources: &Sources::Embedded,
+        other_sources: None,
+        limit: Duration::MAX,
+        retry_failed: false,
+        locks: &Locks::in_folder(Path::new("no-locks"), false),
+        spread: false,
+        blocks: None,
+        ahead: None,
+    };
+    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
+    assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
+}
