@@ -161,14 +161,18 @@ mod tests {
                 File::create(&path).unwrap().set_len(length).unwrap();
                 bytes(&path, kind).map(|bytes| bytes.len() as u64)
             };
+            // Packed files and standard input are held in memory.
+            let held = |length: u64| within(vec![0; length as usize], kind).map(|bytes| bytes.len() as u64);
             let limit = limit_mib.unwrap_or(20) << 20;
-            assert_eq!(bytes_of(limit).unwrap(), limit, "{what}");
-            match (limit_mib, bytes_of(limit + 1)) {
-                (Some(mib), Err(error)) => {
-                    assert_eq!(error.to_string(), format!("{what} may have at most {mib} MiB"));
+            assert_eq!([bytes_of(limit).unwrap(), held(limit).unwrap()], [limit; 2], "{what}");
+            for found in [bytes_of(limit + 1), held(limit + 1)] {
+                match (limit_mib, found) {
+                    (Some(mib), Err(error)) => {
+                        assert_eq!(error.to_string(), format!("{what} may have at most {mib} MiB"));
+                    }
+                    (None, Ok(length)) => assert_eq!(length, limit + 1, "{what}"),
+                    (_, other) => panic!("{what}: {other:?}"),
                 }
-                (None, Ok(length)) => assert_eq!(length, limit + 1, "{what}"),
-                (_, other) => panic!("{what}: {other:?}"),
             }
         }
     }

@@ -9,7 +9,12 @@ const DEFAULT_LIMIT_MIB: u64 = 512;
 
 /// Returns the cache's largest size in bytes, from the environment.
 pub fn limit_bytes() -> u64 {
-    let told = std::env::var(LIMIT).ok().and_then(|text| text.trim().parse::<u64>().ok());
+    limit_of(std::env::var(LIMIT).ok().as_deref())
+}
+
+/// Returns the limit in bytes that the variable's text means; the default without a number.
+fn limit_of(text: Option<&str>) -> u64 {
+    let told = text.and_then(|text| text.trim().parse::<u64>().ok());
     told.unwrap_or(DEFAULT_LIMIT_MIB).saturating_mul(1 << 20)
 }
 
@@ -55,4 +60,19 @@ fn is_own(found: &std::fs::Metadata) -> bool {
 #[cfg(not(unix))]
 fn is_own(_: &std::fs::Metadata) -> bool {
     true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_limit_is_told_in_mebibytes_and_is_512_of_them_otherwise() {
+        const MIB: u64 = 1024 * 1024;
+        for (text, bytes) in [(Some("64"), 64 * MIB), (Some("0"), 0), (None, 512 * MIB)] {
+            assert_eq!(limit_of(text), bytes, "{text:?}");
+        }
+        let most = u64::MAX.to_string();
+        assert_eq!(limit_of(Some(most.as_str())), u64::MAX);
+    }
 }

@@ -164,4 +164,12 @@ mod tests {
         // One channel of 300 is off by 1/255: 20 log10(255) + 10 log10(300).
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
     }
+
+    #[test]
+    fn the_largest_difference_is_relative_to_the_expected_picture() {
+        let flat = |value: f32| Radiance { pixels: vec![[value; 3]], ..Radiance::new(1, 1) };
+        let largest =
+            |found, expected| compare(&flat(found), &flat(expected), None).largest_relative_difference;
+        assert_eq!((largest(0.5, 1.0), largest(1.0, 0.5)), (0.5, 1.0));
+    }
 }

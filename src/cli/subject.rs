@@ -98,3 +98,41 @@ impl Subject {
         Ok(self.look.values().into_iter().chain(set).collect())
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::{DeviceLimits, discover};
+    use crate::program::Sources;
+    use crate::reference::fixtures;
+    use crate::strategy::preset;
+    use std::sync::Arc;
+
+    /// No number of tiles fits on the device, so that the refusal names the last local size that was tried.
+    #[test]
+    fn a_local_size_is_made_smaller_unless_it_was_requested() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let scene = Arc::new(fixtures::single_triangle());
+        let limits = DeviceLimits { work_group_size: 16, ..device.info.limits };
+        let mut session = Session::open(&device, &Sources::Embedded, scene).unwrap().limited(limits);
+        let strategy = preset("tile-group").unwrap().strategy;
+        let mut refusal = |local_size| {
+            let subject = Subject {
+                scene: PathBuf::new(),
+                width: 8,
+                height: 8,
+                device: None,
+                strategy: None,
+                local_size,
+                set: Vec::new(),
+                look: Look::default(),
+                cl_dir: None,
+            };
+            subject.prepare(&mut session, &strategy, [32, 4]).err().unwrap().reason()
+        };
+        let reason = "work-group: 32 x 4 = 128 work-items > the device's 16";
+        assert_eq!(refusal(Some([32, 4])), reason);
+        assert_eq!(refusal(None), "work-group: 32 x 1 = 32 work-items > the device's 16");
+    }
+}

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::*;
-use crate::device::DeviceKind;
+use crate::device::{DeviceKind, DeviceLimits, EXAMPLE_LIMITS};
 use crate::strategy::{Triangles, Vectors, Width};
 
 const GOOD: &str = r#"question = "Which?"
@@ -191,6 +191,13 @@ fn timing_out_of_range_says_the_range() {
 }
 
 #[test]
+fn emulation_lowers_a_devices_limits_and_never_raises_them() {
+    let emulate = Emulate { local_bytes: Some(16384), constant_bytes: Some(1 << 20) };
+    assert_eq!(emulate.apply(EXAMPLE_LIMITS), DeviceLimits { local_bytes: 16384, ..EXAMPLE_LIMITS });
+    assert_eq!(Emulate::default().apply(EXAMPLE_LIMITS), EXAMPLE_LIMITS);
+}
+
+#[test]
 fn an_old_spelling_is_answered_with_the_new_one() {
     let text = format!("{GOOD}[limits]\nlocal_bytes = 49152");
     refuses(&text, &["unknown key 'limits'", "test.toml:7:2", "did you mean 'emulate'?"]);
@@ -303,4 +310,6 @@ fn a_bad_override_is_shown_in_its_own_words() {
     assert!(refusal(GOOD, &[("scenes.first", "3")]).contains("expected a list"));
     assert!(refusal(GOOD, &[("timing..seed", "3")]).contains("'timing..seed' is not a key"));
     assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("expected a list"));
+    let with_one = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n");
+    assert!(refusal(&with_one, &[("strategy.1.width", "8")]).contains("expected a list"));
 }

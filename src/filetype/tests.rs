@@ -153,3 +153,12 @@ fn a_scene_and_an_experiment_are_told_apart() {
         assert!(scene_instead(path, text).is_none() && experiment_instead(path, text).is_none(), "{text}");
     }
 }
+
+#[test]
+fn the_name_of_a_packed_mesh_says_its_format() {
+    let format = |name: &str| MeshFormat::from_ending(Path::new(name));
+    for name in ["part.stl", "part.stl.gz", "PART.STL.GZ"] {
+        assert_eq!(format(name), Some(MeshFormat::Stl), "{name}");
+    }
+    assert_eq!([format("part.gz"), format("stl.gz"), format("part.stl.zip")], [None; 3]);
+}

@@ -102,3 +102,23 @@ impl FrameTimes {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_times_of_two_frames_add_up_pass_by_pass() {
+        let whole = FrameTimes::whole;
+        let first = FrameTimes { primary_ms: Some(1.0), shadow_ms: Some(2.0), ..whole(3.0, 4.0) };
+        let second = FrameTimes { primary_ms: Some(8.0), shade_ms: Some(16.0), ..whole(24.0, 32.0) };
+        let both = FrameTimes {
+            primary_ms: Some(9.0),
+            shadow_ms: Some(2.0),
+            shade_ms: Some(16.0),
+            ..whole(27.0, 36.0)
+        };
+        assert_eq!(first.and(&second), both);
+        assert_eq!(FrameTimes::default().and(&first), first);
+    }
+}

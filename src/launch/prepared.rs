@@ -124,3 +124,74 @@ impl Prepared {
         self.uploaded.upload_ms + self.tree.as_ref().map_or(0.0, |tree| tree.upload_ms)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::image::Radiance;
+    use crate::launch::Session;
+    use crate::program::Sources;
+    use crate::reference::reference;
+    use crate::scene::{Sky, load_scene};
+    use crate::strategy::{Intersector, preset};
+    use crate::verify::verify;
+    use glam::Vec3;
+    use std::path::Path;
+
+    const SIZE: [u32; 2] = [45, 29];
+
+    fn scene(name: &str) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+        load_scene(&path).unwrap().scene
+    }
+
+    fn deferred() -> Strategy {
+        preset("deferred").unwrap().strategy
+    }
+
+    /// Prepares a strategy in a new session on the first device, without the cache.
+    fn prepare(scene: &Arc<Scene>, strategy: &Strategy) -> (Prepared, Caster) {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let session = Session::open(&device, &Sources::Embedded, Arc::clone(scene)).unwrap();
+        let mut session = session.keeping(Kept::default());
+        let prepared = session.prepare(strategy, SIZE, [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        let caster = prepared.caster().map_err(|refused| refused.reason()).unwrap();
+        (prepared, caster)
+    }
+
+    fn cast(caster: &Caster) -> (Radiance, usize) {
+        caster.cast().unwrap();
+        caster.read().unwrap()
+    }
+
+    #[test]
+    fn a_changed_sky_lights_the_next_picture_as_in_a_new_session() {
+        let triangle = scene("triangle.toml");
+        let under_sky = |radiance: f32| {
+            let [zenith, horizon] = [Vec3::splat(radiance); 2];
+            let sky = Sky { zenith, horizon, up: Vec3::Y, reach: 10.0, picture: None };
+            Arc::new(Scene { sky: Some(sky), ..triangle.clone() })
+        };
+        let [dim, bright] = [0.1, 0.2].map(under_sky);
+        let (mut prepared, caster) = prepare(&dim, &deferred());
+        let before = cast(&caster);
+        assert!(prepared.show(&bright, &caster).unwrap());
+        let after = cast(&caster);
+        let (_, new) = prepare(&bright, &deferred());
+        assert!(after != before && after == cast(&new));
+    }
+
+    /// With this intersector, shadow rays read planes that were prepared for their light.
+    #[test]
+    fn shadows_by_prepared_planes_are_those_of_the_reference() {
+        let strategy = Strategy { intersector: Intersector::COMMON_ORIGIN, ..deferred() };
+        let scene = Arc::new(scene("pyramid-lower.toml"));
+        let (_, caster) = prepare(&scene, &strategy);
+        let (image, hits) = cast(&caster);
+        let expected = reference(&scene, SIZE, strategy.culling);
+        let verdict = verify(&image, Some(hits), &expected, scene.display);
+        assert!(verdict.ok, "{verdict:?}");
+    }
+}

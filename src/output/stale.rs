@@ -36,3 +36,31 @@ pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plots_and_exports_of_earlier_plans_go_and_a_users_own_files_stay() {
+        let results = tempfile::tempdir().unwrap();
+        for folder in FOLDERS {
+            std::fs::create_dir(results.path().join(folder)).unwrap();
+        }
+        let files = [
+            "plots/scenes.svg",
+            "plots/pixels-earlier.png",
+            "plots/mine.svg",
+            "plots/scenes.txt",
+            "exports/kernel-tuner-earlier.json",
+            "exports/notes.json",
+        ];
+        for name in files {
+            std::fs::write(results.path().join(name), "").unwrap();
+        }
+        remove(results.path(), |name| name == "plots/scenes.svg");
+        let left: Vec<_> = files.into_iter().filter(|name| results.path().join(name).exists()).collect();
+        assert_eq!(left, ["plots/scenes.svg", "plots/mine.svg", "plots/scenes.txt", "exports/notes.json"]);
+    }
+}

@@ -74,3 +74,18 @@ fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let head = "#line 1 \"the manifest's parameters\"\n".to_owned();
     [head, parameter_macro("CAMERA", CAMERA.iter())].into_iter().chain(lists).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_source_or_other_options_make_another_hash() {
+        let hash = |source: &str, options: &str| {
+            ProgramSpec { source: source.into(), options: options.into(), files: Vec::new() }.hash()
+        };
+        assert_eq!(hash("text", "-D A=1"), hash("text", "-D A=1"));
+        assert_ne!(hash("text", "-D A=1"), hash("text", "-D A=2"));
+        assert_ne!(hash("text", "-D A=1"), hash("text ", "-D A=1"));
+    }
+}

@@ -234,6 +234,7 @@ mod tests {
 
     const ARRAY: &str =
         "SLURM_ARRAY_TASK_MIN=10 SLURM_ARRAY_TASK_MAX=22 SLURM_ARRAY_TASK_STEP=4 SLURM_ARRAY_TASK_COUNT=4";
+    const GAPS: &str = "SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3";
     const BATCH: &str = "SLURM_PROCID=0 SLURM_NTASKS=1";
 
     #[test]
@@ -280,15 +281,24 @@ mod tests {
         let table = [
             (None, String::new(), "--shard auto needs a launcher"),
             (None, format!("SLURM_ARRAY_TASK_ID=10 {ARRAY} {step}"), "two launchers number this process"),
-            (Some(4), format!("SLURM_ARRAY_TASK_ID=2 {step}"), "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4"),
-            (None, "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(), "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl"),
+            (
+                Some(4),
+                format!("SLURM_ARRAY_TASK_ID=2 {step}"),
+                "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4",
+            ),
+            (
+                None,
+                "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
+                "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
+            ),
             (
                 Some(4),
                 "SLURM_ARRAY_TASK_ID=2 SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
                 "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
             ),
             (None, BATCH.to_owned(), "none was found"),
-            (None, "SLURM_ARRAY_TASK_ID=7 SLURM_ARRAY_TASK_MIN=1 SLURM_ARRAY_TASK_MAX=7 SLURM_ARRAY_TASK_COUNT=3".to_owned(), "has gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=7 {GAPS}"), "has gaps"),
+            (None, format!("SLURM_ARRAY_TASK_ID=1 {GAPS}"), "has gaps"),
             (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
