@@ -179,6 +179,17 @@ fn nodes_on_all_cores_give_a_right_tree() {
 }
 
 #[test]
+fn nodes_on_all_cores_are_cut_across_any_axis() {
+    for axis in Vec3::AXES {
+        // Ten times as long along the axis, so that the first cut is across it.
+        let stretch = Vec3::ONE + 9.0 * axis;
+        let mut mesh = random_mesh(16, 70_000, 0.01, 1.0);
+        mesh.positions.iter_mut().for_each(|corner| *corner *= stretch);
+        Bvh::build(&mesh, 4).validate(&mesh).unwrap();
+    }
+}
+
+#[test]
 fn all_triangles_in_one_place_on_all_cores() {
     let mesh = mesh_of(std::iter::repeat_n([Vec3::ZERO, Vec3::X, Vec3::Y], 100_000));
     Bvh::build(&mesh, 4).validate(&mesh).unwrap();
@@ -234,13 +245,16 @@ fn a_wrong_tree_is_found_out() {
 
 #[test]
 fn triangle_rows_follow_the_leaf_order() {
-    let mesh = random_mesh(11, 50, 0.1, 1.0);
+    let mut mesh = random_mesh(11, 50, 0.1, 1.0);
+    (1..).zip(&mut mesh.triangles).for_each(|(material, triangle)| triangle.material = material);
     let order = Bvh::build(&mesh, 4).order;
     let mut rows = vec![1.0; (50 + PADDING_ROWS) * TRIANGLE_WORDS];
     write_triangle_rows(&mesh, &order, &mut rows);
     assert!(rows[50 * TRIANGLE_WORDS..].iter().all(|word| *word == 0.0));
     for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
-        let [a, b, c] = mesh.corners(&mesh.triangles[number as usize]);
+        let triangle = &mesh.triangles[number as usize];
+        let [a, b, c] = mesh.corners(triangle);
+        assert_eq!((row[7].to_bits(), row[11]), (triangle.material, 0.0));
         assert_eq!((row[0], row[3].to_bits()), (a.x, number));
         assert_eq!((&row[4..7], &row[8..11]), (&b.to_array()[..], &c.to_array()[..]));
     }

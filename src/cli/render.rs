@@ -307,3 +307,27 @@ const ADAPTIVE_SAMPLES: u32 = 16;
 fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn a_picture_is_not_left_to_the_device_if_its_radiance_is_needed() {
+        let may_be_shown = |more: &[&str]| {
+            let args = Command::parse_from([&["render", "a.toml", "-o"], more].concat()).args;
+            may_be_shown(&args, &target(&args))
+        };
+        assert!(may_be_shown(&["a.png"]) && may_be_shown(&["a.jpg"]));
+        for more in [&["a.exr"][..], &["a.png", "--verify"], &["a.png", "--layers", "b.exr"]] {
+            assert!(!may_be_shown(more), "{more:?}");
+        }
+    }
+}

@@ -145,6 +145,15 @@ mod tests {
     }
 
     #[test]
+    fn a_partly_covered_pixel_has_the_colour_of_its_covered_part() {
+        let plain = Display { exposure: 1.0, gamma: 1.0 };
+        let pixels = vec![[0.25, 0.125, 0.0], [0.25; 3]];
+        let image = Radiance { width: 2, height: 1, pixels, coverage: vec![0.25, 0.0] };
+        let shown = to_rgba8(&image, plain).map(RgbaImage::into_raw);
+        assert_eq!(shown, Some(vec![255, 127, 0, 64, 0, 0, 0, 0]));
+    }
+
+    #[test]
     fn the_table_is_the_formula() {
         let of = |exposure, gamma| Display { exposure, gamma };
         for display in [Display::default(), of(0.7, 1.0), of(0.0, 2.2), of(1e30, 0.1), of(1e-30, 9.0)] {

@@ -195,6 +195,19 @@ mod tests {
     }
 
     #[test]
+    fn restart_markers_are_numbered_from_0_to_7_again_and_again() {
+        // Eleven bands.
+        let file = encode(&picture(40, 128 * 10 + 1), 95).unwrap();
+        let scan = segment(&file, START_OF_SCAN).unwrap();
+        let restart = |pair: &[u8]| match pair {
+            [MARKER, kind @ FIRST_RESTART..=0xd7] => Some(kind - FIRST_RESTART),
+            _ => None,
+        };
+        let numbers: Vec<u8> = file[scan..].windows(2).filter_map(restart).collect();
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 0, 1]);
+    }
+
+    #[test]
     fn a_wide_picture_has_as_many_blocks_between_markers_as_their_number_can_say() {
         let picture = picture(40_000, 130);
         let file = encode(&picture, 95).unwrap();

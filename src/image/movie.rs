@@ -170,4 +170,18 @@ mod tests {
         assert!(out.starts_with(header));
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
+
+    #[test]
+    fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.apng");
+        let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
+        let frames = frames.into_iter().map(|frame| (frame, Display::default()));
+        Movie::apng(Target::of_results(&path), [2, 1], 25, 2).write(frames).unwrap();
+        let file = std::fs::read(&path).unwrap();
+        // The delay in seconds, two numbers of 16 bits, follows the name of the chunk and five of 32 bits.
+        let chunks = file.windows(28).filter(|bytes| bytes.starts_with(b"fcTL"));
+        let delays: Vec<Vec<u8>> = chunks.map(|chunk| chunk[24..].to_vec()).collect();
+        assert_eq!(delays, vec![vec![0, 1, 0, 25]; 2]);
+    }
 }

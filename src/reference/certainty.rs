@@ -229,9 +229,10 @@ mod tests {
     use super::super::fixtures;
     use super::super::traverse::Exhaustive;
     use super::*;
-    use crate::scene::{Sample, Scene, Sky};
+    use crate::scene::{Mapped, Sample, Scene, Sky, Texture, Textures, Wrap};
     use crate::strategy::Culling;
     use glam::{Vec3, vec3};
+    use std::sync::Arc;
 
     /// Returns the percentage of pixels for which `quick_sample` has a result, after checking that each equals the
     /// plain caster's.
@@ -289,6 +290,24 @@ mod tests {
             for culling in [Culling::None, Culling::Back] {
                 quickly(&scene, culling);
             }
+        }
+    }
+
+    #[test]
+    fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
+        let mut scene = fixtures::figure_4();
+        // All of the triangle and of its twin is one hole; the ground is solid.
+        let clear = Texture {
+            size: [1, 1],
+            wrap: [Wrap::Repeat; 2],
+            least_alpha: u16::MAX / 2,
+            texels: Arc::from([0]),
+        };
+        let hole = Mapped { mask: Some(0), ..Mapped::NONE };
+        let mapped = vec![hole, hole, Mapped::NONE, Mapped::NONE];
+        scene.mesh_mut().textures = Textures { list: vec![clear], mapped };
+        for culling in [Culling::None, Culling::Back] {
+            quickly(&scene, culling);
         }
     }
 }

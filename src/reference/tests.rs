@@ -189,6 +189,21 @@ fn a_pixel_is_uncertain_where_a_level_silhouette_passes_through_its_centre() {
 }
 
 #[test]
+fn a_pixel_is_uncertain_close_to_a_silhouette_on_any_side() {
+    // The triangle is two units away, so its angle from the middle pixel's ray is half of `beside`.
+    let certain = |side: Vec3, beside: f32| {
+        let mut scene = fixtures::single_triangle();
+        let along = 9.0 * side.cross(Vec3::Z);
+        let corners = [side * beside + along, side * beside - along, side * 9.0];
+        scene.mesh_mut().positions = corners.map(|corner| corner - 2.0 * Vec3::Z).to_vec();
+        reference(&scene, [9, 5], Culling::None).certain[2 * 9 + 4]
+    };
+    for side in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y] {
+        assert_eq!([certain(side, 1e-5), certain(side, 1e-4)], [false, true], "{side}");
+    }
+}
+
+#[test]
 fn a_light_behind_a_surface_gives_nothing() {
     let mut scene = fixtures::single_triangle();
     scene.lights[0].position = vec3(0.0, 0.0, -3.0);

@@ -320,3 +320,36 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         .error(at([0, 1, 2]), message, "no upright")
         .with_help("choose an `up` that is not parallel to the view, such as [0, 0, 1]")
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::scene::load_scene_with;
+    use glam::Vec3;
+    use toml::Value;
+
+    /// A triangle, and a camera in front of it.
+    const SEEN: &str = r#"{"asset": {"version": "2.0"},
+"scenes": [{"nodes": [0, 1]}],
+"nodes": [{"mesh": 0}, {"camera": 0, "translation": [0, 0, 5]}],
+"cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
+"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+"buffers": [{"byteLength": 36, "uri":
+"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}],
+"bufferViews": [{"buffer": 0, "byteLength": 36}],
+"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+"min": [0, 0, 0], "max": [1, 1, 0]}]}"#;
+
+    #[test]
+    fn the_camera_of_a_file_counts_unless_an_upward_direction_is_given() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gltf");
+        std::fs::write(&path, SEEN).unwrap();
+        let camera = |values: &[(String, Value)]| load_scene_with(&path, values).unwrap().scene.camera;
+        let of_file = camera(&[]);
+        assert_eq!((of_file.position, of_file.up), (Vec3::Z * 5.0, Vec3::Y));
+        let up = Value::Array([0, 0, 1].map(Value::Integer).to_vec());
+        let framed = camera(&[("camera.up".to_owned(), up)]);
+        assert!(framed.up.z > 0.9, "{}", framed.up);
+    }
+}

@@ -57,3 +57,24 @@ fn axis(name: &str) -> Value {
     let along = |axis: char| Value::Integer(if name.ends_with(axis) { size } else { 0 });
     Value::Array(['x', 'y', 'z'].map(along).to_vec())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_axis_with_a_minus_points_the_opposite_way() {
+        for (name, up) in [
+            ("x", [1, 0, 0]),
+            ("y", [0, 1, 0]),
+            ("z", [0, 0, 1]),
+            ("-x", [-1, 0, 0]),
+            ("-y", [0, -1, 0]),
+            ("-z", [0, 0, -1]),
+        ] {
+            let look = Look { up: Some(name.to_owned()), ..Look::default() };
+            let up = Value::Array(up.map(Value::Integer).to_vec());
+            assert_eq!(look.values(), [("camera.up".to_owned(), up)], "{name}");
+        }
+    }
+}

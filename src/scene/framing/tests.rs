@@ -96,6 +96,21 @@ fn azimuth_goes_from_front_to_right_and_elevation_up() {
 }
 
 #[test]
+fn an_angle_that_is_not_given_is_that_of_a_bare_mesh() {
+    let mesh = block(Vec3::ONE, Vec3::ZERO);
+    for (azimuth_degrees, elevation_degrees, angles) in [
+        (None, Some(10.0), [31.0, 10.0]),
+        (Some(50.0), None, [50.0, 21.0]),
+        (Some(50.0), Some(10.0), [50.0, 10.0]),
+    ] {
+        let view = View { azimuth_degrees, elevation_degrees, ..three_quarter(1.6) };
+        let eye = -camera(&mesh, Ball::around(&mesh, view.up), &view).forward;
+        let found = [eye.x.atan2(eye.z), eye.y.asin()].map(f32::to_degrees);
+        assert!((0..2).all(|i| (found[i] - angles[i]).abs() < 0.2), "{found:?}, expected {angles:?}");
+    }
+}
+
+#[test]
 fn z_up_looks_as_y_up_does() {
     let mut mesh = generate(&Shape::Teapot { fineness: 4 });
     let view = three_quarter(1.6);

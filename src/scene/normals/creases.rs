@@ -115,6 +115,22 @@ mod tests {
     }
 
     #[test]
+    fn an_edge_is_sharp_if_its_faces_meet_at_more_than_the_angle() {
+        // The normals of the two faces are 30 degrees to the right and to the left of y.
+        let (sin, cos) = 30.0_f32.to_radians().sin_cos();
+        let positions = vec![Vec3::NEG_Z, Vec3::Z, Vec3::new(cos, -sin, 0.0), Vec3::new(-cos, -sin, 0.0)];
+        let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
+        let triangles = vec![triangle([0, 1, 2]), triangle([1, 0, 3])];
+        let roof = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
+        for (crease, at_edge) in [(55.0, Vec3::new(sin, cos, 0.0)), (65.0, Vec3::Y)] {
+            let mut mesh = roof.clone();
+            complete(&mut mesh, Some(crease));
+            let normal = mesh.corner_normals(&mesh.triangles[0])[0];
+            assert!(normal.distance(at_edge) < 1e-6, "{crease}: {normal}");
+        }
+    }
+
+    #[test]
     fn a_smooth_ball_keeps_its_bits() {
         let mut smooth = generate(&Shape::Sphere { triangles: 1000 });
         smooth.normals.clear();

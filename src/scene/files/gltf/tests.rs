@@ -1,11 +1,13 @@
 //! Tests with small valid and invalid files.
 
 use super::*;
+use crate::scene::files::FileLight;
 use crate::scene::mesh::Mesh;
 use crate::scene::obj::Permitted;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use glam::{DVec3, Vec3};
+use std::io::Cursor;
 use std::path::Path;
 
 const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
@@ -175,6 +177,34 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
 }
 
 #[test]
+fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
+    let mut png = Vec::new();
+    let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
+    picture.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+    let png = STANDARD.encode(png);
+    let text = triangle()
+        .replace(
+            r#"{"POSITION": 0}, "indices": 1"#,
+            r#"{"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0"#,
+        )
+        .replace(
+            r#""type": "SCALAR"}"#,
+            r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2"}"#,
+        );
+    // The texel's alpha is 0.7.
+    for (factor, has_holes) in [(0.8, false), (0.6, true)] {
+        let material = format!(
+            r#"{{"materials": [{{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness":
+{{"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}],
+"textures": [{{"source": 0}}], "images": [{{"uri": "data:image/png;base64,{png}"}}], "#
+        );
+        let file = read(&text.replacen('{', &material, 1)).unwrap();
+        assert_eq!(file.mesh.textures.list.len(), 1, "{:?}", file.notes);
+        assert_eq!(file.mesh.textures.have_holes(), has_holes, "{factor}");
+    }
+}
+
+#[test]
 fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     let required =
         |names: &str| read(&triangle().replacen('{', &format!("{{\"extensionsRequired\": [{names}], "), 1));
@@ -263,6 +293,19 @@ fn parts_that_are_not_used_may_have_any_form() {
         read(&triangle().replacen('{', odd, 1).replace(r#""mesh": 0"#, r#""mesh": 0, "name": 7"#)).unwrap();
     assert_eq!(file.mesh, read(&triangle()).unwrap().mesh);
     assert_eq!(file.notes, ["1 animation is left out: objects stay where the file places them"]);
+}
+
+#[test]
+fn a_directional_light_shines_the_same_way_wherever_its_node_stands() {
+    let light =
+        r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 2}]}}, "#;
+    let text = triangle()
+        .replacen('{', light, 1)
+        .replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}},"#);
+    for place in ["[0, 0, 5]", "[3, -4, 0]"] {
+        let lights = read(&text.replace("[0, 0, 5]", place)).unwrap().lights;
+        assert_eq!(lights, [FileLight::direction(DVec3::NEG_Z, DVec3::splat(2.0))], "{place}");
+    }
 }
 
 #[test]
