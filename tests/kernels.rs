@@ -6,7 +6,7 @@ use crate::common::cover::pairwise_cover;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, scene};
 use raycl::device::Builtins;
 use raycl::program::Sources;
-use raycl::strategy::{Layout, PRESETS, Strategy, Traversal, Vectors, Width, preset};
+use raycl::strategy::{Layout, PRESETS, Passes, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes and some that divide nothing.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
@@ -106,6 +106,21 @@ fn presets_that_share_tiles() {
     let shared = PRESETS.iter().map(|preset| preset.strategy).filter(Strategy::shares_tiles);
     assert_eq!(shared.clone().count(), 2);
     all_agree(&mut stand, shared.map(|strategy| (strategy, [32, 1])), none);
+}
+
+/// The lights lie on all sides of surfaces, and are more than work-items that share a tile ask for at once.
+#[test]
+fn many_lights_on_all_sides() {
+    apart!();
+    let mut stand = Stand::new(scene("many-lights.toml"), SIZE);
+    let names = ["deferred", "wide-common-origin", "bvh", "bvh-packet", "raster", "tile", "tile-group"];
+    let strategies = names.map(|name| preset(name).expect("a preset").strategy);
+    let local_size = |strategy: &Strategy| if strategy.shares_tiles() { [32, 1] } else { [4, 2] };
+    let all_passes =
+        |strategy| [Passes::Fused, Passes::Separate].map(|passes| Strategy { passes, ..strategy });
+    let points = strategies.into_iter().flat_map(all_passes);
+    let points = points.filter(|strategy| strategy.contradiction().is_none());
+    all_agree(&mut stand, points.map(|strategy| (strategy, local_size(&strategy))), none);
 }
 
 #[test]

@@ -29,11 +29,11 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// What the command says of samples.
+/// What the command says of samples. The last blocks of pixels of a row and of a column are partial.
 fn report(place: &Place, options: &[&str]) -> serde_json::Value {
     let device = device();
     let usual =
-        ["render", "scene.toml", "--width", "60", "--height", "40", "-o", "b.png", "--json", "--device"];
+        ["render", "scene.toml", "--width", "61", "--height", "43", "-o", "b.png", "--json", "--device"];
     serde_json::from_str(&place.output(&[&usual[..], &[&device, "--force"], options].concat())).expect("JSON")
 }
 
@@ -65,6 +65,12 @@ fn a_broken_mean_is_a_wrong_picture() {
     for (file, from, to, strategy) in [
         ("common/samples.cl", "(float)((earlier) + 1)", "(float)((earlier) + 2)", "bvh"),
         ("common/samples.cl", "x / SAMPLED_BLOCK] > earlier", "x / SAMPLED_BLOCK] > earlier + 3", "tile"),
+        (
+            "common/samples.cl",
+            "(pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK",
+            "pixels / SAMPLED_BLOCK",
+            "bvh",
+        ),
         ("common/mark_rough.cl", "? most : first;", "? most : most + 1;", "bvh"),
     ] {
         place.notices((file, from, to), strategy, &["--verify", "--samples", "4", "--adaptive"]);

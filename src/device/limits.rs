@@ -30,32 +30,6 @@ pub struct DeviceLimits {
     pub lane_operations: LaneOperations,
 }
 
-impl DeviceLimits {
-    /// Returns lower limits, to imitate a smaller device. An override above the device's own limit has no
-    /// effect.
-    #[must_use]
-    pub fn with_overrides(
-        self,
-        local_bytes: Option<u64>,
-        constant_bytes: Option<u64>,
-        work_group_size: Option<usize>,
-    ) -> Self {
-        Self {
-            local_bytes: lowered(self.local_bytes, local_bytes),
-            constant_bytes: lowered(self.constant_bytes, constant_bytes),
-            work_group_size: lowered(self.work_group_size, work_group_size),
-            ..self
-        }
-    }
-}
-
-fn lowered<T: Ord>(own: T, wished: Option<T>) -> T {
-    match wished {
-        Some(wished) => own.min(wished),
-        None => own,
-    }
-}
-
 /// Returns the number of rays per vector that suits a device. On a CPU that is the reported number of floats
 /// per native vector, rounded down to 1, 2, 4, 8 or 16; elsewhere it is 1, because lanes are work-items
 /// there.
@@ -82,13 +56,6 @@ pub(crate) mod tests {
         is_cpu: false,
         lane_operations: LaneOperations::Barriers,
     };
-
-    #[test]
-    fn overrides_lower_but_never_raise() {
-        let limits = EXAMPLE.with_overrides(Some(16384), Some(1 << 20), None);
-        assert_eq!(limits, DeviceLimits { local_bytes: 16384, ..EXAMPLE });
-        assert_eq!(EXAMPLE.with_overrides(None, None, Some(256)).work_group_size, 256);
-    }
 
     #[test]
     fn widths_are_ray_widths() {
