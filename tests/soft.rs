@@ -68,6 +68,12 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     assert!(differing < 120, "{differing}");
     let said = render(&place, &[]).1;
     assert!(said.contains("1 light has a radius: with one sample per pixel"), "{said}");
+    let device = device();
+    for options in [["--devices", &device], ["--turntable", "1"]] {
+        let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "-o", "b.png"];
+        let said = place.output(&[&usual[..], &options].concat());
+        assert!(said.contains("1 light has a radius"), "{options:?}: {said}");
+    }
     place.mistake(&["render", "scene.toml", "--set", "light.0.radius=-1"], 2);
 }
 

@@ -177,7 +177,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most, SOFTER)).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -227,19 +227,22 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-/// Returns notes that do not come from the scene's file.
-fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
-    hard(scene, samples).into_iter().chain(dirty_program())
+/// The option that makes shadows soft.
+const SOFTER: &str = "--samples 16";
+
+/// Returns notes that do not come from the scene's file. `softer` makes shadows soft.
+fn last_notes(scene: &Scene, samples: u32, softer: &str) -> impl Iterator<Item = String> {
+    hard(scene, samples, softer).into_iter().chain(dirty_program())
 }
 
 /// Returns a note if soft lights are treated as points.
-fn hard(scene: &Scene, samples: u32) -> Option<String> {
+fn hard(scene: &Scene, samples: u32, softer: &str) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
         let (lights, are) =
             if soft == 1 { ("1 light has", "a point") } else { ("several lights have", "points") };
         format!(
-            "{lights} a radius: with one sample per pixel, raycl casts to {are}; --samples 16 shows soft shadows"
+            "{lights} a radius: with one sample per pixel, raycl casts to {are}; {softer} shows soft shadows"
         )
     };
     (samples == 1 && soft > 0).then(told)

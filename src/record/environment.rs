@@ -156,6 +156,14 @@ impl DeviceEnvironment {
     }
 }
 
+/// Returns whether records show the device with this name as `shown`: under its own name or, if a run was merged from
+/// machines whose devices have the same name, with what distinguishes it in brackets.
+pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
+    shown
+        .strip_prefix(name)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with(" (") && rest.ends_with(')'))
+}
+
 impl Environment {
     /// Returns the hash of a config's text and its overrides.
     pub fn hash_of(config: &str, overrides: &[String]) -> String {
@@ -209,6 +217,15 @@ fn cpu_model() -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_device_is_shown_by_its_name_or_with_what_distinguishes_it() {
+        for (shown, is) in
+            [("H100", true), ("H100 (driver 580)", true), ("H100L", false), ("H100 NVL", false)]
+        {
+            assert_eq!(is_shown_as("H100", shown), is, "{shown}");
+        }
+    }
 
     #[test]
     fn an_environment_comes_back_from_its_file() {

@@ -137,4 +137,20 @@ mod tests {
         assert_eq!(cache["cache"]["8,8,naive,local,4"]["time"], 2.0);
         assert_eq!(cache["cache"]["32,32,wide,local,4"]["__error__"], "InvalidConfig");
     }
+
+    #[test]
+    fn points_of_two_kernel_folders_have_keys_of_their_own() {
+        let of = |kernels: &str, median: f64| Record {
+            kernels_of: Some(kernels.to_owned()),
+            key: kernels.to_owned(),
+            ..measured("gpu", "naive", 8, median)
+        };
+        let caches = kernel_tuner_caches(&[of("old", 2.0), of("new", 3.0)]);
+        let [(_, text)] = caches.as_slice() else { panic!("{caches:?}") };
+        let cache: Value = serde_json::from_str(text).expect("JSON");
+        assert_eq!(
+            (&cache["cache"]["8,8,old"]["time"], &cache["cache"]["8,8,new"]["time"]),
+            (&json!(2.0), &json!(3.0))
+        );
+    }
 }

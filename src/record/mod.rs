@@ -33,6 +33,7 @@ mod whole;
 
 pub use anchors::AnchorSample;
 pub use clocks::Clocks;
+pub(crate) use environment::is_shown_as;
 pub use environment::{DeviceEnvironment, Environment, Host, Source};
 pub use folder::{Folder, MERGE, latest, point};
 pub use git::git_state;

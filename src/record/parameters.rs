@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 
 use super::types::{Record, axes};
 
-/// Returns parameter names and values: the local size, then every axis. Commas become dots, since commas
+/// Returns parameter names and values: the local size, every axis, and which of two kernel folders was cast. Commas become dots, since commas
 /// separate parameters in keys.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
@@ -14,6 +14,9 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     for (axis, value) in axes(&record.strategy) {
         let value = value.parse::<u32>().map_or_else(|_| Value::from(value.replace(',', ".")), Value::from);
         parameters.insert(axis.to_owned(), value);
+    }
+    if let Some(kernels) = &record.kernels_of {
+        parameters.insert("kernels".into(), kernels.replace(',', ".").into());
     }
     parameters
 }

@@ -10,8 +10,8 @@ use super::words::{Looks, first_line, group_title, interval_text, series_name, s
 use super::{growth, microscope, occupancy, overview, roofline, side_by_side, view};
 use crate::error::{Error, Result};
 use crate::record::{
-    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, groups, interval, median, ms, not_enough,
-    percent, ratio, significant, to_mind, two_modes,
+    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, groups, interval, is_shown_as, median, ms,
+    not_enough, percent, ratio, significant, to_mind, two_modes,
 };
 use askama::Template;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
@@ -286,7 +286,7 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
 /// Returns a device's compute capability, if the environment contains it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
-    let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| device.starts_with(name)));
+    let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| is_shown_as(name, device)));
     same.find_map(|one| one["compute_capability"].as_str().map(str::to_owned))
 }
 

@@ -172,7 +172,7 @@ fn lights(
         (None, Some(ball)) if !seen.lights.is_empty() => {
             files::lights_of_file(&seen.lights, ball.place(), framing::key_at(ball))
         }
-        (None, Some(ball)) => framing::lights(camera, ball),
+        (None, Some(ball)) if wire.sky.is_none() => framing::lights(camera, ball),
         (lights, _) => lights.iter().flatten().map(light).collect(),
     };
     if lights.is_empty() && wire.sky.is_none() {
@@ -339,6 +339,16 @@ mod tests {
 "bufferViews": [{"buffer": 0, "byteLength": 36}],
 "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
 "min": [0, 0, 0], "max": [1, 1, 0]}]}"#;
+
+    #[test]
+    fn a_sky_replaces_the_lights_of_a_bare_mesh() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let zenith = ("sky.zenith".to_owned(), Value::Float(0.5));
+        let scene = load_scene_with(&path, &[zenith]).unwrap().scene;
+        assert!(scene.lights.is_empty() && scene.sky.is_some(), "{:?}", scene.lights);
+    }
 
     #[test]
     fn the_camera_of_a_file_counts_unless_an_upward_direction_is_given() {

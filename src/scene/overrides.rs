@@ -7,13 +7,24 @@ use toml::{Table, Value};
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
-/// the last one adds an element, as in `light.0.power`.
+/// the last one adds an element, as in `light.0.power`. An angle of the camera asks for the whole scene, so the
+/// document's own place and field of view of the camera are removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
+        if ["camera.azimuth_degrees", "camera.elevation_degrees"].contains(&path.as_str()) {
+            unplace_camera(document);
+        }
         set(document, path, value)
             .map_err(|reason| Error::input(format!("override `{path}`: {reason}")).with_help(PATHS))?;
     }
     Ok(())
+}
+
+fn unplace_camera(document: &mut Table) {
+    let Some(Value::Table(camera)) = document.get_mut("camera") else { return };
+    for key in ["position", "look_at", "fov_x_degrees", "fov_y_degrees"] {
+        camera.remove(key);
+    }
 }
 
 /// Sets the value at one dotted path. An error is the reason, without the path.
@@ -101,6 +112,23 @@ mod tests {
         assert!(set("light.0.power", 7).unwrap().contains("power = 7"));
         assert_eq!(set("light.1.power", 7).unwrap().matches("[[light]]").count(), 2);
         assert!(set("display.exposure", 3).unwrap().contains("[display]\nexposure = 3"));
+    }
+
+    #[test]
+    fn an_angle_replaces_the_cameras_own_place_but_not_one_that_is_set_after_it() {
+        let own = "camera = { position = [1, 2, 3], look_at = [0, 0, 0], fov_y_degrees = 60, z_near = 0.5 }";
+        let set = |angle: &str, after: &[(&str, i64)]| {
+            let mut document: Table = own.parse().unwrap();
+            let values = [(angle, 90)].into_iter().chain(after.iter().copied());
+            let values: Vec<_> =
+                values.map(|(path, value)| (path.to_owned(), Value::Integer(value))).collect();
+            apply(&mut document, &values).unwrap();
+            let Some(Value::Table(camera)) = document.remove("camera") else { panic!("no camera") };
+            camera.into_iter().map(|(key, _)| key).collect::<Vec<_>>()
+        };
+        assert_eq!(set("camera.azimuth_degrees", &[]), ["azimuth_degrees", "z_near"]);
+        let fov = [("camera.fov_y_degrees", 20)];
+        assert_eq!(set("camera.elevation_degrees", &fov), ["elevation_degrees", "fov_y_degrees", "z_near"]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::casting::medians;
 use super::judge::{check, refuse_not_finite};
 use super::report::Verified;
-use super::{Args, load, ms_since, target};
+use super::{Args, last_notes, load, ms_since, target};
 use crate::cli::turn::hold;
 use crate::device::{Device, discover, select};
 use crate::error::Result;
@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         total_ms: ms_since(start),
         verified,
         output: target.path().display().to_string(),
-        notes,
+        notes: notes.into_iter().chain(last_notes(&scene, 1, "--samples 16 without --devices")).collect(),
     };
     tell(args, &report, target.is_standard_output())
 }

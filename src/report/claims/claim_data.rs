@@ -5,8 +5,11 @@ use super::sure::Ratio;
 use super::verdict::Line;
 use crate::peak::Peak;
 use crate::record::journals::SAMPLES;
-use crate::record::{Folder, Group, Outcome, Record, Sample, duration, median, ranking, read_lines};
+use crate::record::{
+    Folder, Group, Outcome, Record, Sample, duration, is_shown_as, median, ranking, read_lines,
+};
 use crate::report::words::{first_line, title};
+use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -121,8 +124,8 @@ impl<'a> ClaimData<'a> {
     /// Returns whether the run's environment describes the device as a CPU.
     pub(super) fn is_cpu(&self) -> bool {
         let devices = self.run.folder.environment["devices"].as_array();
-        let own = devices.into_iter().flatten().find(|one| one["device"].as_str() == Some(self.device));
-        own.is_some_and(|one| one["kind"] == "cpu")
+        let is_own = |one: &&Value| one["device"].as_str().is_some_and(|name| is_shown_as(name, self.device));
+        devices.into_iter().flatten().find(is_own).is_some_and(|one| one["kind"] == "cpu")
     }
 }
 
