@@ -64,3 +64,19 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
     has(&message, &["'a-nodes.png' exists", "--layers FILE"]);
     has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all of them"]);
 }
+
+#[test]
+fn a_layer_does_not_replace_the_picture() {
+    let place = place();
+    for picture in ["a-depth.png", "./a-depth.png", "a-nodes.png"] {
+        let message = place.mistake(&["render", "scene.toml", "-o", picture, "--layers", "a.png"], 2);
+        has(&message, &["is the picture and a layer too", "`-o FILE`", "`--layers FILE`"]);
+        assert!(!place.path(picture).exists(), "{picture}");
+    }
+    // One EXR is the picture and holds the layers.
+    render(&place, &["-o", "all.exr", "--layers", "./all.exr"]);
+    let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
+    let has_channel =
+        |name: &str| read.layer_data.channel_data.list.iter().any(|channel| channel.name.eq(name));
+    assert!(has_channel("R") && has_channel("Z"));
+}

@@ -1,7 +1,7 @@
 //! What lies where a command is to write: a file that raycl did not make, or that has been changed since, stays without `--force`.
 //! Reports and comparisons are tested in tests/report.rs.
 
-use crate::binary::{Place, TRIANGLE, device, has, one_point};
+use crate::binary::{Place, TRIANGLE, device, has, one_point, until};
 use std::io::{BufRead as _, BufReader};
 use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
@@ -88,12 +88,13 @@ fn an_edited_picture_that_kept_its_comment_stays() {
 struct Watching(Child, Receiver<String>);
 
 impl Watching {
-    fn start(place: &Place) -> Self {
+    fn start(place: &Place, options: &[&str]) -> Self {
         let device = device();
         let mut command = crate::binary::program();
-        command.args(["render", "scene.toml", "--watch", "--quiet", "--width", "24", "--height", "15"]);
-        command.args(["--device", &device]).current_dir(place.path("")).env("RAYCL_CACHE_MIB", "0");
-        let mut child = command.stderr(Stdio::piped()).spawn().expect("it starts");
+        command.args(["render", "scene.toml", "--watch", "--width", "24", "--height", "15"]);
+        command.args(["--device", &device]).args(options).current_dir(place.path(""));
+        command.env("RAYCL_CACHE_MIB", "0").stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("it starts");
         let lines = BufReader::new(child.stderr.take().expect("a pipe")).lines();
         let (sender, receiver) = channel();
         std::thread::spawn(move || lines.map_while(Result::ok).try_for_each(|line| sender.send(line)));
@@ -123,28 +124,42 @@ impl Drop for Watching {
     }
 }
 
+/// Changes the scene at once, as editors do.
+fn edit_scene(place: &Place, power: &str) {
+    let text = TRIANGLE.replace("power = 10", &format!("power = {power}"));
+    std::fs::write(place.path("draft"), text).expect("it writes");
+    std::fs::rename(place.path("draft"), place.path("scene.toml")).expect("it moves");
+}
+
+#[test]
+fn quiet_watching_says_nothing() {
+    let place = one_point();
+    let watching = Watching::start(&place, &["--quiet"]);
+    let picture = place.path("scene.png");
+    until("there is a picture", || image::open(&picture).is_ok());
+    let first = std::fs::read(&picture).expect("a picture");
+    edit_scene(&place, "20");
+    until("the picture has changed", || std::fs::read(&picture).is_ok_and(|now| now != first));
+    let said: Vec<String> = watching.1.try_iter().collect();
+    assert!(said.is_empty(), "{said:?}");
+}
+
 #[test]
 fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
     let place = one_point();
-    let watching = Watching::start(&place);
+    let watching = Watching::start(&place, &[]);
     let picture = place.path("scene.png");
     let is_picture = || image::open(&picture).is_ok();
-    // At once, as editors do.
-    let edit_scene = |power: &str| {
-        let text = TRIANGLE.replace("power = 10", &format!("power = {power}"));
-        std::fs::write(place.path("draft"), text).expect("it writes");
-        std::fs::rename(place.path("draft"), place.path("scene.toml")).expect("it moves");
-    };
     watching.until(|_| is_picture());
     let first = std::fs::read(&picture).expect("a picture");
-    edit_scene("20");
+    edit_scene(&place, "20");
     watching.until(|_| is_picture() && std::fs::read(&picture).expect("a picture") != first);
     std::fs::write(&picture, MINE).expect("it writes");
-    edit_scene("30");
+    edit_scene(&place, "30");
     watching.until(|said| said.contains("scene.png") && said.contains(STRANGE));
     assert_eq!(place.text("scene.png"), MINE);
     std::fs::remove_file(&picture).expect("it was there");
-    edit_scene("40");
+    edit_scene(&place, "40");
     watching.until(|_| is_picture());
 }
 

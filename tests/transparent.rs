@@ -81,7 +81,10 @@ fn formats_without_alpha_are_refused_by_name() {
     let devices = ["render", &scene, "--devices", &device, "--background", "transparent", "-o", "out.jpg"];
     has(&place.mistake(&devices, 2), &["'out.jpg': a JPEG has no alpha channel"]);
     let unknown = ["render", &scene, "--device", &device, "--background", "none"];
-    has(&place.mistake(&unknown, 2), &["neither a display colour such as", "nor \"transparent\""]);
+    has(
+        &place.mistake(&unknown, 2),
+        &["neither a display colour such as", "nor \"black\", \"white\" or \"transparent\""],
+    );
 }
 
 #[test]

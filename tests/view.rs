@@ -5,7 +5,7 @@ use crate::x_server::Server;
 use image::RgbImage;
 use serde_json::Value;
 use std::io::Read as _;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::Mutex;
 
 const SIZE: [u32; 2] = [96, 60];
@@ -19,8 +19,13 @@ fn place() -> Place {
 
 /// The command, on the test device.
 fn view(place: &Place, options: &[&str]) -> std::process::Command {
+    view_of("scene.toml", place, options)
+}
+
+/// The same of another scene.
+fn view_of(scene: &str, place: &Place, options: &[&str]) -> std::process::Command {
     let mut command = program();
-    command.current_dir(place.path(".")).args(["view", "scene.toml", "--device", &device()]).args(options);
+    command.current_dir(place.path(".")).args(["view", scene, "--device", &device()]).args(options);
     command.env_remove("DISPLAY").stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
@@ -158,17 +163,40 @@ fn a_pipe_gets_half_blocks() {
         assert_eq!(line.matches('▀').count(), 80, "{line}");
         assert!(line.starts_with("\x1b[38;2;") && line.ends_with("\x1b[0m"), "{line}");
     }
-    assert!(text.contains("\nspeed     "), "{text}");
+    // The report does not belong to the picture.
+    assert!(!text.contains("speed"), "{text}");
+    has(&String::from_utf8_lossy(&output.stderr), &["scene     little: 1 triangle\n", "\nspeed     "]);
 }
 
-/// Returns what a form of `--terminal` writes for one frame, before the report.
+/// Returns what a form of `--terminal` writes for one frame, without a report.
 fn frame(place: &Place, form: &str) -> Vec<u8> {
     let terminal = format!("--terminal={form}");
-    let output = finish(
-        view(place, &[&terminal, "--frames", "1", "--samples", "1", "--quiet"]).spawn().expect("it starts"),
-    );
+    one_frame(view(place, &[&terminal, "--quiet"])).stdout
+}
+
+/// Lets a command show one frame.
+fn one_frame(mut command: Command) -> Output {
+    let output = finish(command.args(["--frames", "1", "--samples", "1"]).spawn().expect("it starts"));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    output.stdout
+    output
+}
+
+#[test]
+fn json_is_not_mixed_with_pictures_in_a_pipe() {
+    let place = place();
+    let output = one_frame(view(&place, &["--terminal=sixel", "--json"]));
+    assert!(output.stdout == frame(&place, "sixel"), "other bytes than with --quiet");
+    let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
+    assert_eq!(report["frames"], 1);
+}
+
+#[test]
+fn a_scene_from_standard_input_is_shown() {
+    let place = place();
+    let scene = std::fs::File::open(place.path("scene.toml")).expect("a file");
+    let mut command = view_of("-", &place, &["--terminal=kitty", "--quiet"]);
+    command.stdin(scene);
+    assert!(one_frame(command).stdout == frame(&place, "kitty"), "another picture than that of the file");
 }
 
 #[test]

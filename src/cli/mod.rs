@@ -32,7 +32,7 @@ mod turn;
 pub mod view;
 mod watch;
 
-pub use output::{end_at_once, print, print_coloured, print_json, table, tell};
+pub use output::{end_at_once, print, print_coloured, print_json, table, tell, tell_json};
 
 use std::ffi::OsString;
 
@@ -149,7 +149,11 @@ impl Command {
 
     /// Returns whether the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
-        matches!(self, Self::Render(args) if args.reads_standard_input())
+        match self {
+            Self::Render(args) => args.reads_standard_input(),
+            Self::View(args) => args.reads_standard_input(),
+            _ => false,
+        }
     }
 }
 

@@ -46,9 +46,17 @@ pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
 
 /// Writes `value` to standard output as indented JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(value)
-        .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))?;
-    print(text)
+    print(json(value)?)
+}
+
+/// Writes `value` to standard error as indented JSON, for commands that write pictures to standard output.
+pub fn tell_json(value: &impl Serialize) -> Result<()> {
+    tell(false, json(value)?)
+}
+
+fn json(value: &impl Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value)
+        .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))
 }
 
 /// Returns an empty table with this header. The first `left` columns are left-aligned text, the others

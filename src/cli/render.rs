@@ -24,6 +24,7 @@ use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, Loaded, Sampling, Scene};
 use crate::strategy::Strategy;
+use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
 use judge::{check, refuse_not_finite};
 use motion::Motion;
@@ -81,7 +82,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
-    #[arg(long)]
+    #[arg(long, requires = "repeat")]
     no_wait: bool,
     /// Compare the picture with the serial reference; exit with 1 if it is wrong. With =N, compare only N random pixels
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
@@ -100,7 +101,7 @@ pub struct Args {
 impl Args {
     /// True if the scene comes from standard input.
     pub(super) fn reads_standard_input(&self) -> bool {
-        self.subject.scene.as_os_str() == STANDARD_INPUT
+        self.subject.reads_standard_input()
     }
 }
 
@@ -120,14 +121,14 @@ pub fn run(args: Args) -> Result<()> {
             .with_help("name the scene's file instead of `-`"));
     }
     let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
-    watch(&folders, || render(&args))
+    watch(&folders, args.quiet, || render(&args))
 }
 
 fn render(args: &Args) -> Result<()> {
     let mut timeline = if args.watch { Timeline::begin() } else { Timeline::of_process() };
     let target = target(args);
     check_target(&target, args.subject.size())?;
-    let layer_targets = layer_files(args)?;
+    let layer_targets = layer_files(args, &target)?;
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     timeline.ends("start");
     let opened = open(args, &sources)?;
@@ -270,10 +271,10 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// Returns the files of `--layers`, if requested.
-fn layer_files(args: &Args) -> Result<Vec<Target>> {
+/// Returns the files of `--layers`, if requested. None of them replaces the picture.
+fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
-    args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice)))
+    args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 
 /// Loads the scene. If it is animated and `--animate` is not given, the scene is its first frame.
@@ -282,7 +283,8 @@ fn load(args: &Args) -> Result<Loaded> {
     if !args.motion.animates()
         && let Some(animation) = loaded.animation.take()
     {
-        loaded.notes.push(format!("this is the first of {} frames: --animate renders all", animation.frames));
+        let frames = counted(animation.frames as usize, "frame");
+        loaded.notes.push(format!("this is the first of {frames}: --animate renders all"));
     }
     Ok(loaded)
 }
@@ -320,6 +322,15 @@ mod tests {
     struct Command {
         #[command(flatten)]
         args: Args,
+    }
+
+    #[test]
+    fn only_repeated_frames_wait_for_a_device() {
+        let is_accepted = |more: &[&str]| {
+            Command::try_parse_from([&["render", "a.toml", "--no-wait"], more].concat()).is_ok()
+        };
+        assert!(is_accepted(&["--repeat", "2"]));
+        assert!(!is_accepted(&[]));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use super::choice::{
 };
 use crate::device::DeviceInfo;
 use crate::error::Result;
+use crate::filetype::STANDARD_INPUT;
 use crate::launch::{Prepared, Refused, Session};
 use crate::scene::{Loaded, Scene, Shot, load_scene_for};
 use crate::strategy::{Strategy, Task};
@@ -46,6 +47,11 @@ pub struct Subject {
 }
 
 impl Subject {
+    /// Returns whether the scene comes from standard input, which can only be read once.
+    pub fn reads_standard_input(&self) -> bool {
+        self.scene.as_os_str() == STANDARD_INPUT
+    }
+
     /// Returns the picture's size: pixels across and down.
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]

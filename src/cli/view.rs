@@ -2,11 +2,12 @@
 
 use super::subject::Subject;
 use super::watch::{Watched, folders};
-use crate::error::{Error, Result};
-use crate::filetype::STANDARD_INPUT;
+use crate::error::Result;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
+use crate::words::counted;
 use serde::Serialize;
+use std::io::IsTerminal as _;
 
 /// Arguments of `raycl view`.
 #[derive(Debug, clap::Args)]
@@ -38,13 +39,25 @@ pub struct Args {
     quiet: bool,
 }
 
+impl Args {
+    /// True if the scene comes from standard input.
+    pub(super) fn reads_standard_input(&self) -> bool {
+        self.subject.reads_standard_input()
+    }
+
+    /// Returns whether standard output is a pipe or a file that gets the pictures.
+    fn streams(&self) -> bool {
+        self.terminal.is_some() && !std::io::stdout().is_terminal()
+    }
+}
+
 fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
         "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. The scene and the kernels \
-         are read again when they change.\n\nExamples:\n  raycl view scenes/teapot.toml\n  raycl view \
-         bunny.obj --plain --width 1280 --height 720\n  raycl view scenes/table.toml --spin --seconds 10 \
-         --json",
+         are read again when they change, unless the scene comes from standard input.\n\nExamples:\n  \
+         raycl view scenes/teapot.toml\n  raycl view bunny.obj --plain --width 1280 --height 720\n  \
+         zcat part.stl.gz | raycl view - --up z\n  raycl view scenes/table.toml --spin --seconds 10 --json",
         keys.join("\n")
     )
 }
@@ -81,10 +94,6 @@ struct Report {
 
 /// Shows a scene until the user ends it.
 pub fn run(args: Args) -> Result<()> {
-    if args.subject.scene.as_os_str() == STANDARD_INPUT {
-        return Err(Error::input("standard input cannot be watched")
-            .with_help("name the scene's file instead of `-`"));
-    }
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;
         let [width, height] = terminal.size();
@@ -97,15 +106,31 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn show(args: Args, screen: impl Screen) -> Result<()> {
+    let streams = args.streams();
     let Args { subject, samples, spin, frames, seconds, json, quiet, .. } = args;
-    let watched = Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()))?;
+    let watched = watched(&subject)?;
+    let has_changed = || watched.as_ref().is_some_and(Watched::has_changed);
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
-    let (live, total) = viewer.run(Until { frames, seconds }, || watched.has_changed())?;
-    let report = report(&live, total);
+    let (live, total) = viewer.run(Until { frames, seconds }, has_changed)?;
+    tell(&report(&live, total), streams, (json, quiet))
+}
+
+/// Watches the files of a scene. A scene from standard input cannot be read again, so nothing is watched.
+fn watched(subject: &Subject) -> Result<Option<Watched>> {
+    if subject.reads_standard_input() {
+        return Ok(None);
+    }
+    Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref())).map(Some)
+}
+
+/// Prints the report at the end: on standard error if standard output gets the pictures.
+fn tell(report: &Report, streams: bool, (json, quiet): (bool, bool)) -> Result<()> {
     match (json, quiet) {
-        (true, _) => super::print_json(&report),
+        (true, _) if streams => super::tell_json(report),
+        (true, _) => super::print_json(report),
+        (false, _) if streams => super::tell(quiet, text(report)),
         (false, true) => Ok(()),
-        (false, false) => super::print(text(&report)),
+        (false, false) => super::print(text(report)),
     }
 }
 
@@ -129,16 +154,53 @@ fn report(live: &Live, total: Total) -> Report {
 fn text(report: &Report) -> String {
     let ([width, height], [x, y]) = (report.image_size, report.local_size);
     [
-        format!("scene     {}: {} triangles", report.scene, report.triangles),
+        format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
         format!("device    {}", report.device),
         format!("strategy  {}", report.strategy),
         format!("size      {width} x {height} pixels, local size {x} x {y}"),
-        format!("kernel    {:10.2} ms, the median of {} frames", report.frame_ms, report.frames),
-        format!(
-            "speed     {:.1} frames/s, {}",
-            report.frames_per_s,
-            crate::words::rate(report.rays_per_s, "rays")
-        ),
+        format!("kernel    {:10.2} ms{}", report.frame_ms, kernel_remark(report)),
+        format!("speed     {}{}", frames_per_s(report), crate::words::rate(report.rays_per_s, "rays")),
     ]
     .join("\n")
+}
+
+/// Says that the kernel's time is a median, if there are several frames.
+fn kernel_remark(report: &Report) -> String {
+    let frames = || format!(", the median of {}", counted(report.frames as usize, "frame"));
+    (report.frames > 1).then(frames).unwrap_or_default()
+}
+
+/// Returns the frames per second. One frame has no rate.
+fn frames_per_s(report: &Report) -> String {
+    let rate = || format!("{:.1} frames/s, ", report.frames_per_s);
+    (report.frames > 1).then(rate).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(frames: u32) -> String {
+        text(&Report {
+            scene: "little".to_owned(),
+            triangles: 1,
+            device: "a device".to_owned(),
+            strategy: "naive".to_owned(),
+            local_size: [8, 8],
+            image_size: [48, 30],
+            frames,
+            seconds: 1.0,
+            frames_per_s: 2.0,
+            frame_ms: 1.5,
+            rays_per_s: 4e6,
+        })
+    }
+
+    #[test]
+    fn one_frame_has_neither_a_median_nor_frames_per_second() {
+        let (one, three) = (told(1), told(3));
+        assert!(one.contains(" 1.50 ms\n") && one.ends_with("speed     4.00 Mrays/s"), "{one}");
+        assert!(three.contains(" 1.50 ms, the median of 3 frames\n"), "{three}");
+        assert!(three.ends_with("speed     2.0 frames/s, 4.00 Mrays/s"), "{three}");
+    }
 }

@@ -55,14 +55,19 @@ pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveM
 }
 
 /// Acts once, then again after every change to a source file in `folders`, or also below them. A failed
-/// action is reported and does not end the loop, since the next change may correct the mistake.
-pub fn watch(folders: &[(PathBuf, RecursiveMode)], mut action: impl FnMut() -> Result<()>) -> Result<()> {
+/// action is reported and does not end the loop, since the next change may correct the mistake. Unless it is
+/// `quiet`, it says each time that it waits.
+pub fn watch(
+    folders: &[(PathBuf, RecursiveMode)],
+    quiet: bool,
+    mut action: impl FnMut() -> Result<()>,
+) -> Result<()> {
     let watched = Watched::new(folders)?;
     loop {
         if let Err(error) = action() {
             printer::tell(format!("{:?}", miette::Report::new(error)));
         }
-        printer::tell("waiting for a change (Ctrl-C ends)");
+        super::tell(quiet, "waiting for a change (Ctrl-C ends)")?;
         if !next_change(&watched.changes) {
             return Ok(());
         }
@@ -111,7 +116,7 @@ mod tests {
         let place = folder.path().to_owned();
         let (told, seen) = channel();
         std::thread::spawn(move || {
-            watch(&[(place, RecursiveMode::NonRecursive)], move || {
+            watch(&[(place, RecursiveMode::NonRecursive)], true, move || {
                 told.send(()).map_err(|_| Error::run("over"))
             })
         });

@@ -16,13 +16,16 @@ use std::path::{Path, PathBuf};
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
 /// Returns the files that layers are written to, derived from a target's name, or why they cannot be written.
-pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
+/// One EXR may hold the layers and be the picture too.
+pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
     let targets = if ending == "exr" {
         vec![target.clone()]
     } else if ending == "png" {
-        NAMES.map(|name| target.renamed(named(path, name))).to_vec()
+        let layers = NAMES.map(|name| target.renamed(named(path, name)));
+        layers.iter().try_for_each(|layer| refuse_picture(layer, picture))?;
+        layers.to_vec()
     } else {
         let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message)
@@ -30,6 +33,17 @@ pub fn layer_targets(target: &Target) -> Result<Vec<Target>> {
     };
     targets.iter().try_for_each(Target::check)?;
     Ok(targets)
+}
+
+/// Refuses a layer that would replace the picture.
+fn refuse_picture(layer: &Target, picture: &Target) -> Result<()> {
+    if !layer.is_same_file(picture) {
+        return Ok(());
+    }
+    let message = format!("'{}' is the picture and a layer too; expected two files", layer.path().display());
+    Err(Error::input(message).with_help(
+        "`-o FILE` writes the picture elsewhere, `--layers FILE` the layers; one .exr may hold both",
+    ))
 }
 
 fn named(path: &Path, layer: &str) -> PathBuf {

@@ -45,6 +45,11 @@ impl Target {
         &self.path
     }
 
+    /// Returns whether both are the same file of an existing folder, even if written differently.
+    pub fn is_same_file(&self, other: &Self) -> bool {
+        whole(&self.path).is_some_and(|path| whole(&other.path) == Some(path))
+    }
+
     /// Checks that the folder exists.
     pub fn check_folder(&self) -> Result<()> {
         folder_of(&self.path).map(drop)
@@ -81,6 +86,11 @@ impl Target {
             file.sync_all()
         })
     }
+}
+
+/// Returns a path from the root, with links to its folder resolved; `None` if there is no such folder.
+fn whole(path: &Path) -> Option<PathBuf> {
+    Some(folder_of(path).ok()?.canonicalize().ok()?.join(path.file_name()?))
 }
 
 /// Writes to standard output. The file is written to a temporary file first, since the mark is completed at
@@ -143,6 +153,19 @@ mod tests {
         assert!(target.write(mine).is_err());
         assert_eq!(std::fs::read(target.path()).unwrap(), b"mine");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_file_is_the_same_however_its_path_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("inner")).unwrap();
+        let target = |name: &str| Target::new(folder.path().join(name), KEEP);
+        for same in ["a.png", "./a.png", "inner/../a.png"] {
+            assert!(target("a.png").is_same_file(&target(same)), "{same}");
+        }
+        for other in ["b.png", "inner/a.png", "missing/a.png"] {
+            assert!(!target("a.png").is_same_file(&target(other)), "{other}");
+        }
     }
 
     #[cfg(unix)]

@@ -12,6 +12,7 @@ use super::{Args, SOFTER, last_notes, ms_since};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::shard::Asked;
+use crate::words::counted;
 use film::{Film, Keys};
 use frames::Frames;
 use serde::Serialize;
@@ -235,17 +236,75 @@ fn cast_into(
 fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     let mut lines = vec![
-        format!("scene     {}: {} triangles", report.scene, report.triangles),
+        format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle")),
         format!("device    {}", report.device),
-        format!(
-            "size      {width} x {height} pixels, {} frames, {} of which existed already",
-            report.frames, report.skipped
-        ),
-        format!("kernel    {:10.2} ms, the median frame", report.frame_ms),
-        format!("total     {:10.2} ms", report.total_ms),
-        format!("speed     {:.1} frames/s", report.frames_per_s),
+        format!("size      {width} x {height} pixels, {}", all_frames(report)),
     ];
+    let was_cast = report.frames > 0;
+    lines.extend(was_cast.then(|| format!("kernel    {:10.2} ms{}", report.frame_ms, kernel_remark(report))));
+    lines.push(format!("total     {:10.2} ms", report.total_ms));
+    lines.extend(was_cast.then(|| format!("speed     {:.1} frames/s", report.frames_per_s)));
     lines.extend(report.notes.iter().map(|note| format!("note      {note}")));
     lines.push(format!("pictures  {}", report.output));
     lines.join("\n")
+}
+
+/// Returns the number of all frames, and how many of them existed already.
+fn all_frames(report: &Report) -> String {
+    let all = report.frames + report.skipped;
+    let existed = match (report.skipped, report.frames) {
+        (0, _) => String::new(),
+        (1, 0) => ", which existed already".to_owned(),
+        (_, 0) => ", all of which existed already".to_owned(),
+        (skipped, _) => format!(", {skipped} of which existed already"),
+    };
+    counted(all as usize, "frame") + &existed
+}
+
+/// Says that the kernel's time is a median, if several frames were cast.
+fn kernel_remark(report: &Report) -> &'static str {
+    if report.frames > 1 { ", the median frame" } else { "" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(frames: u32, skipped: u32) -> String {
+        text(&Report {
+            scene: "little".to_owned(),
+            triangles: 1,
+            device: "a device".to_owned(),
+            strategy: "naive".to_owned(),
+            image_size: [48, 30],
+            frames,
+            skipped,
+            frame_ms: 1.5,
+            total_ms: 20.0,
+            frames_per_s: 4.0,
+            output: "a.png".to_owned(),
+            notes: Vec::new(),
+        })
+    }
+
+    #[test]
+    fn all_frames_are_counted_and_then_those_that_existed() {
+        for (frames, skipped, expected) in [
+            (4, 0, "48 x 30 pixels, 4 frames\n"),
+            (2, 2, "48 x 30 pixels, 4 frames, 2 of which existed already\n"),
+            (0, 4, "48 x 30 pixels, 4 frames, all of which existed already\n"),
+            (1, 0, "48 x 30 pixels, 1 frame\n"),
+            (0, 1, "48 x 30 pixels, 1 frame, which existed already\n"),
+        ] {
+            let text = told(frames, skipped);
+            assert!(text.contains(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn times_of_frames_are_told_only_if_one_was_cast() {
+        assert!(!told(0, 4).contains("kernel") && !told(0, 4).contains("speed"));
+        assert!(told(1, 3).contains("1.50 ms\n") && told(1, 3).contains("4.0 frames/s"));
+        assert!(told(2, 2).contains("1.50 ms, the median frame\n"));
+    }
 }

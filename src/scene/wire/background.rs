@@ -28,7 +28,7 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
     type Value = BackgroundWire;
 
     fn expecting(&self, out: &mut fmt::Formatter) -> fmt::Result {
-        out.write_str("a display colour such as \"#203040\", \"transparent\", or radiance: ")?;
+        out.write_str("a display colour such as \"#203040\" or \"black\", \"transparent\", or radiance: ")?;
         self.0.expecting(out)
     }
 
@@ -37,7 +37,8 @@ impl<'de> Visitor<'de> for BackgroundVisitor {
             return Ok(BackgroundWire::Transparent);
         }
         let wrong = || {
-            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor \"transparent\""))
+            let others = "\"black\", \"white\" or \"transparent\"";
+            E::custom(format!("{text:?} is neither a display colour such as \"#203040\" nor {others}"))
         };
         displayed(text).map(BackgroundWire::Displayed).ok_or_else(wrong)
     }

@@ -5,6 +5,7 @@ use crate::image::{Radiance, frame_key, save_frame};
 use crate::output::{Choice, Target};
 use crate::scene::Display;
 use crate::shard::Shard;
+use crate::words::counted;
 use std::path::{Path, PathBuf};
 
 /// Frames from the first to the last, both included.
@@ -30,7 +31,9 @@ impl Frames {
         if self.last <= count {
             return Ok(self);
         }
-        let message = format!("--frames {}..{}, but there are {count} frames", self.first, self.last);
+        let are = if count == 1 { "is" } else { "are" };
+        let there = counted(count as usize, "frame");
+        let message = format!("--frames {}..{}, but there {are} {there}", self.first, self.last);
         Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
     }
 
@@ -82,6 +85,9 @@ impl Numbered {
     /// Returns their names, for messages.
     pub fn name(&self) -> String {
         let [first, last] = [self.wanted.first, self.wanted.last].map(|number| self.file(number));
+        if first == last {
+            return first.display().to_string();
+        }
         format!("{} to {}", first.display(), last.display())
     }
 
@@ -125,6 +131,23 @@ mod tests {
             let most = shards.iter().map(|frames| frames.len()).max();
             assert_eq!(most, Some(last.div_ceil(of)), "{shards:?}");
         }
+    }
+
+    #[test]
+    fn one_frame_has_one_name_and_several_are_named_by_their_ends() {
+        let named = |first, last| {
+            let choice = Choice { force: false, elsewhere: "-o FILE" };
+            Numbered { path: "turn/a.png".into(), digits: 4, choice, wanted: Frames { first, last } }.name()
+        };
+        assert_eq!(named(3, 3), "turn/a-0003.png");
+        assert_eq!(named(1, 3), "turn/a-0001.png to turn/a-0003.png");
+    }
+
+    #[test]
+    fn a_message_counts_one_frame_as_one() {
+        let told = |count| Frames { first: 5, last: 5 }.within(count).map_err(|error| error.to_string());
+        assert_eq!(told(1), Err("--frames 5..5, but there is 1 frame".to_owned()));
+        assert_eq!(told(4), Err("--frames 5..5, but there are 4 frames".to_owned()));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::super::{Args, target};
 use super::frames::{Frames, Numbered};
 use crate::error::{Error, Result};
 use crate::image::{Movie, Radiance};
+use crate::output::Target;
 use crate::scene::Display;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -40,7 +41,13 @@ impl Sink {
             let message = format!("'{}' is not a valid name for moving pictures", target.path().display());
             return Err(Error::input(message).with_help(NAMES));
         }
-        if ending == "apng" { target.check() } else { target.check_folder() }
+        if ending == "apng" {
+            return target.check();
+        }
+        if let Some(rate) = args.motion.rate {
+            return Err(no_rate(rate, &target));
+        }
+        target.check_folder()
     }
 
     /// Makes the output that the file's name asks for, for some of `count` frames.
@@ -82,6 +89,13 @@ impl Sink {
             Self::Movie(movie) => movie.write(frames.iter().map(|((_, _, image), display)| (image, display))),
         }
     }
+}
+
+/// Returns the error for a rate of numbered pictures, which have none.
+fn no_rate(rate: u16, target: &Target) -> Error {
+    let name = target.path().display();
+    Error::input(format!("--rate {rate} has no effect on numbered pictures, for which '{name}' stands"))
+        .with_help("leave out --rate; an .apng and a y4m stream (`-o -`) have a rate")
 }
 
 /// The most pictures that are encoded at the same time: beyond that, a GPU casts no faster.
