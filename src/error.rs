@@ -9,6 +9,7 @@ pub use quoted::{line_of, shortened};
 
 use std::path::Path;
 
+use crate::filetype::{Damaged, STANDARD_INPUT};
 use crate::printer::{self, plain};
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
@@ -52,6 +53,8 @@ const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
 const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder with --out DIR";
+/// The remedy for a packed file that cannot be unpacked.
+const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, with the command";
 
@@ -164,12 +167,18 @@ impl Error {
         self
     }
 
-    /// Returns an error for a file that cannot be read. The remedy names the most similar file name in the
-    /// same folder; if there is none, it is `otherwise`.
+    /// Returns an error for a file that cannot be read. If the file is missing, the remedy names the most
+    /// similar file name in the same folder. If it is packed and damaged, the remedy says so. Otherwise, the
+    /// remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
-        let meant = nearest_file(path).map(|meant| format!("did you mean `{}`?", meant.display()));
-        Self::input(format!("cannot read the {what} `{}`: {error}", path.display()))
-            .with_help(meant.unwrap_or_else(|| otherwise.to_owned()))
+        let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
+        let meant = is_missing.then(|| nearest_file(path)).flatten();
+        let remedy = match meant {
+            Some(meant) => format!("did you mean `{}`?", meant.display()),
+            None if Damaged::caused(error) => AFRESH.to_owned(),
+            None => otherwise.to_owned(),
+        };
+        Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
     /// Adds a location to an input error that has none: `at` makes the new error from the message. The remedy
@@ -203,6 +212,23 @@ mod tests {
         let Error::Input(input) = error else { panic!("not an input error") };
         let shown = input.source_code.as_ref().unwrap().inner();
         assert_eq!((shown.as_str(), shown.len()), ("# ?]0;title?\n??2Jv x\n", text.len()));
+    }
+
+    #[test]
+    fn a_similar_name_is_suggested_only_for_a_missing_file() {
+        use std::io::ErrorKind;
+        let folder = tempfile::tempdir().unwrap();
+        let [there, missing] = ["scene.toml", "scnee.toml"].map(|name| folder.path().join(name));
+        std::fs::write(&there, "").unwrap();
+        let remedy = |path: &Path, kind: ErrorKind| {
+            let error = std::io::Error::from(kind);
+            Error::unreadable("scene", path, &error, "other").remedy().to_owned()
+        };
+        let meant = format!("did you mean `{}`?", there.display());
+        assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
+        assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
+        // Every name of one letter in the current folder would be similar.
+        assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 
     /// Returns the error as it is printed without a terminal, for the range of `text` that equals `mark`.

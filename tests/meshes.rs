@@ -119,6 +119,25 @@ fn all_formats_of_a_mesh_are_one_picture_packed_or_not_and_from_a_pipe() {
 }
 
 #[test]
+fn what_a_pipe_cuts_off_is_said_to_be_cut_off() {
+    let place = Place::with(&[("w", "")]);
+    let told = |bytes: Vec<u8>| {
+        let output = place.raycl(&["render", "-"]).write_stdin(bytes).assert().code(2);
+        String::from_utf8_lossy(&output.get_output().stderr).into_owned()
+    };
+    let mut half = packed(ply(&moved(1.0, [0.0; 3])).as_bytes());
+    half.truncate(half.len() / 2);
+    let message = told(half);
+    has(&message, &["cannot read the scene `-`: it cannot be unpacked", "may be cut off or damaged"]);
+    assert!(!message.contains("did you mean"), "{message}");
+    // A normal, three corners, and two further bytes.
+    let numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0_f32];
+    let triangle: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).chain([0; 2]).collect();
+    let message = told([&[0; 80][..], &[9, 0, 0, 0], &triangle, &triangle[..20]].concat());
+    has(&message, &["-: the header says 9 triangles, but the file holds 1", "may be cut off or damaged"]);
+}
+
+#[test]
 fn scenes_take_meshes_of_any_format_with_creases_of_their_own() {
     let scene = "[camera]\nposition = [1, 1, 4]\n[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\n";
     let corners = moved(1.0, [0.0; 3]);

@@ -62,7 +62,8 @@ impl Simulation<'_> {
         let folder = tempfile::tempdir().expect("a folder");
         let output = crate::binary::run(&mut self.command(folder.path()));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let does_not_fit = output.status.code() == Some(2) && said.contains("cannot hold this");
+        let is_refused = ["cannot hold this", "cannot cast the scene"].iter().any(|part| said.contains(part));
+        let does_not_fit = output.status.code() == Some(2) && is_refused;
         // What no compiler takes is for tests/kernels.rs to tell.
         if does_not_fit || said.contains("the build failed") {
             return None;

@@ -3,6 +3,9 @@
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};
 
+/// The patterns that stand for a kind of device.
+const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
+
 /// Returns the devices that match the patterns, each once, in the order of the patterns; without patterns,
 /// every usable device.
 ///
@@ -79,7 +82,7 @@ fn matches(info: &DeviceInfo, pattern: &str) -> bool {
     match pattern.as_str() {
         "" => false,
         "all" => true,
-        "cpu" | "gpu" | "accelerator" => info.kind.name() == pattern,
+        kind if KINDS.contains(&kind) => info.kind.name() == kind,
         _ => names(info).iter().any(|name| name.to_lowercase().contains(&pattern)),
     }
 }
@@ -90,13 +93,23 @@ fn names(info: &DeviceInfo) -> [&str; 4] {
 }
 
 fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
-    let kinds = ["all", "cpu", "gpu", "accelerator"].map(str::to_owned);
+    let question = meant(infos, pattern).map(|word| format!("did you mean '{word}'? ")).unwrap_or_default();
+    Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
+}
+
+/// Returns the word, among those that match some device, that is most similar to a pattern that matches none.
+/// A kind is no misspelt word.
+fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
+    let pattern = pattern.trim().to_lowercase();
+    if KINDS.contains(&pattern.as_str()) {
+        return None;
+    }
+    let kinds = KINDS.into_iter().filter(|kind| infos.iter().any(|info| info.kind.name() == *kind));
+    let kinds = kinds.chain(["all"]).map(str::to_owned);
     let words = infos.iter().flat_map(|info| names(info)).flat_map(str::split_whitespace);
     let mut candidates: Vec<_> = words.map(str::to_lowercase).chain(kinds).collect();
     candidates.retain(|word| word.len() > 2);
-    let meant = nearest(&pattern.to_lowercase(), candidates.iter().map(String::as_str));
-    let question = meant.map(|word| format!("did you mean '{word}'? ")).unwrap_or_default();
-    Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
+    nearest(&pattern, candidates.iter().map(String::as_str)).map(str::to_owned)
 }
 
 fn listing(infos: &[&DeviceInfo]) -> String {
@@ -166,6 +179,22 @@ mod tests {
             assert!(message.contains(part), "{message}");
         }
         assert!(places(&[""]).is_err());
+    }
+
+    #[test]
+    fn only_kinds_that_some_device_has_are_suggested_and_never_the_pattern_itself() {
+        let cpu = [example("Portable Computing Language", "pthread-skylake", DeviceKind::Cpu, 2)];
+        let remedy = |pattern: &str| {
+            let error = selected(&cpu.each_ref(), &[pattern.to_owned()]).expect_err("a mistake");
+            error.remedy().to_owned()
+        };
+        for pattern in ["gpu", "GPU", "accelerator", "acelerator"] {
+            let remedy = remedy(pattern);
+            assert!(!remedy.contains("did you mean") && remedy.contains("pthread-skylake"), "{remedy}");
+        }
+        assert!(remedy("cpuu").starts_with("did you mean 'cpu'?"));
+        assert!(remedy("al").starts_with("did you mean 'all'?"));
+        assert!(message(&["gpus"]).contains("did you mean 'gpu'?"));
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
 use crate::shard::Cost;
+use crate::words::counted;
 use std::collections::HashMap;
 use std::fmt;
 use std::time::Duration;
@@ -163,9 +164,10 @@ impl fmt::Display for Expected {
         } else {
             format!("{} launches", self.launches)
         };
-        write!(f, "{points} points in {launches}: ")?;
+        write!(f, "{} in {launches}: ", counted(points, "point"))?;
         if known == 0 {
-            return write!(f, "at least {} frames of each; how long they take is unknown", self.least_frames);
+            let frames = counted(self.least_frames, "frame");
+            return write!(f, "at least {frames} of each; how long this takes is unknown");
         }
         let seconds = self.time.as_secs();
         match seconds {
@@ -228,6 +230,17 @@ mod tests {
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
+    }
+
+    #[test]
+    fn one_point_and_one_frame_are_in_the_singular() {
+        let expected = |points, least_frames| {
+            let points = [points, 0];
+            Expected { points, launches: 3, least_frames, ..Expected::default() }.to_string()
+        };
+        let unknown = "of each; how long this takes is unknown";
+        assert_eq!(expected(1, 1), format!("1 point in 3 launches: at least 1 frame {unknown}"));
+        assert_eq!(expected(2, 15), format!("2 points in 3 launches: at least 15 frames {unknown}"));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 mod opened;
 mod signatures;
+mod stl;
 mod swapped;
 mod text;
 
@@ -11,7 +12,7 @@ mod tests;
 
 pub use swapped::{experiment_instead, scene_instead};
 
-pub use opened::{Opened, STANDARD_INPUT};
+pub use opened::{Damaged, Opened, STANDARD_INPUT};
 
 use crate::error::Error;
 use std::path::{Path, PathBuf};

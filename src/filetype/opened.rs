@@ -1,6 +1,6 @@
 //! A file that was opened and recognised. A packed file is unpacked.
 
-use super::{FileType, Foreign, MeshFormat, UNKNOWN};
+use super::{FileType, Foreign, MeshFormat, UNKNOWN, stl};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use flate2::read::MultiGzDecoder;
@@ -83,17 +83,38 @@ impl Opened {
     }
 }
 
-fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
-    within_memory(MultiGzDecoder::new(packed)).map(|bytes| Opened::held(bytes, path))
+/// The error of a packed file that is cut off or damaged.
+#[derive(Debug, thiserror::Error)]
+#[error("it cannot be unpacked ({0})")]
+pub struct Damaged(io::Error);
+
+impl Damaged {
+    /// Returns whether this is why a file could not be read.
+    pub fn caused(error: &io::Error) -> bool {
+        error.get_ref().is_some_and(|inner| inner.is::<Self>())
+    }
+
+    /// Marks an error of a packed file, unless it is the system's or says that memory does not suffice.
+    fn mark(error: io::Error) -> io::Error {
+        if error.raw_os_error().is_some() || error.kind() == io::ErrorKind::OutOfMemory {
+            return error;
+        }
+        io::Error::new(io::ErrorKind::InvalidData, Self(error))
+    }
 }
 
-/// Returns a file's type. Unknown bytes in a file named `.stl` are STL whose length does not match its count of
-/// triangles, by which binary STL is recognised otherwise; the reader of STL reports what is wrong.
+fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
+    let bytes = within_memory(MultiGzDecoder::new(packed)).map_err(Damaged::mark)?;
+    Ok(Opened::held(bytes, path))
+}
+
+/// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles
+/// and is cut off. Its length then does not match its count of triangles, by which binary STL is recognised
+/// otherwise; the reader of STL reports what is wrong.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
+    let is_named = || MeshFormat::from_ending(path) == Some(MeshFormat::Stl);
     match FileType::of(head, length) {
-        FileType::Foreign(Foreign { name: UNKNOWN, .. })
-            if MeshFormat::from_ending(path) == Some(MeshFormat::Stl) =>
-        {
+        FileType::Foreign(Foreign { name: UNKNOWN, .. }) if is_named() || stl::is_cut_off(head, length) => {
             FileType::Mesh(MeshFormat::Stl)
         }
         other => other,

@@ -1,6 +1,6 @@
 //! Formats that are recognised by a signature in their first bytes.
 
-use super::{FileType, Foreign, MeshFormat};
+use super::{FileType, Foreign, MeshFormat, stl};
 
 /// The advice for files that contain a mesh.
 pub(super) const EXPORT: &str = "export it as glTF or OBJ, with Blender for example";
@@ -75,7 +75,7 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     if is_3ds(head, length) {
         return foreign("a 3DS scene", EXPORT);
     }
-    if is_binary_stl(head, length) {
+    if stl::is_whole(head, length) {
         return Some(FileType::Mesh(MeshFormat::Stl));
     }
     let begins = |&&(at, bytes, ..): &&Signature| head.get(at..).is_some_and(|rest| rest.starts_with(bytes));
@@ -110,13 +110,6 @@ fn is_3ds(head: &[u8], length: u64) -> bool {
     let Some(&[b'M', b'M', a, b, c, d, low, high]) = head.get(..8) else { return false };
     let size = u64::from(u32::from_le_bytes([a, b, c, d]));
     size == length || matches!(u16::from_le_bytes([low, high]), 0x0002 | 0x3d3d)
-}
-
-/// Recognises a binary STL file: 80 arbitrary bytes, a count, and 50 bytes per triangle. Only the file's
-/// length is decisive.
-fn is_binary_stl(head: &[u8], length: u64) -> bool {
-    let Some(&[a, b, c, d]) = head.get(80..84) else { return false };
-    84 + 50 * u64::from(u32::from_le_bytes([a, b, c, d])) == length
 }
 
 /// Returns whether `text` contains `part`.

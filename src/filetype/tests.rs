@@ -1,6 +1,9 @@
 //! Tests with one small file of each format, made here.
 
 use super::*;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use std::io::Write as _;
 
 /// Returns the name of the format of a file with these bytes, or how it is read.
 fn called(bytes: &[u8]) -> &'static str {
@@ -161,4 +164,28 @@ fn the_name_of_a_packed_mesh_says_its_format() {
         assert_eq!(format(name), Some(MeshFormat::Stl), "{name}");
     }
     assert_eq!([format("part.gz"), format("stl.gz"), format("part.stl.zip")], [None; 3]);
+}
+
+#[test]
+fn a_packed_file_that_is_cut_off_or_changed_is_damaged() {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let whole = encoder.finish().unwrap();
+    let [mut short, mut shorter, mut changed] = [(); 3].map(|()| whole.clone());
+    short.truncate(whole.len() - 1);
+    shorter.truncate(whole.len() - 12);
+    changed[whole.len() - 8] ^= 1;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj.gz");
+    for bytes in [short, shorter, changed] {
+        std::fs::write(&path, bytes).unwrap();
+        let error = Opened::at(&path).unwrap_err();
+        assert!(
+            Damaged::caused(&error) && error.to_string().starts_with("it cannot be unpacked ("),
+            "{error}"
+        );
+    }
+    std::fs::write(&path, whole).unwrap();
+    assert_eq!(Opened::at(&path).unwrap().filetype, FileType::Mesh(MeshFormat::Obj));
+    assert!(!Damaged::caused(&Opened::at(folder.path()).unwrap_err()));
 }

@@ -10,7 +10,7 @@ use crate::strategy::Infeasible;
 pub enum Refused {
     /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.
     Mistake(Error),
-    /// It needs more than the device has.
+    /// It needs more than the device has, or lacks something that the scene has.
     Device(Infeasible),
     /// It needs more memory than the host has.
     Host(Infeasible),
@@ -25,8 +25,11 @@ pub enum Refused {
     },
 }
 
+/// The remedy if a device or the host cannot hold a point.
 const SMALLER: &str =
     "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
+/// The remedy if the strategy lacks something that the scene has.
+const ANOTHER: &str = "choose another --strategy: `raycl strategies` lists them, with their traversals";
 
 impl Refused {
     /// Adds the name of the step in which a launch failed.
@@ -51,6 +54,9 @@ impl Refused {
             |what: &str| Error::input(format!("{what} cannot hold this: {reason}")).with_help(SMALLER);
         match self {
             Self::Mistake(error) => error,
+            Self::Device(Infeasible { is_lacking: true, .. }) => {
+                Error::input(format!("this strategy cannot cast the scene: {reason}")).with_help(ANOTHER)
+            }
             Self::Device(_) => too_large(device),
             Self::Host(_) => too_large("this machine"),
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
@@ -65,5 +71,25 @@ impl Refused {
 impl From<Error> for Refused {
     fn from(error: Error) -> Self {
         Self::Mistake(error)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_smaller_picture_is_advised_only_for_what_a_device_cannot_hold() {
+        let told = |infeasible| {
+            let error = Refused::Device(infeasible).into_error("the device");
+            assert_eq!(error.exit_code(), 2);
+            (error.to_string(), error.remedy().to_owned())
+        };
+        let (message, remedy) = told(Infeasible::lacking("traversal = raster has no sky".to_owned()));
+        assert_eq!(message, "this strategy cannot cast the scene: traversal = raster has no sky");
+        assert_eq!(remedy, ANOTHER);
+        let (message, remedy) = told(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
+        assert_eq!(message, "the device cannot hold this: global memory: 2 B > 1 B");
+        assert_eq!(remedy, SMALLER);
     }
 }

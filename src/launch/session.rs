@@ -225,5 +225,5 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
     }
-    Infeasible { reason: format!("{}, in addition to {held_bytes} B of other points", refused.reason) }
+    Infeasible::beyond(format!("{}, in addition to {held_bytes} B of other points", refused.reason))
 }

@@ -44,7 +44,7 @@ pub(super) fn assemble(
     let framed = document.bare || wire.camera.is_framed();
     let around = (framed || shot.turns).then(|| Ball::around(&mesh, wire.camera.upright()));
     let ball = around.filter(|_| framed);
-    let base = base_camera(&wire.camera, &mesh, ball, seen.camera, shot);
+    let base = base_camera(&wire.camera, &mesh, ball, &seen, shot, notes);
     let camera = camera(document, &wire.camera, base, ball)?;
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
@@ -147,6 +147,7 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
         starts.push(first as u32);
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
+            seen.camera_note = file.camera_note;
             seen.add(file.camera, file.lights, file.origin, notes);
         }
         mesh.append(file.mesh);
@@ -216,6 +217,8 @@ fn light(wire: &LightWire) -> Light {
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
+    /// A note that holds only if this camera is used.
+    camera_note: Option<String>,
     lights: Vec<FileLight>,
 }
 
@@ -257,11 +260,13 @@ fn base_camera(
     wire: &CameraWire,
     mesh: &Mesh,
     ball: Option<Ball>,
-    of_file: Option<Camera>,
+    seen: &Seen,
     shot: Shot,
+    notes: &mut Vec<String>,
 ) -> Camera {
     let Some(ball) = ball else { return Camera { z_near: 0.0, ..Camera::PAPER } };
-    if let Some(camera) = of_file.filter(|_| !wire.is_framed() && wire.up.is_none()) {
+    if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
+        notes.extend(seen.camera_note.clone());
         return camera;
     }
     let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);
@@ -326,6 +331,7 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
 mod tests {
     use crate::scene::load_scene_with;
     use glam::Vec3;
+    use std::path::Path;
     use toml::Value;
 
     /// A triangle, and a camera in front of it.
@@ -361,5 +367,27 @@ mod tests {
         let up = Value::Array([0, 0, 1].map(Value::Integer).to_vec());
         let framed = camera(&[("camera.up".to_owned(), up)]);
         assert!(framed.up.z > 0.9, "{}", framed.up);
+    }
+
+    #[test]
+    fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, scene] = ["a.gltf", "a.toml"].map(|name| folder.path().join(name));
+        let two = SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#);
+        std::fs::write(&path, two.replace("[0, 1]", "[0, 1, 2]")).unwrap();
+        let text = "[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\nmesh = \"a.gltf\"\n";
+        std::fs::write(&scene, text).unwrap();
+        let notes = |path: &Path, values: &[(String, Value)]| load_scene_with(path, values).unwrap().notes;
+        let note = format!("{}: of 2 cameras, the first is used", path.display());
+        assert_eq!(notes(&path, &[]), [note]);
+        let up = Value::Array([0, 0, 1].map(Value::Integer).to_vec());
+        for value in [("camera.up".to_owned(), up), ("camera.azimuth_degrees".to_owned(), Value::Float(90.0))]
+        {
+            assert_eq!(notes(&path, &[value]), [""; 0]);
+        }
+        let unused =
+            format!("{}: its cameras and lights are not used: those of the scene are", path.display());
+        assert!(notes(&scene, &[]).contains(&unused));
+        assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
     }
 }

@@ -96,7 +96,7 @@ impl HostNeeds {
         let limit = available.bytes.saturating_add(own_bytes);
         let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };
         sum.within(&format!("the host's memory ({moment})"), limit)
-            .map_err(|refused| Infeasible { reason: format!("{} by {}", refused.reason, available.source) })
+            .map_err(|refused| Infeasible::beyond(format!("{} by {}", refused.reason, available.source)))
     }
 }
 

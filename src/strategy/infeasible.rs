@@ -1,8 +1,22 @@
-//! The reason why a device or the host cannot hold a point.
+//! The reason why a strategy cannot be cast, found before anything is compiled.
 
-/// Why a point does not fit: the arithmetic, as a sentence.
+/// Why a point cannot be cast: the arithmetic, or what its strategy lacks, as a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
     /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
+    /// True if the strategy lacks something that the scene has; neither the device nor a size is the cause.
+    pub is_lacking: bool,
+}
+
+impl Infeasible {
+    /// Returns the reason why a device or the host cannot hold a point.
+    pub fn beyond(reason: String) -> Self {
+        Self { reason, is_lacking: false }
+    }
+
+    /// Returns the reason why a strategy cannot cast a scene on any device.
+    pub fn lacking(reason: String) -> Self {
+        Self { reason, is_lacking: true }
+    }
 }

@@ -37,14 +37,14 @@ impl Sum {
         }
         let terms: Vec<_> = self.terms.iter().map(|(_, term)| term.as_str()).collect();
         let (sum, bytes) = (terms.join(" + "), self.bytes);
-        Err(Infeasible { reason: format!("{memory}: {sum} = {bytes} B > {limit_bytes} B") })
+        Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
     /// Returns an error if a single term exceeds the limit, with that term's arithmetic.
     pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {
-                Err(Infeasible { reason: format!("{memory}: {term} = {bytes} B > {limit_bytes} B") })
+                Err(Infeasible::beyond(format!("{memory}: {term} = {bytes} B > {limit_bytes} B")))
             }
             _ => Ok(()),
         }

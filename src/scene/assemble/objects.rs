@@ -109,7 +109,9 @@ fn read_file(
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
         read.notes.push("its cameras and lights are not used: those of the scene are".to_owned());
     }
-    for note in read.notes.drain(..).map(|note| format!("{}: {note}", path.display())) {
+    let named = |note: String| format!("{}: {note}", path.display());
+    read.camera_note = read.camera_note.map(named);
+    for note in read.notes.drain(..).map(named) {
         // Notes on a mesh that several objects use appear once.
         if !notes.contains(&note) {
             notes.push(note);

@@ -43,6 +43,8 @@ pub(in crate::scene) struct MeshFile {
     pub more_starts: Vec<u32>,
     /// The first camera of the file, relative to the origin.
     pub camera: Option<Camera>,
+    /// A note for the user that holds only if this camera is used.
+    pub camera_note: Option<String>,
     /// The file's lights, relative to the origin.
     pub lights: Vec<FileLight>,
     /// Notes for the user.
@@ -102,7 +104,7 @@ fn invisible(mesh: &Mesh) -> Option<String> {
 
 /// Removes quotations of the file from errors and notes, if raycl may not show its text.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
-    let told = |file: MeshFile| MeshFile { notes: Vec::new(), ..file };
+    let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
     let outside = "its text is not shown, since it is outside the folder of the file that names it";
     let mistake = || Error::input(format!("{name}: damaged, or not {}", format.name())).with_help(outside);
     file.map(told).map_err(|_| mistake())

@@ -12,12 +12,12 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     if items > limits.work_group_size as u64 {
         let reason =
             format!("work-group: {x} x {y} = {items} work-items > the device's {}", limits.work_group_size);
-        return Err(Infeasible { reason });
+        return Err(Infeasible::beyond(reason));
     }
     let sizes = limits.work_item_sizes;
     if x as usize > sizes[0] || y as usize > sizes[1] {
         let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
-        return Err(Infeasible { reason });
+        return Err(Infeasible::beyond(reason));
     }
     Ok(())
 }
@@ -32,13 +32,13 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
         let reason = format!(
             "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among {GROUP_LANES} work-items across: 32 x 1 to 32 x 8"
         );
-        return Err(Infeasible { reason });
+        return Err(Infeasible::beyond(reason));
     }
     if y > 1 && limits.lane_operations == LaneOperations::Barriers {
         let reason = format!(
             "work-group: {x} x {y}, but on this device work-items can only share a tile by barriers, and only one tile per work-group: 32 x 1"
         );
-        return Err(Infeasible { reason });
+        return Err(Infeasible::beyond(reason));
     }
     Ok(())
 }
@@ -48,11 +48,11 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {
         let reason = format!("16-bit indices: {largest} entries > {}", 1 << 16);
-        return Err(Infeasible { reason });
+        return Err(Infeasible::beyond(reason));
     }
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
     if strategy.needs_tree() && triangles > most {
-        return Err(Infeasible { reason: format!("a tree's leaves: {triangles} triangles > {most}") });
+        return Err(Infeasible::beyond(format!("a tree's leaves: {triangles} triangles > {most}")));
     }
     Ok(())
 }
@@ -67,7 +67,7 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
         true => ("sky", "a scene without [sky], or a bare mesh with --plain, can be cast"),
         false => ("lights with a radius", "--samples 1 takes them as points"),
     };
-    Err(Infeasible { reason: format!("{} has no {has}, which the scene has: {remedy}", family.label) })
+    Err(Infeasible::lacking(format!("{} has no {has}, which the scene has: {remedy}", family.label)))
 }
 
 /// Checks that the family supports textures, if the scene has them.
@@ -78,5 +78,5 @@ pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasib
     }
     let label = family.label;
     let reason = format!("{label} has no textures, which the scene has: textures = false leaves them out");
-    Err(Infeasible { reason })
+    Err(Infeasible::lacking(reason))
 }

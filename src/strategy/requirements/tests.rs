@@ -41,7 +41,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
 }
 
 fn check(name: &str, triangles: usize, local: u32) -> Result<Requirements, Infeasible> {
-    let strategy = preset(name).map_err(|e| Infeasible { reason: e.to_string() })?.strategy;
+    let strategy = preset(name).map_err(|e| Infeasible::beyond(e.to_string()))?.strategy;
     Requirements::check(&strategy, &workload(triangles, local), &PAPER_DEVICE)
 }
 
@@ -118,6 +118,18 @@ fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name
     let many = workload(WideBvh::MAX_INDEX + 1, 8);
     let refused = Requirements::check(&preset("bvh").unwrap().strategy, &many, &limits).unwrap_err();
     assert_eq!(refused.reason, "a tree's leaves: 33554433 triangles > 33554432");
+}
+
+#[test]
+fn what_a_strategy_lacks_is_told_apart_from_what_a_device_cannot_hold() {
+    let strategy = preset("raster").unwrap().strategy;
+    let is_lacking =
+        |workload: Workload| Requirements::check(&strategy, &workload, &PAPER_DEVICE).unwrap_err().is_lacking;
+    let plain = workload(4, 8);
+    assert!(is_lacking(Workload { sky: true, ..plain }));
+    assert!(is_lacking(Workload { soft_lights: true, ..plain }));
+    assert!(is_lacking(Workload { texture_words: 4, ..plain }));
+    assert!(!is_lacking(Workload { image_size: [1 << 16, 1 << 16], ..plain }));
 }
 
 #[test]

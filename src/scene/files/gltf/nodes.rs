@@ -242,16 +242,15 @@ impl<'a> Walk<'a> {
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
-        notes.extend(
-            (self.cameras.len() > 1).then(|| format!("of {} cameras, the first is used", self.cameras.len())),
-        );
         let camera = self
             .cameras
             .first()
             .map(|(position, camera)| Camera { position: (position - origin).as_vec3(), ..*camera });
+        let cameras = self.cameras.len();
+        let camera_note = (cameras > 1).then(|| format!("of {cameras} cameras, the first is used"));
         let lights = self.lights.into_iter().map(|light| light.relative_to(origin)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
-        Ok(MeshFile { mesh, origin, more_starts, camera, lights, notes })
+        Ok(MeshFile { mesh, origin, more_starts, camera, camera_note, lights, notes })
     }
 }
 
