@@ -6,12 +6,17 @@ use toml::{Table, Value};
 /// The remedy for a path that does not exist.
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
+/// The camera's keys that show the whole scene from an angle.
+const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
+/// The camera's keys that place it.
+const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
+
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
 /// the last one adds an element, as in `light.0.power`. An angle of the camera asks for the whole scene, so the
 /// document's own place and field of view of the camera are removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
-        if ["camera.azimuth_degrees", "camera.elevation_degrees"].contains(&path.as_str()) {
+        if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
             unplace_camera(document);
         }
         set(document, path, value)
@@ -20,11 +25,22 @@ pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Resu
     Ok(())
 }
 
+/// Removes the camera's place and field of view, and what moves or turns it in an animation.
 fn unplace_camera(document: &mut Table) {
-    let Some(Value::Table(camera)) = document.get_mut("camera") else { return };
-    for key in ["position", "look_at", "fov_x_degrees", "fov_y_degrees"] {
-        camera.remove(key);
+    if let Some(Value::Table(camera)) = document.get_mut("camera") {
+        PLACE_OF_CAMERA.iter().for_each(|key| drop(camera.remove(*key)));
     }
+    let tracks = document.get_mut("animation").and_then(|animation| animation.get_mut("track"));
+    if let Some(tracks) = tracks.and_then(Value::as_array_mut) {
+        let path = |track: &Value| track.get("path")?.as_str()?.strip_prefix("camera.").map(str::to_owned);
+        tracks.retain(|track| path(track).is_none_or(|key| !moves_camera(&key)));
+    }
+}
+
+/// Returns whether a track of the camera's key, such as `position` or `look_at.1`, moves or turns it.
+fn moves_camera(key: &str) -> bool {
+    let name = key.split('.').next().unwrap_or(key);
+    PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name)
 }
 
 /// Sets the value at one dotted path. An error is the reason, without the path.
@@ -129,6 +145,17 @@ mod tests {
         assert_eq!(set("camera.azimuth_degrees", &[]), ["azimuth_degrees", "z_near"]);
         let fov = [("camera.fov_y_degrees", 20)];
         assert_eq!(set("camera.elevation_degrees", &fov), ["elevation_degrees", "fov_y_degrees", "z_near"]);
+    }
+
+    #[test]
+    fn an_angle_removes_what_moves_the_camera() {
+        let text = "[[animation.track]]\npath = 'camera.position'\n[[animation.track]]\npath = 'camera.look_at.1'\n\
+            [[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
+        let mut document: Table = text.parse().unwrap();
+        apply(&mut document, &[("camera.azimuth_degrees".to_owned(), Value::Integer(90))]).unwrap();
+        let tracks = document["animation"]["track"].as_array().unwrap();
+        let paths: Vec<_> = tracks.iter().filter_map(|track| track["path"].as_str()).collect();
+        assert_eq!(paths, ["camera.z_near", "light.0.power"]);
     }
 
     #[test]
