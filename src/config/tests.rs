@@ -187,6 +187,8 @@ fn timing_out_of_range_says_the_range() {
     refuses(&format!("{GOOD}[timing]\nmax_samples = 5\nmin_samples = 6"), &["min_samples 6", "from 1 to 5"]);
     let timing = load_with(&format!("{GOOD}[timing]\nmax_samples = 5"), &[]).unwrap().timing;
     assert_eq!((timing.min_samples, timing.max_samples), (5, 5));
+    let timing = load_with(&format!("{GOOD}[timing]\nmin_samples = 200"), &[]).unwrap().timing;
+    assert_eq!((timing.min_samples, timing.max_samples), (200, 200));
     refuses(&format!("{GOOD}[emulate]\nlocal_bytes = -1"), &["local_bytes -1 is out of range", "8:15"]);
 }
 

@@ -51,7 +51,10 @@ mod tests {
         slow.hardware.max_clock_mhz = Some(1500);
         let mut small = twin.clone();
         small.limits.compute_units = 66;
-        for (other, what) in [(slow, "highest clock"), (small, "compute units")] {
+        let mut cramped = twin.clone();
+        cramped.limits.local_bytes /= 2;
+        for (other, what) in [(slow, "highest clock"), (small, "compute units"), (cramped, "__local memory")]
+        {
             let error = check_alike(&[&one, &twin, &other]).expect_err("they differ");
             assert!(error.to_string().contains(what), "{error}");
             assert_eq!(error.exit_code(), 2);

@@ -185,3 +185,46 @@ fn of_kernels(record: &mut Record, label: &str) {
     record.preset = None;
     record.kernels_of = Some(label.to_owned());
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::asleep;
+    use super::*;
+    use crate::config;
+    use crate::device_lock::Locks;
+    use std::path::Path;
+    use std::time::Duration;
+
+    #[test]
+    fn all_blocks_of_a_group_name_the_same_control_point() {
+        let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
+            strategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [1, 2, 4, 8]\n";
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+        let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
+        let run = Run {
+            experiment: &experiment,
+            overrides: &[],
+            devices: &[&asleep::device(1.0)],
+            sources: &Sources::Embedded,
+            other_sources: None,
+            limit: Duration::MAX,
+            retry_failed: false,
+            locks: &Locks::in_folder(Path::new("no-locks"), false),
+            spread: false,
+            blocks: None,
+            ahead: None,
+        };
+        let piece = |number, points: [usize; 2]| Piece {
+            points: points.to_vec(),
+            block: Some(number),
+            control: Some(1),
+        };
+        let groups = run.pending_points(&run.plan(), &[piece(1, [0, 1]), piece(2, [2, 3])]).unwrap();
+        let records: Vec<&Record> = groups.iter().flatten().map(|pending| &pending.record).collect();
+        // The second block borrows the control point, so it has three points.
+        let sides: Vec<_> = records.iter().map(|record| record.local_size.unwrap()[0]).collect();
+        assert_eq!(sides, [2, 1, 2, 4, 8]);
+        let control = Some(&records[0].key);
+        assert!(records.iter().all(|record| record.control.as_ref() == control), "{records:?}");
+    }
+}

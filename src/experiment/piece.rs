@@ -121,6 +121,12 @@ mod tests {
     }
 
     #[test]
+    fn a_control_point_is_measured_first_and_once() {
+        let piece = Piece { points: vec![12, 10, 13], block: Some(1), control: Some(10) };
+        assert_eq!(piece.places(), [10, 12, 13]);
+    }
+
+    #[test]
     fn pieces_without_blocks_are_groups() {
         let plan = plan(2);
         assert_eq!(plan.whole().iter().map(|piece| piece.points.len()).collect::<Vec<_>>(), [9, 9]);

@@ -189,3 +189,52 @@ fn changed(device: Option<&DeviceInfo>) -> Error {
     Error::run(format!("{what} changed during the run"))
         .with_help("run the same command with --resume to measure the affected points")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Pictures;
+    use super::*;
+    use crate::config;
+    use crate::program::Sources;
+    use std::path::Path;
+
+    /// Has a new worker check a caster on the host, under this key or else its own.
+    fn checked(key: Option<&str>, verified: Option<&str>) -> Result<Reply> {
+        let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
+            baselines = ['serial']\nimage_sizes = [[24, 15]]\n";
+        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+        let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 0);
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let own = drafter.draft(&plan.points[0], None, &at).unwrap().key;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        let request = Request::Check {
+            point: 0,
+            key: key.map_or(own, str::to_owned),
+            verified: verified.map(str::to_owned),
+        };
+        RequestHandler::new(drafter, plan, checker, None).answer(&request)
+    }
+
+    #[test]
+    fn a_point_whose_files_changed_during_the_run_is_refused() {
+        assert!(checked(None, None).is_ok());
+        let error = checked(Some("of other files"), None).expect_err("its key differs");
+        assert!(error.to_string().contains("changed during the run"), "{error}");
+    }
+
+    #[test]
+    fn only_a_picture_that_was_verified_is_not_compared_again() {
+        let compared = |verified: Option<&str>| match checked(None, verified) {
+            Ok(Reply::Checked { record, ready: true }) => record.image_hash,
+            other => panic!("{other:?}"),
+        };
+        let hash = compared(None);
+        assert!(hash.is_some());
+        assert_eq!(compared(hash.as_deref()), None);
+        assert_eq!(compared(Some("of another picture")), hash);
+    }
+}

@@ -56,10 +56,15 @@ impl Sources {
         refuse_unused(&sources)?;
         let headers = headers(&sources)?;
         let mut known = KNOWN.write().unwrap_or_else(PoisonError::into_inner);
-        if *known != headers {
-            *known = headers.leak();
-        }
+        replace(&mut known, headers);
         Ok(sources)
+    }
+}
+
+/// Replaces the known headers if any of them differs; equal ones are kept, since headers are never freed.
+fn replace(known: &mut Headers, headers: Vec<Header>) {
+    if *known != headers {
+        *known = headers.leak();
     }
 }
 
@@ -183,6 +188,24 @@ mod tests {
         let watertight = headers.iter().find(|header| header.name == "watertight");
         let folders = watertight.map(|header| header.folders.clone()).unwrap_or_default();
         assert_eq!(folders, ["cast/intersect/", "tile_cpu/intersect/", "tile_gpu/intersect/"]);
+    }
+
+    #[test]
+    fn a_file_in_the_place_of_a_built_in_one_brings_its_own_header() {
+        let file = "cast/intersect/moller_trumbore.cl";
+        let text = Sources::Embedded.read(file).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(folder.path().join("cast/intersect")).unwrap();
+        let longer = text.replace("// record_floats: 12\n", "// record_floats: 16\n");
+        std::fs::write(folder.path().join(file), longer).unwrap();
+        let floats = |known: Headers| {
+            let header = known.iter().find(|header| header.name == "moller-trumbore");
+            header.and_then(|header| header.number("record_floats"))
+        };
+        let mut known: Headers = headers(&Sources::Embedded).unwrap().leak();
+        assert_eq!(floats(known), Some(12));
+        replace(&mut known, headers(&Sources::Folder(folder.path().to_owned())).unwrap());
+        assert_eq!(floats(known), Some(16));
     }
 
     #[test]
