@@ -390,4 +390,32 @@ mod tests {
         assert!(notes(&scene, &[]).contains(&unused));
         assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
     }
+
+    #[test]
+    fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n").unwrap();
+        // Without a position, the camera would look along -z, at the triangle's front.
+        let behind = Value::Array([1, 1, -5].map(Value::Integer).to_vec());
+        let scene = load_scene_with(&path, &[("camera.position".to_owned(), behind)]).unwrap().scene;
+        assert!(scene.camera.forward.distance(Vec3::Z) < 1e-6, "{}", scene.camera.forward);
+    }
+
+    #[test]
+    fn the_crease_of_an_object_counts_before_that_of_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        // The two faces of the roof meet at 90 degrees.
+        let roof =
+            "vertices = [[0, 0, -1], [0, 0, 1], [1, -1, 0], [-1, -1, 0]]\nfaces = [[0, 1, 2], [1, 0, 3]]";
+        let sharp = Vec3::new(1.0, 1.0, 0.0).normalize();
+        for (of_scene, own, expected) in [(100, 40, sharp), (40, 100, Vec3::Y)] {
+            let text = format!("crease = {of_scene}\n[[object]]\n{roof}\ncrease = {own}\n");
+            std::fs::write(&path, text).unwrap();
+            let mesh = load_scene_with(&path, &[]).unwrap().scene.mesh;
+            let at_ridge = mesh.corner_normals(&mesh.triangles[0])[0];
+            assert!(at_ridge.distance(expected) < 1e-6, "{of_scene}, {own}: {at_ridge}");
+        }
+    }
 }

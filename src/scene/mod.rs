@@ -195,3 +195,21 @@ fn hash_words(hasher: &mut blake3::Hasher, words: impl Iterator<Item = u32>) {
     }
     hasher.update(&piece);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures::single_triangle;
+
+    #[test]
+    fn scenes_whose_masks_have_different_cutoffs_have_different_hashes() {
+        let hash = |least_alpha: u16| {
+            let mask = Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha, texels: Arc::from([0]) };
+            let masked = Mapped { mask: Some(0), ..Mapped::NONE };
+            let mut scene = single_triangle();
+            scene.mesh_mut().textures = Textures { list: vec![mask], mapped: vec![masked] };
+            scene.content_hash()
+        };
+        assert_ne!(hash(1000), hash(2000));
+    }
+}

@@ -187,4 +187,23 @@ mod tests {
             assert!(mesh.corner_normals(triangle).iter().all(|n| n.z > 0.0));
         }
     }
+
+    #[test]
+    fn the_normals_of_a_sphere_are_turned_outwards_whichever_way_it_winds() {
+        let outward = generate(&Shape::Sphere { triangles: 400 });
+        let mut inward = outward.clone();
+        inward.triangles.iter_mut().for_each(|t| t.positions.swap(1, 2));
+        for sign in [1.0_f32, -1.0] {
+            for (winding, sphere) in [("outward", &outward), ("inward", &inward)] {
+                let mut mesh = sphere.clone();
+                mesh.normals.iter_mut().for_each(|n| *n *= sign);
+                turn_outwards(&mut mesh);
+                for triangle in &mesh.triangles {
+                    let normals = mesh.corner_normals(triangle);
+                    let outwards = mesh.corners(triangle).iter().zip(normals).all(|(p, n)| p.dot(n) > 0.0);
+                    assert!(outwards, "{winding}, {sign}: {normals:?}");
+                }
+            }
+        }
+    }
 }

@@ -214,3 +214,24 @@ pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
         format!("a vertex is at {position}; expected coordinates within +-{MAX_COORDINATE:e}")
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_limited_in_both_directions() {
+        for (y, is_valid) in [(1e12, true), (-1e12, true), (1e13, false), (-1e13, false)] {
+            let position = Vec3::new(0.0, y, 0.0);
+            let light = Light { position, power: Vec3::ONE, radius: 0.0 };
+            let mesh = Mesh { positions: vec![position], ..Mesh::default() };
+            assert_eq!(
+                check_camera(&Camera { position, ..Camera::PAPER }).is_ok(),
+                is_valid,
+                "camera, {y:e}"
+            );
+            assert_eq!(check_light(&light).is_ok(), is_valid, "light, {y:e}");
+            assert_eq!(check_positions(&mesh).is_ok(), is_valid, "vertex, {y:e}");
+        }
+    }
+}

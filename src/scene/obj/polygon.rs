@@ -114,9 +114,23 @@ mod tests {
 
     #[test]
     fn a_dart_is_cut_at_its_reflex_corner() {
-        let dart = [(0.0, 0.0), (2.0, 1.0), (0.0, 2.0), (0.5, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
-        let (sum, oriented) = total_area(&dart);
-        assert!((sum - oriented).abs() < 1e-12 && (sum - 1.5).abs() < 1e-12);
+        let flat = [(0.0, 0.0), (2.0, 1.0), (0.0, 2.0), (0.5, 1.0)];
+        for axis in ["z", "x", "y"] {
+            let facing = |(x, y)| match axis {
+                "x" => DVec3::new(0.0, x, y),
+                "y" => DVec3::new(y, 0.0, x),
+                _ => DVec3::new(x, y, 0.0),
+            };
+            let mut dart = flat.map(facing);
+            for direction in ["+", "-"] {
+                let (sum, oriented) = total_area(&dart);
+                assert!(
+                    (sum - oriented).abs() < 1e-12 && (sum - 1.5).abs() < 1e-12,
+                    "{direction}{axis}: {sum}"
+                );
+                dart.reverse();
+            }
+        }
     }
 
     #[test]

@@ -92,6 +92,14 @@ fn normals_that_the_file_lacks_are_made_and_told() {
 }
 
 #[test]
+fn negative_indices_count_back_from_the_last_of_their_own_kind() {
+    let file = read(&format!("{CORNERS}vn 1 0 0\nvn 0 1 0\nf -3//-2 -2//-2 -1//-1\n")).unwrap();
+    let triangle = &file.mesh.triangles[0];
+    assert_eq!(triangle.positions, [0, 1, 2]);
+    assert_eq!(file.mesh.corner_normals(triangle), [Vec3::X, Vec3::X, Vec3::Y]);
+}
+
+#[test]
 fn faces_of_fewer_than_three_corners_are_left_out_and_told() {
     let file = read(&format!("{CORNERS}f 1 2\nf 1 2 3\nf 3\nf\n")).unwrap();
     assert_eq!(file.mesh.triangles.len(), 1);

@@ -105,6 +105,16 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 }
 
 #[test]
+fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
+    // The second index is 1; the positions' second to fourth numbers are 0, 0, 1.
+    let sparse = r#""type": "VEC3", "sparse": {"count": 1,
+"indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
+"values": {"bufferView": 0, "byteOffset": 4}},"#;
+    let mesh = read(&triangle().replace(r#""type": "VEC3","#, sparse)).unwrap().mesh;
+    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::Z * 6.0, Vec3::new(0.0, 1.0, 5.0)]);
+}
+
+#[test]
 fn a_far_node_is_centred() {
     let file = read(&triangle().replace("[0, 0, 5]", "[500000, 5400000, 0]")).unwrap();
     assert!(file.origin.distance(DVec3::new(500_000.5, 5_400_000.5, 0.0)) < 1e-9);
@@ -176,13 +186,18 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
     }
 }
 
-#[test]
-fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
+/// Returns the file with a material and with texture coordinates, which are the positions' first six numbers.
+/// Texture 0 is one texel with an alpha of 0.7.
+fn textured(material: &str) -> String {
     let mut png = Vec::new();
     let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
     picture.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
     let png = STANDARD.encode(png);
-    let text = triangle()
+    let lists = format!(
+        r#"{{"materials": [{material}],
+"textures": [{{"source": 0}}], "images": [{{"uri": "data:image/png;base64,{png}"}}], "#
+    );
+    triangle()
         .replace(
             r#"{"POSITION": 0}, "indices": 1"#,
             r#"{"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0"#,
@@ -190,18 +205,30 @@ fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
         .replace(
             r#""type": "SCALAR"}"#,
             r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2"}"#,
-        );
-    // The texel's alpha is 0.7.
+        )
+        .replacen('{', &lists, 1)
+}
+
+#[test]
+fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
     for (factor, has_holes) in [(0.8, false), (0.6, true)] {
         let material = format!(
-            r#"{{"materials": [{{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness":
-{{"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}],
-"textures": [{{"source": 0}}], "images": [{{"uri": "data:image/png;base64,{png}"}}], "#
+            r#"{{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness":
+{{"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}"#
         );
-        let file = read(&text.replacen('{', &material, 1)).unwrap();
+        let file = read(&textured(&material)).unwrap();
         assert_eq!(file.mesh.textures.list.len(), 1, "{:?}", file.notes);
         assert_eq!(file.mesh.textures.have_holes(), has_holes, "{factor}");
     }
+}
+
+#[test]
+fn corners_of_a_mirrored_triangle_keep_their_texture_coordinates() {
+    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
+    let mesh = read(&text.replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "scale": [-1, 1, 1],"#)).unwrap().mesh;
+    // The second and the third corner change places.
+    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(0.0, 1.0, 5.0), Vec3::new(-1.0, 0.0, 5.0)]);
+    assert_eq!(mesh.textures.mapped[0].corners, [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]);
 }
 
 #[test]

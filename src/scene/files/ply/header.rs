@@ -59,6 +59,9 @@ mod tests {
         let (tidy, strange) = tidied(b"ply\nformat ascii 1.0\nCreated by Blender\n\nend_header\nBlender\n");
         let text = b"ply\nformat ascii 1.0\ncomment Created by Blender\ncomment \nend_header\nBlender\n";
         assert_eq!((&tidy[..], strange), (&text[..], 2));
+        let (tidy, strange) = tidied(b"ply\r\nBlender\r\nend_header\r\nBlender\r\n");
+        let text = b"ply\r\ncomment Blender\r\nend_header\r\nBlender\r\n";
+        assert_eq!((&tidy[..], strange), (&text[..], 1));
         assert!(matches!(tidied(b"ply\nBlender\n"), (Cow::Borrowed(_), 0)), "no header's end");
     }
 }
