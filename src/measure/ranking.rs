@@ -58,6 +58,13 @@ mod tests {
     }
 
     #[test]
+    fn a_point_that_ties_wins_though_one_before_it_does_not() {
+        // The interval of 'b' is narrow, and that of 'c' is wide.
+        let points = [('a', Some(1.0)), ('b', Some(2.0)), ('c', Some(3.0))];
+        assert_eq!(Ranking::by(points, |point, _| point != 'b').winners, ['a', 'c']);
+    }
+
+    #[test]
     fn a_point_without_a_level_neither_wins_nor_is_ranked() {
         let ranking = ranking(&[None, Some(3.0), Some(2.0), None]);
         assert_eq!((ranking.winners.as_slice(), ranking.ranked.as_slice()), (&[2][..], &[2, 1][..]));

@@ -64,4 +64,23 @@ mod tests {
         std::fs::write(&file, "two").expect("it writes");
         assert!(git_state(&file).is_some_and(|state| state.ends_with(", changed since")));
     }
+
+    #[test]
+    fn staged_changes_and_new_files_are_changes() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("a.toml");
+        let is_changed = || git_state(folder.path()).is_some_and(|state| state.ends_with(", changed since"));
+        std::fs::write(&file, "one").expect("it writes");
+        run(folder.path(), &["init", "-q"]);
+        run(folder.path(), &["add", "a.toml"]);
+        run(folder.path(), &["commit", "-q", "-m", "a"]);
+        assert!(!is_changed(), "{:?}", git_state(folder.path()));
+        std::fs::write(&file, "two").expect("it writes");
+        run(folder.path(), &["add", "a.toml"]);
+        assert!(is_changed(), "a staged change: {:?}", git_state(folder.path()));
+        run(folder.path(), &["commit", "-q", "-m", "b"]);
+        assert!(!is_changed(), "{:?}", git_state(folder.path()));
+        std::fs::write(folder.path().join("b.toml"), "new").expect("it writes");
+        assert!(is_changed(), "a new file: {:?}", git_state(folder.path()));
+    }
 }

@@ -213,6 +213,14 @@ mod tests {
     }
 
     #[test]
+    fn a_strategys_share_of_the_peak_is_that_of_its_best_point() {
+        let at =
+            |side, ms, part| Record { limit_fraction: Some(part), ..measured("pocl", "naive", side, ms) };
+        let text = summary_terminal(&judged([at(8, 80.0, 0.25), at(16, 100.0, 0.2)]), false);
+        assert!(text.contains("peak multiply-adds: naive 25%\n"), "{text}");
+    }
+
+    #[test]
     fn few_samples_are_said_and_never_starred() {
         let records = judged([
             few("host", "serial-f32", 0, 1798.0, 1),

@@ -153,3 +153,28 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
     );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::{few, judged, sampled};
+    use crate::record::groups;
+
+    #[test]
+    fn bars_of_device_against_device_are_the_second_devices() {
+        // The launches lie far apart, so the interval is wide. Of three samples there is none.
+        let wide = |device: &str| {
+            let samples = (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 15.0 }));
+            Record { device: device.into(), ..sampled("naive", samples) }
+        };
+        let none = |device: &str| few(device, "naive", 8, 10.0, 3);
+        let has_bar = |records: [Record; 2]| {
+            let records = judged(records);
+            let groups = groups(&records);
+            let plots = device_against_device(&groups, &Looks::of(&groups));
+            plots[0].svg.contains("class=\"interval\"")
+        };
+        assert!(has_bar([none("a"), wide("b")]));
+        assert!(!has_bar([wide("a"), none("b")]));
+    }
+}

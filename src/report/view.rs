@@ -209,3 +209,22 @@ fn strip_row(record: &Record) -> Option<Row> {
         tip: tip(record),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::{judged, measured};
+    use crate::record::groups;
+
+    #[test]
+    fn the_papers_times_are_shown_only_at_its_image_size() {
+        let shows_them = |image_size: [u32; 2]| {
+            let record = |side| Record { image_size, ..measured("gpu", "naive", side, 10.0) };
+            let records = judged([4, 8].map(record));
+            let groups = groups(&records);
+            let plot = lines(&groups[0], &Looks::of(&groups), Kind::Log, "lines", true).unwrap();
+            plot.caption.contains("the paper's published points")
+        };
+        assert_eq!([PAPER_SIZE, [1600, 1000]].map(shows_them), [true, false]);
+    }
+}

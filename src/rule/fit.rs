@@ -154,6 +154,17 @@ mod tests {
             assert_eq!(fitted(&[], Class::SharedTiles, watertight), constants);
         }
     }
+
+    #[test]
+    fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
+        // So many triangles are never tested one by one unless a sweep asks for it.
+        let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
+        let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
+        for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {
+            assert_eq!(fitted(&of_cpu, class, false) != class.constants(false), moves, "{class:?}");
+        }
+    }
+
     /// A choice that a device refused counts like one that takes a hundred times as long, and not as
     /// infinite: otherwise a case in which every choice is refused would hide the differences between
     /// constants.

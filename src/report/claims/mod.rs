@@ -81,18 +81,23 @@ pub const OTHER_CONTRADICTIONS: [&str; 4] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::peak::{FILE, Figure, Peak};
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Record, groups};
 
     /// Returns a claim with this test on the records of some runs.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
+        claim_in(&Folder::default(), test, records)
+    }
+
+    /// Returns the same for runs in this folder.
+    fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
         let rows = table::read("t", &text).expect("it reads");
-        let folder = Folder::default();
         let records: Vec<Vec<Record>> = records.iter().map(|records| judged(*records)).collect();
         let runs: Vec<Run<'_>> =
-            records.iter().flat_map(|records| Run::of(&folder, groups(records))).collect();
+            records.iter().flat_map(|records| Run::of(folder, groups(records))).collect();
         claims(rows, &runs, "gpu").remove(0)
     }
 
@@ -137,6 +142,7 @@ mod tests {
         let told = |runs: &[&[Record]]| claim(FALLS, runs).verdict;
         assert_eq!(told(&[std::slice::from_ref(&slow), std::slice::from_ref(&fast)]), Verdict::Cannot);
         assert_eq!(told(&[&[], &[slow.clone(), fast.clone()]]), Verdict::Held);
+        assert_eq!(told(&[std::slice::from_ref(&slow), &[slow.clone(), fast.clone()]]), Verdict::Held);
         let other_size = Record { image_size: [80, 50], ..fast };
         assert_eq!(told(&[&[slow, other_size]]), Verdict::Cannot, "of two image sizes");
     }
@@ -218,6 +224,24 @@ mod tests {
         let neither = told(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");
+    }
+
+    #[test]
+    fn a_latency_is_certain_only_if_its_quartiles_agree() {
+        let told = |[q1, median, q3]: [f64; 3]| {
+            let folder = tempfile::tempdir().unwrap();
+            let private_ns = Figure { q1, median, q3, repeats: 9 };
+            // A cycle takes a nanosecond.
+            let peak =
+                Peak { device: "gpu".into(), max_clock_mhz: Some(1000), private_ns, ..Peak::default() };
+            Peak::write(&[peak], &folder.path().join(FILE)).unwrap();
+            let run = Folder { path: folder.path().into(), ..Folder::default() };
+            let test = "kind = 'latency', memory = 'private', cycles = 20, within = 2";
+            claim_in(&run, test, &[&[measured("gpu", "naive", 8, 10.0)]]).verdict
+        };
+        assert_eq!(told([15.0, 20.0, 30.0]), Verdict::Held);
+        assert_eq!([told([5.0, 20.0, 30.0]), told([15.0, 20.0, 50.0])], [Verdict::Unclear; 2]);
+        assert_eq!([told([2.0, 5.0, 9.0]), told([41.0, 50.0, 60.0])], [Verdict::NotHeld; 2]);
     }
 
     #[test]

@@ -30,7 +30,11 @@ fn another_machines_results_are_compared_point_by_point() {
     assert_eq!(regressions.len(), 2, "{regressions:?}");
     assert!(comparison.regressions(150.0)[0].contains("was measured, is infeasible"));
     assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
-    assert!(comparison.markdown().contains("| slower |"), "{}", comparison.markdown());
+    let markdown = comparison.markdown();
+    assert!(markdown.contains("| slower |"), "{markdown}");
+    // The largest changes come first: twice as long, half as long, none.
+    let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
+    assert!(places.is_sorted(), "{markdown}");
 }
 
 #[test]
@@ -195,4 +199,15 @@ fn from_tenfold_on_a_change_is_said_as_a_factor() {
         pair.map(Pair::change).unwrap_or_default()
     };
     assert_eq!((changed(200.0), changed(0.5)), ("20.0× as long".to_owned(), "20.0× as fast".to_owned()));
+}
+
+#[test]
+fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
+    let with = |kernels: &str, ms| Record { kernels_of: Some(kernels.into()), ..timed("a", "naive", ms) };
+    let run = folder("run", vec![with("old", 10.0), with("new", 20.0)]);
+    let comparison = Comparison::of_kernels(&run, 0.02);
+    assert_eq!(comparison.labels, ["old", "new"]);
+    assert_eq!(comparison.summary(), "0 faster, 1 slower, 0 same, 0 unclear");
+    let found = comparison.pairs[0].change_percent();
+    assert!(found.is_some_and(|percent| percent > 90.0), "{found:?}");
 }

@@ -124,6 +124,13 @@ mod tests {
     }
 
     #[test]
+    fn a_linear_axis_begins_at_0_unless_values_are_below() {
+        let begins = |values: [f64; 2]| Scale::over(Kind::Linear, values.into_iter(), [0.0, 1.0]).ends()[0];
+        assert_eq!(begins([100.0, 120.0]), 0.0);
+        assert!(begins([-10.0, 10.0]) < -10.0);
+    }
+
+    #[test]
     fn ticks_are_round_and_few() {
         let scale = Scale::over(Kind::Linear, [3.0, 163_000.0].into_iter(), [0.0, 1.0]);
         assert_eq!(scale.ticks(), [0.0, 50_000.0, 100_000.0, 150_000.0]);
