@@ -175,7 +175,7 @@ fn nearest(ray: usize, spheres: &[[f32; 4]]) -> f32 {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::device::discover;
+    use crate::device::{DeviceKind, discover, tests::example};
 
     fn queue() -> (Queue, u32) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
@@ -207,5 +207,18 @@ mod tests {
             let said = broken.err().expect("it is wrong").to_string();
             assert!(said.contains("hit something different"), "{said}");
         }
+    }
+
+    #[test]
+    fn a_device_with_other_cores_threads_or_settings_has_another_anchor() {
+        let device = example("PoCL", "a CPU", DeviceKind::Cpu, 4);
+        let others = [
+            DeviceInfo { cores: Some(2), ..device.clone() },
+            DeviceInfo { threads: Some(2), ..device.clone() },
+            DeviceInfo { settings: vec!["POCL_AFFINITY=1".into()], ..device.clone() },
+            DeviceInfo { driver: "3.2".into(), ..device.clone() },
+        ];
+        let own = name(&device).unwrap();
+        others.iter().for_each(|other| assert_ne!(name(other).unwrap(), own, "{}", other.state()));
     }
 }

@@ -260,6 +260,24 @@ fn triangle_rows_follow_the_leaf_order() {
     }
 }
 
+#[test]
+fn surface_rows_hold_the_normal_of_each_corner() {
+    let mut mesh = random_mesh(11, 50, 0.1, 1.0);
+    mesh.normals = mesh.positions.iter().map(|corner| 2.0 * *corner).collect();
+    for (material, triangle) in (1..).zip(&mut mesh.triangles) {
+        (triangle.normals, triangle.material) = (triangle.positions, material);
+    }
+    let order = Bvh::build(&mesh, 4).order;
+    let mut rows = vec![1.0; 50 * TRIANGLE_WORDS];
+    write_surface_rows(&mesh, &order, &mut rows);
+    for (row, &number) in rows.chunks(TRIANGLE_WORDS).zip(&order) {
+        let triangle = &mesh.triangles[number as usize];
+        let normals = mesh.corner_normals(triangle).map(|normal| normal.to_array());
+        assert_eq!([&row[0..3], &row[4..7], &row[8..11]].concat(), normals.concat());
+        assert_eq!((row[3].to_bits(), row[7], row[11]), (triangle.material, 0.0, 0.0));
+    }
+}
+
 /// Hashes every part of a tree that a device reads, for every width and two leaf sizes.
 fn hash_trees(hasher: &mut blake3::Hasher, mesh: &Mesh) {
     for (width, leaf_size) in WideBvh::WIDTHS.into_iter().flat_map(|width| [(width, 4), (width, 16)]) {

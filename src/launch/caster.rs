@@ -218,11 +218,13 @@ impl Caster {
     /// Casts both rounds of samples, without soft light at half resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
-        let Some(samples) = self.samples.as_ref().filter(|_| sampling.is_adaptive()) else {
-            return self.cast_round(camera, &first, None);
-        };
+        let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
+        // An earlier picture may have left blocks that want fewer samples.
         samples.want_all(&self.queue)?;
         let times = self.cast_round(camera, &first, None)?;
+        if !sampling.is_adaptive() {
+            return Ok(times);
+        }
         let (rough, marked) = samples.mark(&self.queue, sampling)?;
         let times = times.and(&marked);
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }

@@ -144,15 +144,22 @@ mod tests {
     const SIZE: [u32; 2] = [75, 61];
 
     fn cast(sampling: Sampling) -> (Radiance, SampleCounts, f32) {
+        cast_in_turn(sampling, &[sampling])
+    }
+
+    /// Casts a picture for each of some samplings with one caster; returns the last.
+    fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, f32) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
         let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
         let strategy = preset("bvh").unwrap().strategy;
-        let prepared = session.sampling(sampling).prepare(&strategy, SIZE, [1, 1]);
+        let prepared = session.sampling(prepared_for).prepare(&strategy, SIZE, [1, 1]);
         let caster = prepared.map_err(|refused| refused.reason()).unwrap().caster();
         let caster = caster.map_err(|refused| refused.reason()).unwrap();
-        caster.cast_samples(&scene.camera, &sampling).unwrap();
+        for sampling in samplings {
+            caster.cast_samples(&scene.camera, sampling).unwrap();
+        }
         (caster.read().unwrap().0, caster.sample_counts().unwrap().unwrap(), scene.display.exposure)
     }
 
@@ -172,6 +179,17 @@ mod tests {
         assert!((20..steps.len() - 20).contains(&rough), "{rough} of {}", steps.len());
         assert!(counts.are_of(&adaptive) && !counts.are_of(&Sampling::all(8)));
     }
+
+    #[test]
+    fn blocks_that_wanted_few_samples_get_all_of_the_next_picture() {
+        let adaptive = Sampling { first: 2, ..Sampling::all(8) };
+        for next in [Sampling::all(8), Sampling { first: 4, ..adaptive }] {
+            let [alone, after] =
+                [&[next][..], &[adaptive, next]].map(|samplings| cast_in_turn(adaptive, samplings));
+            assert!(alone == after, "{next:?}: another picture");
+        }
+    }
+
     /// A picture of 13 x 9 pixels, marked by the kernel alone.
     struct Marking {
         device: Alone,

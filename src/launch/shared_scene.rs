@@ -75,3 +75,20 @@ impl SharedScene {
         Ok(uploaded)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn only_strategies_that_read_the_same_parts_of_a_scene_share_its_upload() {
+        let upload = |name| Kind::of(&preset(name).unwrap().strategy).layout;
+        assert_eq!(upload("bvh"), upload("deferred"));
+        assert_eq!(upload("tile"), upload("tile-group"));
+        // Tiles leave the triangles out.
+        assert_ne!(upload("tile"), upload("deferred"));
+        assert_ne!(upload("split-vertices"), upload("deferred"));
+    }
+}

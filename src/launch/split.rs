@@ -187,19 +187,7 @@ impl Split<'_> {
         let pairs: Vec<(&Ready, [u32; 2])> =
             team.ready.into_iter().zip(rows).filter(|(_, [first, end])| first < end).collect();
         let parts = at_once(&pairs, |(ready, rows)| self.cast_rows(ready, *rows))?;
-        let [width, height] = self.image_size;
-        let mut image = Radiance { width, height, pixels: Vec::new(), coverage: Vec::new() };
-        let (mut hits, mut shares) = (0, Vec::new());
-        for (part, part_hits, share) in parts {
-            match image.pixels.is_empty() {
-                true => image.pixels = part.pixels,
-                false => image.pixels.extend(part.pixels),
-            }
-            image.coverage.extend(part.coverage);
-            hits += part_hits;
-            shares.push(share);
-        }
-        Ok(Whole { image, hits, shares, left_out })
+        Ok(joined(self.image_size, parts, left_out))
     }
 
     fn ready(&self, casting: &Casting) -> Result<Ready> {
@@ -288,6 +276,22 @@ impl Split<'_> {
     }
 }
 
+/// Joins the parts of a frame, from top to bottom.
+fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_out: Vec<LeftOut>) -> Whole {
+    let mut image = Radiance { width, height, pixels: Vec::new(), coverage: Vec::new() };
+    let (mut hits, mut shares) = (0, Vec::new());
+    for (part, part_hits, share) in parts {
+        match image.pixels.is_empty() {
+            true => image.pixels = part.pixels,
+            false => image.pixels.extend(part.pixels),
+        }
+        image.coverage.extend(part.coverage);
+        hits += part_hits;
+        shares.push(share);
+    }
+    Whole { image, hits, shares, left_out }
+}
+
 /// Returns the time of the slowest device when all cast their rows of a frame at once.
 fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let rows = team.rows(image_size[1]);
@@ -335,4 +339,33 @@ fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -
         };
         threads.into_iter().map(ended).collect()
     })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn a_joined_frame_has_the_pixels_and_the_hits_of_all_its_parts() {
+        let part = |rows: [u32; 2], hits: usize| {
+            let height = rows[1] - rows[0];
+            let pixels = (rows[0]..rows[1]).map(|row| [row as f32; 3]).collect();
+            let share = Share {
+                device: "a device".into(),
+                strategy: preset("deferred").unwrap().strategy,
+                local_size: [1, 1],
+                rows,
+                build_ms: 0.0,
+                upload_ms: 0.0,
+                frames: Vec::new(),
+                read_ms: 0.0,
+            };
+            (Radiance { width: 1, height, pixels, coverage: Vec::new() }, hits, share)
+        };
+        let whole = joined([1, 6], vec![part([0, 3], 3), part([3, 5], 1), part([5, 6], 0)], Vec::new());
+        assert_eq!(whole.image.pixels, [0.0_f32, 1.0, 2.0, 3.0, 4.0, 5.0].map(|row| [row; 3]));
+        assert_eq!((whole.hits, whole.shares.len()), (4, 3));
+    }
 }

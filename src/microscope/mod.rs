@@ -113,10 +113,7 @@ impl Microscope {
         let made_by = if is_ptx(binary) { PTX } else { MACHINE };
         for kernel in kernels {
             let Some(code) = codes.iter().find(|code| code.kernel == kernel.name) else { continue };
-            let same = |timed: &Vec<Code>| {
-                timed.iter().any(|other| other.kernel == code.kernel && other.is_same_as(code))
-            };
-            let same_as_timed = timed.as_ref().map(same);
+            let same_as_timed = timed.as_ref().map(|timed| is_among(timed, code));
             microscope.add(code.clone(), made_by, kernel.resources.registers, same_as_timed);
         }
         if is_ptx(binary) {
@@ -201,4 +198,27 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
         codes.map_err(|why| format!("There are no instructions: {why}."))?.concat()
     };
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
+}
+
+/// Returns whether a kernel is among others with the same instructions, apart from registers and addresses.
+fn is_among(codes: &[Code], code: &Code) -> bool {
+    codes.iter().any(|other| other.kernel == code.kernel && other.is_same_as(code))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn code(kernel: &str, text: &str) -> Code {
+        let one = Instruction { text: text.into(), line: None, part: String::new(), kinds: Vec::new() };
+        Code { kernel: kernel.into(), instructions: vec![one] }
+    }
+
+    #[test]
+    fn a_kernel_with_other_instructions_is_not_the_one_that_is_timed() {
+        let own = code("k", "add x");
+        assert!(is_among(&[code("k", "mul x"), code("k", "add y")], &own));
+        assert!(!is_among(&[code("k", "mul x")], &own));
+        assert!(!is_among(&[code("other", "add x")], &own));
+    }
 }

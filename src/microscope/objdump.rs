@@ -189,4 +189,11 @@ Disassembly of section .text:
         assert!(other.iter().all(|(_, _, kind, _)| kind.is_none()));
         assert_eq!(other.len(), 11);
     }
+
+    #[test]
+    fn a_function_that_a_kernel_jumps_to_is_part_of_it() {
+        let jumps = LISTING.replace("call   1000 <helper>", "jmp    1000 <helper>");
+        let parts: Vec<_> = told(&jumps).into_iter().map(|(_, _, _, part)| part).collect();
+        assert_eq!(parts, [vec!["_pocl_kernel_mine"; 8], vec!["helper"; 3]].concat());
+    }
 }

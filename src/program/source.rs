@@ -78,3 +78,29 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     })?;
     Ok(format!("{before}{}{after}", value.replace('-', "_")))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn after_an_include_lines_are_counted_as_in_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("outer.cl"), "one\n#include \"inner.cl\"\nthree\n").unwrap();
+        std::fs::write(folder.path().join("inner.cl"), "within\n").unwrap();
+        let mut joiner = Joiner {
+            sources: &Sources::Folder(folder.path().to_owned()),
+            strategy: &preset("naive").unwrap().strategy,
+            defines: &[],
+            text: String::new(),
+            files: Vec::new(),
+            chain: Chain::default(),
+        };
+        joiner.add("outer.cl").unwrap();
+        let expected =
+            "#line 1 \"outer.cl\"\none\n#line 1 \"inner.cl\"\nwithin\n#line 3 \"outer.cl\"\nthree\n";
+        assert_eq!(joiner.text, expected);
+    }
+}

@@ -40,12 +40,15 @@ mod tests {
 
     #[test]
     fn a_pixel_that_differs_is_in_its_block_and_in_those_that_it_touches() {
-        let mut means = Radiance::new(13, 9);
-        means.pixels[4 * 13 + 4] = [0.0, 0.25 / 15.0, 0.0];
-        let steps = steps_of_blocks(&means, 15.0);
-        // Blocks have 4 x 4 pixels: the changed pixel is the first one of the second block across and down.
-        let rough: Vec<bool> = steps.iter().map(|steps| (steps - 127.5).abs() < 1e-3).collect();
-        let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
-        assert_eq!(rough, expected.concat(), "{steps:?}");
+        // Blocks have 4 x 4 pixels: the changed pixel is the last one of the first block across and
+        // down, then the first one of the second.
+        for at in [3, 4] {
+            let mut means = Radiance::new(13, 9);
+            means.pixels[at * 13 + at] = [0.0, 0.25 / 15.0, 0.0];
+            let steps = steps_of_blocks(&means, 15.0);
+            let rough: Vec<bool> = steps.iter().map(|steps| (steps - 127.5).abs() < 1e-3).collect();
+            let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
+            assert_eq!(rough, expected.concat(), "{at}: {steps:?}");
+        }
     }
 }

@@ -121,4 +121,12 @@ mod tests {
         assert_eq!(serde_json::from_str::<CompiledKernel>(&line).unwrap(), made);
         assert_eq!(serde_json::from_str::<CompiledKernel>(r#"{"name":"a"}"#).unwrap().name, "a");
     }
+
+    #[test]
+    fn local_bytes_that_the_compiler_printed_go_before_the_drivers() {
+        let mut made = kernel(Some(40));
+        assert_eq!(made.group_local_bytes(), 6912);
+        made.resources.shared_bytes = Some(1024);
+        assert_eq!(made.group_local_bytes(), 1024);
+    }
 }
