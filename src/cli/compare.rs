@@ -96,10 +96,7 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let [a, b] = &comparison.labels;
     let mut table =
         super::table(&["point", &format!("{a}, ms"), &format!("{b}, ms"), "change", "verdict"], 1);
-    let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
-    // Points without a ratio come last.
-    let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);
-    changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
+    let changed = changed(comparison);
     let several = comparison.has_several_devices();
     for pair in &changed {
         let time = |median: Option<f64>| median.map_or("-".to_owned(), crate::record::ms);
@@ -121,4 +118,37 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
         super::print(format!("note: {note}"))?;
     }
     super::print(comparison.summary())
+}
+
+/// Returns the points that changed: the largest slowdown first, points without a ratio last.
+fn changed(comparison: &Comparison) -> Vec<&report::Pair> {
+    let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
+    let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);
+    changed.sort_by(|a, b| change(b).total_cmp(&change(a)));
+    changed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Record;
+    use crate::record::fixtures::{few, judged, measured};
+
+    #[test]
+    fn the_largest_slowdown_comes_first_and_a_point_without_a_ratio_last() {
+        let timed = |(name, ms): (&str, f64)| {
+            let samples_ms = (0..10).map(|n| ms * (1.0 + 0.005 * f64::from(n % 3))).collect();
+            Record { samples_ms, ..measured("a", name, 8, ms) }
+        };
+        let folder = |kernels: [(&str, f64); 3]| {
+            let mut records = kernels.map(timed).to_vec();
+            records.push(few("a", "private", 8, 1.0, 3));
+            Folder { records: judged(records), ..Folder::default() }
+        };
+        let before = folder([("naive", 1.0), ("wide", 1.0), ("bvh", 1.0)]);
+        let after = folder([("naive", 0.5), ("wide", 3.0), ("bvh", 2.0)]);
+        let comparison = Comparison::of(&before, &after, 0.02, true);
+        let names: Vec<&str> = changed(&comparison).iter().map(|pair| pair.before.name.as_str()).collect();
+        assert_eq!(names, ["wide", "bvh", "naive", "private"]);
+    }
 }

@@ -124,6 +124,12 @@ mod tests {
     }
 
     #[test]
+    fn local_and_constant_memory_have_columns_of_their_own() {
+        let cells = cells(&example("PoCL", "cpu", DeviceKind::Cpu, 2));
+        assert_eq!(cells[4..6], ["48", "64"]);
+    }
+
+    #[test]
     fn json_names_units_and_limits() {
         let cpu = example("PoCL", "cpu", DeviceKind::Cpu, 2);
         let json = serde_json::to_value(listing(&[&cpu], &[], Some(cpu.slug()))).unwrap();

@@ -139,3 +139,23 @@ fn tell(args: &Args) -> Result<()> {
     let (attempts, shards) = (counted(all.len(), "attempt"), counted(plan.header.shards as usize, "shard"));
     super::print(format!("{attempts} at {shards}"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_missing_points_are_the_whole_list_and_the_first_three_of_four_are_not() {
+        let told = |points: &[&str]| {
+            let mut missing = Missing::default();
+            missing.kinds.resize_with(1, Default::default);
+            missing.kinds[0].points = points.iter().map(|point| (*point).to_owned()).collect();
+            let error = complete(&missing, &[], Path::new("out")).expect_err("points are missing");
+            error.remedy().to_owned()
+        };
+        let three = told(&["a", "b", "c"]);
+        assert!(three.contains("(a, b, c):"), "{three}");
+        let four = told(&["a", "b", "c", "d"]);
+        assert!(four.contains("(a, b, c, ...):"), "{four}");
+    }
+}

@@ -365,7 +365,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
         ))?;
     }
     if args.cl_dir.len() == 2 {
-        two_kernels::compare(&folder, args.fail_on_regression, args.quiet || args.json)?;
+        two_kernels::compare(&folder, args.fail_on_regression, leaves_out_tables(args))?;
     }
     let failed = records.iter().filter(|record| !record.outcome.is_fine()).count();
     if failed == 0 {
@@ -373,4 +373,23 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     }
     let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
     Err(error.with_help(format!("{} gives the reason for each", out.join("summary.md").display())))
+}
+
+/// Returns whether no table is printed.
+fn leaves_out_tables(args: &Args) -> bool {
+    args.quiet || args.json
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_has_no_tables_in_between() {
+        let quiet = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[], [false; 2]);
+        assert!(leaves_out_tables(&quiet));
+        let told = Args { quiet: false, ..quiet };
+        assert!(!leaves_out_tables(&told));
+        assert!(leaves_out_tables(&Args { json: true, ..told }));
+    }
 }

@@ -127,6 +127,15 @@ mod tests {
     }
 
     #[test]
+    fn the_scale_begins_with_minus_six() {
+        let mut picture = RgbImage::new(500, SCALE_HEIGHT);
+        draw_scale(&mut picture, 0);
+        let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
+        let row = |y: u32| (0..7).map(|x| dot(x, 11 + y)).collect::<String>();
+        assert_eq!([0, 1, 2, 3, 4].map(row), ["    ###", "    #  ", "### ###", "    # #", "    ###"]);
+    }
+
+    #[test]
     fn the_scale_fits_any_width() {
         for width in [0, 1, 2, 30, 500] {
             draw_scale(&mut RgbImage::new(width, SCALE_HEIGHT), 0);

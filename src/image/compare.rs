@@ -121,6 +121,17 @@ mod tests {
     }
 
     #[test]
+    fn one_bright_pixel_that_is_wrong_does_not_darken_the_others() {
+        let mut expected = flat(1.0);
+        expected.pixels[0] = [0.0; 3];
+        let mut found = expected.clone();
+        (found.pixels[0], found.pixels[1]) = ([1e-3; 3], [1e6; 3]);
+        let picture = difference_image(&found, &expected);
+        // The black pixel is off by a thousandth of the brightest one that is expected.
+        assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
+    }
+
+    #[test]
     fn pictures_of_different_sizes_differ_where_one_is_missing() {
         let small = Radiance { pixels: vec![[1.0; 3]; 6], ..Radiance::new(2, 3) };
         assert_eq!(difference_image(&small, &flat(1.0)).get_pixel(3, 2).0, colour::WRONG);

@@ -251,6 +251,7 @@ mod tests {
             "{refused}"
         );
         assert!(refused.remedy().ends_with("a.png'") && refused.exit_code() == 2);
+        assert!(check("a.jpg", [1, 65_536]).is_err());
         assert!(check("a.jpg", [65_535, 65_535]).is_ok() && check("a.png", [65_536, 1]).is_ok());
     }
 

@@ -141,3 +141,30 @@ pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clo
     draw_count_scale(&mut picture, height, most);
     picture
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_and_nodes_are_pictures_of_their_own() {
+        let layers = Layers {
+            size: [2, 1],
+            depth: vec![1.0; 2],
+            normal: vec![[0.0, 0.0, 1.0]; 2],
+            triangle: vec![0; 2],
+            object: vec![0; 2],
+            tests: vec![0, 5],
+            nodes: vec![9, 0],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let targets = layer_targets(&Target::of_results(folder.path().join("a.png"))).unwrap();
+        save_layers(&Radiance::new(2, 1), &layers, &targets).unwrap();
+        let shown = |name: &str| {
+            let picture = image::open(folder.path().join(name)).unwrap().to_rgb8();
+            [picture[(0, 0)].0, picture[(1, 0)].0]
+        };
+        assert_eq!(shown("a-tests.png"), [viridis(0.0), viridis(1.0)]);
+        assert_eq!(shown("a-nodes.png"), [viridis(1.0), viridis(0.0)]);
+    }
+}

@@ -67,3 +67,16 @@ impl Radiance {
         Some(([first % self.width, first / self.width], count))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_pixel_that_is_not_finite_has_its_column_and_row() {
+        let mut image = Radiance::new(4, 3);
+        assert_eq!(image.not_finite(), None);
+        (image.pixels[6][1], image.pixels[11][0]) = (f32::NAN, f32::INFINITY);
+        assert_eq!(image.not_finite(), Some(([2, 1], 2)));
+    }
+}

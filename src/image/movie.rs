@@ -171,14 +171,27 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
-    #[test]
-    fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
+    /// Returns the file of an animated picture of two frames, 25 per second.
+    fn animated() -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.apng");
         let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
         let frames = frames.into_iter().map(|frame| (frame, Display::default()));
         Movie::apng(Target::of_results(&path), [2, 1], 25, 2).write(frames).unwrap();
-        let file = std::fs::read(&path).unwrap();
+        std::fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn an_animated_png_repeats_for_ever() {
+        let file = animated();
+        let reader = png::Decoder::new(std::io::Cursor::new(&file)).read_info().unwrap();
+        let control = reader.info().animation_control().expect("it is animated");
+        assert_eq!((control.num_frames, control.num_plays), (2, 0), "0 is for ever");
+    }
+
+    #[test]
+    fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
+        let file = animated();
         // The delay in seconds, two numbers of 16 bits, follows the name of the chunk and five of 32 bits.
         let chunks = file.windows(28).filter(|bytes| bytes.starts_with(b"fcTL"));
         let delays: Vec<Vec<u8>> = chunks.map(|chunk| chunk[24..].to_vec()).collect();

@@ -126,9 +126,7 @@ impl Live {
 
     /// Returns half the picture's height at the distance 1.
     pub fn half_height(&self) -> f64 {
-        let camera = &self.scene.camera;
-        let [width, height] = self.size().map(f64::from);
-        f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }
+        half_height(&self.scene.camera, self.size())
     }
 
     /// Begins a new picture, because the eye has moved.
@@ -291,4 +289,24 @@ fn ready(subject: &Subject, session: &mut Session, way: &Way) -> std::result::Re
     let prepared = subject.prepare(session, &strategies.taken(), local_sizes.taken())?;
     let caster = prepared.caster()?;
     Ok((prepared, caster))
+}
+
+/// Returns half the height, at the distance 1, of a picture of this size.
+fn half_height(camera: &Camera, size: [u32; 2]) -> f64 {
+    let [width, height] = size.map(f64::from);
+    f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_pictures_height_is_where_its_rays_end() {
+        for fov_is_vertical in [false, true] {
+            let camera = Camera { fov_is_vertical, tan_half_fov: 0.75, ..Camera::PAPER };
+            let top = camera.pixel_frame(200, 80).corner.y;
+            assert!((half_height(&camera, [200, 80]) - top).abs() < 1e-12, "{fov_is_vertical}: {top}");
+        }
+    }
 }

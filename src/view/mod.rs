@@ -174,9 +174,7 @@ impl<S: Screen> Viewer<S> {
     /// Does what the user wants. Returns whether the user wants to quit.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
-            // If the pointer is dragged to the right, the scene turns to the right, so the eye goes to the
-            // left.
-            self.go(Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]]));
+            self.go(dragged(input));
         }
         if input.pan != [0.0; 2] {
             let heights = 2.0 * self.live.half_height();
@@ -287,5 +285,23 @@ impl<S: Screen> Viewer<S> {
         let picked = self.picked.as_ref().map(Picked::text);
         let more = [tests, picked, self.note.clone()];
         self.screen.tell(&title::line(&self.live, rates, more.into_iter().flatten()))
+    }
+}
+
+/// Returns how the eye goes around the scene if the pointer is dragged. The scene follows the pointer: it
+/// turns to the right if the eye goes to the left, and down if the eye goes up.
+fn dragged(input: &Input) -> Action {
+    Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scene_follows_the_pointer_that_drags_it() {
+        let to_the_right_and_down = Input { orbit: [0.1, 0.2], ..Input::default() };
+        let Action::Orbit([right, up]) = dragged(&to_the_right_and_down) else { panic!("the eye orbits") };
+        assert!(right < 0.0 && up > 0.0, "the eye goes {right} to the right and {up} up");
     }
 }

@@ -117,6 +117,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_first_frame_begins_the_time_and_is_not_counted_in_it() {
+        let mut rate = Rate::new();
+        (0..5).for_each(|_| rate.count());
+        rate.last = rate.first.expect("a frame") + Duration::from_secs(2);
+        let total = rate.total();
+        assert_eq!((total.frames, total.seconds, total.frames_per_s), (5, 2.0, 2.0));
+    }
+
+    #[test]
     fn rays_are_counted_by_device_time() {
         let mut rate = Rate::new();
         assert_eq!((rate.total().frames, rate.total().rays_per_s), (0, 0.0));

@@ -116,3 +116,37 @@ fn wrong(reason: &str, saved: &Target) -> Error {
     let error = Error::run(format!("the picture is wrong: {reason}"));
     error.with_help(format!("it was saved for inspection: {}", saved.path().display()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+    use crate::strategy::preset;
+
+    #[test]
+    fn half_pictures_of_another_shape_show_the_field_of_view_of_the_whole_one() {
+        let (scene, size, half_size) = (fixtures::single_triangle(), [8, 3], [4, 2]);
+        let sampling = Sampling { half_light: 1, ..Sampling::ONE };
+        let strategy = preset("bvh").unwrap().strategy;
+        let cast = |scene: &Scene, size: [u32; 2], samples: &[Sample]| {
+            reference_of(scene, size, strategy.culling, &all_pixels(size), (samples, &|_| 1))
+        };
+        let whole = cast(&scene, size, &sampling.rounds().concat());
+        let half_scene = Scene { camera: scene.camera.covering(size), ..scene.clone() };
+        let half = |light: SampleLight| cast(&half_scene, half_size, &sampling.of_half_light(light)).radiance;
+        let parts = LightParts {
+            hits: whole.hits,
+            whole: whole.radiance,
+            hit_shares: vec![1.0; 8 * 3],
+            lit: half(SampleLight::Interleaved),
+            unoccluded: half(SampleLight::Unoccluded),
+            half_hit_shares: vec![1.0; 4 * 2],
+        };
+        let background = scene.background.as_dvec3();
+        let image = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);
+        let saved = Target::of_results("a.png");
+        let found =
+            check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
+        assert!(found.is_ok(), "{found:?}");
+    }
+}

@@ -23,3 +23,22 @@ fn numbered_folder(name: &str, number: u32) -> PathBuf {
         _ => results().join(format!("{name}-{number}")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_latest_folder_is_gone_on_with_and_a_new_run_takes_the_next_name() {
+        let place = tempfile::tempdir().unwrap();
+        // A name that is a whole path is not in the folder of results.
+        let name = place.path().join("quick").display().to_string();
+        let numbered = |ending: &str| PathBuf::from(format!("{name}{ending}"));
+        let found = || [true, false].map(|resume| default_folder(&name, resume));
+        assert_eq!(found(), [numbered(""), numbered("")]);
+        for ending in ["", "-2", "-3"] {
+            std::fs::create_dir(numbered(ending)).unwrap();
+        }
+        assert_eq!(found(), [numbered("-3"), numbered("-4")]);
+    }
+}

@@ -130,3 +130,20 @@ fn alone(mesh: &Arc<Mesh>) -> Scene {
         display: Display::default(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+    use glam::DVec3;
+
+    #[test]
+    fn the_frames_of_a_turntable_are_equal_parts_of_one_turn() {
+        let scene = Arc::new(fixtures::single_triangle());
+        let orbit = Orbit { centre: DVec3::new(0.0, 0.0, -2.0), up: DVec3::Y, with_lights: false };
+        let mut film = Film::Turntable { scene: Arc::clone(&scene), orbit, count: 4 };
+        for (number, part) in [(1, 0.0), (2, 0.25), (3, 0.5), (4, 0.75)] {
+            assert_eq!(film.scene(number).unwrap().camera, orbit.at(&scene, part).0, "frame {number}");
+        }
+    }
+}
