@@ -4,6 +4,7 @@ use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::{Error, Result};
 use crate::filetype::STANDARD_INPUT;
+use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
 use serde::Serialize;
@@ -98,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
 
 fn show(args: Args, screen: impl Screen) -> Result<()> {
     let Args { subject, samples, spin, frames, seconds, json, quiet, .. } = args;
-    let watched = Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()))?;
+    let mut watched = Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS)?;
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
     let (live, total) = viewer.run(Until { frames, seconds }, || watched.has_changed())?;
     let report = report(&live, total);

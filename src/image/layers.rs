@@ -91,8 +91,10 @@ fn grey(layers: &Layers) -> RgbImage {
     let seen = || layers.depth.iter().copied().filter(|depth| depth.is_finite());
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     picture(layers, |pixel| {
-        let part = (far - layers.depth[pixel]) / (far - near).max(f32::MIN_POSITIVE);
-        let value = if layers.depth[pixel].is_finite() { 40.0 + 215.0 * part } else { 0.0 };
+        let depth = layers.depth[pixel];
+        // If all depths are the same, all are the nearest.
+        let part = if near < far { (far - depth) / (far - near) } else { 1.0 };
+        let value = if depth.is_finite() { 40.0 + 215.0 * part } else { 0.0 };
         [value.round() as u8; 3]
     })
 }
@@ -126,4 +128,22 @@ pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clo
     }
     draw_count_scale(&mut picture, height, most);
     picture
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the greys of a row of depths.
+    fn greys(depth: &[f32]) -> Vec<u8> {
+        let layers = Layers { size: [depth.len() as u32, 1], depth: depth.to_vec(), ..Layers::default() };
+        grey(&layers).pixels().map(|pixel| pixel.0[0]).collect()
+    }
+
+    #[test]
+    fn the_nearest_depth_is_white_even_if_there_is_no_other() {
+        assert_eq!(greys(&[1.0, 3.0, 2.0, f32::INFINITY]), [255, 40, 148, 0]);
+        assert_eq!(greys(&[2.0, f32::INFINITY, 2.0]), [255, 0, 255]);
+        assert_eq!(greys(&[f32::INFINITY]), [0]);
+    }
 }
