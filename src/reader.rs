@@ -3,7 +3,7 @@
 
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read as _, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,6 +138,17 @@ fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     bytes.reserve_exact(file.metadata()?.len().min(length).saturating_sub(bytes.len() as u64) as usize);
     file.take(left).read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// Returns the folder of a file.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Returns the only path of a file in which no folder is a link or `..`; `None` if its folder does not exist.
+/// The file itself need not exist.
+pub fn settled(path: &Path) -> Option<PathBuf> {
+    Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }
 
 /// Returns whether a file lies in a folder or its subfolders, after following links. The text of a file

@@ -11,7 +11,7 @@ mod split;
 mod timeline;
 
 use super::subject::Subject;
-use super::watch::{folders, watch};
+use super::watch::{Watched, folders, watch};
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 use crate::filetype::{STANDARD_INPUT, unpacked_name};
@@ -22,7 +22,7 @@ use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
-use crate::scene::{Display, Loaded, Sampling, Scene};
+use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
@@ -87,7 +87,7 @@ pub struct Args {
     /// Compare the picture with the serial reference; exit with 1 if it is wrong. With =N, compare only N random pixels
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
     verify: Option<Option<u32>>,
-    /// Render again whenever the scene's folder, or a kernel of --cl-dir, changes; Ctrl-C ends it
+    /// Render again whenever a file of the scene, or a kernel of --cl-dir, changes; Ctrl-C ends it
     #[arg(long, conflicts_with = "json")]
     watch: bool,
     /// Print one JSON object
@@ -121,7 +121,15 @@ pub fn run(args: Args) -> Result<()> {
             .with_help("name the scene's file instead of `-`"));
     }
     let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
-    watch(&folders, args.quiet, || render(&args))
+    let watched = Watched::new(&folders, &written(&args), &INPUTS)?;
+    watch(watched, args.quiet, || render(&args))
+}
+
+/// Returns the files that the command writes.
+fn written(args: &Args) -> Vec<PathBuf> {
+    let picture = target(args);
+    let layers = layer_files(args, &picture).unwrap_or_default();
+    layers.iter().chain([&picture]).map(|target| target.path().to_owned()).collect()
 }
 
 fn render(args: &Args) -> Result<()> {

@@ -3,6 +3,7 @@
 use super::subject::Subject;
 use super::watch::{Watched, folders};
 use crate::error::Result;
+use crate::scene::INPUTS;
 use crate::view::screen::{Graphics, Screen, Terminal, Window};
 use crate::view::{Live, Total, Until, Viewer, keys};
 use crate::words::counted;
@@ -108,8 +109,8 @@ pub fn run(args: Args) -> Result<()> {
 fn show(args: Args, screen: impl Screen) -> Result<()> {
     let streams = args.streams();
     let Args { subject, samples, spin, frames, seconds, json, quiet, .. } = args;
-    let watched = watched(&subject)?;
-    let has_changed = || watched.as_ref().is_some_and(Watched::has_changed);
+    let mut watched = watched(&subject)?;
+    let has_changed = || watched.as_mut().is_some_and(Watched::has_changed);
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
     let (live, total) = viewer.run(Until { frames, seconds }, has_changed)?;
     tell(&report(&live, total), streams, (json, quiet))
@@ -120,7 +121,7 @@ fn watched(subject: &Subject) -> Result<Option<Watched>> {
     if subject.reads_standard_input() {
         return Ok(None);
     }
-    Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref())).map(Some)
+    Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS).map(Some)
 }
 
 /// Prints the report at the end: on standard error if standard output gets the pictures.

@@ -2,13 +2,16 @@
 
 use crate::error::{Error, Result};
 use crate::printer;
+use crate::reader::{folder_of, settled};
+use crate::scene::Inputs;
 use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Extensions of files that affect the picture.
+/// Extensions of files that may affect the picture even if it has not been read from them. Formats of pictures
+/// are not among them: those that other commands write do not count.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps; it is complete this long after the last of them.
 const QUIET: Duration = Duration::from_millis(80);
@@ -17,54 +20,78 @@ const QUIET: Duration = Duration::from_millis(80);
 pub struct Watched {
     changes: Receiver<()>,
     /// The watcher, which ends when this is dropped.
-    _watcher: notify::RecommendedWatcher,
+    watcher: notify::RecommendedWatcher,
+    /// The folders that are watched.
+    folders: Vec<(PathBuf, RecursiveMode)>,
+    inputs: &'static Inputs,
 }
 
 impl Watched {
-    /// Watches the source files in `folders`, or also below them.
-    pub fn new(folders: &[(PathBuf, RecursiveMode)]) -> Result<Self> {
+    /// Watches the source files in `folders`, or also below them, and all files of `inputs`. The files of
+    /// `written` are left out.
+    pub fn new(
+        folders: &[(PathBuf, RecursiveMode)],
+        written: &[PathBuf],
+        inputs: &'static Inputs,
+    ) -> Result<Self> {
         let failed = |error: notify::Error| {
             Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
         };
         let (sender, changes) = channel();
+        let written: Vec<PathBuf> = written.iter().filter_map(|path| settled(path)).collect();
         let tell = move |event: notify::Result<notify::Event>| {
-            if event.is_ok_and(|event| matters(&event)) {
+            if event.is_ok_and(|event| matters(&event, &written, inputs)) {
                 // The receiver is gone only when the program ends.
                 let _ = sender.send(());
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        for (folder, depth) in folders {
+        // Events have paths in these folders, which are compared with settled ones.
+        let resolved = |folder: &Path| folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+        let folders: Vec<_> = folders.iter().map(|(folder, depth)| (resolved(folder), *depth)).collect();
+        for (folder, depth) in &folders {
             watcher.watch(folder, *depth).map_err(failed)?;
         }
-        Ok(Self { changes, _watcher: watcher })
+        Ok(Self { changes, watcher, folders, inputs })
     }
 
     /// Returns whether a file has changed since the last call. If so, the pause after the change is over too.
-    pub fn has_changed(&self) -> bool {
+    pub fn has_changed(&mut self) -> bool {
+        self.follow();
         self.changes.try_recv().is_ok() && quiet(&self.changes)
+    }
+
+    /// Also watches the folders of files that have been read in the meantime.
+    fn follow(&mut self) {
+        for folder in self.inputs.folders() {
+            if !self.folders.iter().any(|watched| covers(watched, &folder)) {
+                // If a folder cannot be watched, the others still are.
+                let _ = self.watcher.watch(&folder, RecursiveMode::NonRecursive);
+                self.folders.push((folder, RecursiveMode::NonRecursive));
+            }
+        }
     }
 }
 
-/// Returns the folders whose files affect a picture: the folder of its scene, and the folder of kernels.
+/// Returns whether a folder is watched together with another.
+fn covers((watched, depth): &(PathBuf, RecursiveMode), folder: &Path) -> bool {
+    watched == folder || *depth == RecursiveMode::Recursive && folder.starts_with(watched)
+}
+
+/// Returns the folders that are watched from the start: the folder of the scene, and the folder of kernels.
 pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveMode)> {
-    let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let of_scene = (folder.unwrap_or(Path::new(".")).to_owned(), RecursiveMode::NonRecursive);
+    let of_scene = (folder_of(scene).to_owned(), RecursiveMode::NonRecursive);
     let of_kernels = kernels.map(|folder| (folder.to_owned(), RecursiveMode::Recursive));
     std::iter::once(of_scene).chain(of_kernels).collect()
 }
 
-/// Acts once, then again after every change to a source file in `folders`, or also below them. A failed
-/// action is reported and does not end the loop, since the next change may correct the mistake. Unless it is
-/// `quiet`, it says each time that it waits.
-pub fn watch(
-    folders: &[(PathBuf, RecursiveMode)],
-    quiet: bool,
-    mut action: impl FnMut() -> Result<()>,
-) -> Result<()> {
-    let watched = Watched::new(folders)?;
+/// Acts once, then again after every change that is watched. A failed action is reported and does not end the
+/// loop, since the next change may correct the mistake. Unless it is `quiet`, it says each time that it waits.
+pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Result<()>) -> Result<()> {
     loop {
-        if let Err(error) = action() {
+        let done = action();
+        watched.follow();
+        if let Err(error) = done {
             printer::tell(format!("{:?}", miette::Report::new(error)));
         }
         super::tell(quiet, "waiting for a change (Ctrl-C ends)")?;
@@ -74,17 +101,16 @@ pub fn watch(
     }
 }
 
-/// Returns whether an event changes a source of the picture. The picture itself, in the same folder, does not
-/// count.
-fn matters(event: &notify::Event) -> bool {
+/// Returns whether an event changes a source of the picture. The files of `written`, such as the picture itself,
+/// do not count.
+fn matters(event: &notify::Event, written: &[PathBuf], inputs: &Inputs) -> bool {
     let changes = matches!(event.kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
-    let source = |path: &PathBuf| is_source(path);
+    let source = |path: &PathBuf| !written.contains(path) && (is_source(path) || inputs.contains(path));
     changes && event.paths.iter().any(source)
 }
 
 fn is_source(path: &Path) -> bool {
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|extension| SOURCES.contains(&extension))
+    path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
 /// Waits for a change, and then until changes have paused; returns false if no more changes can come.
@@ -116,15 +142,69 @@ mod tests {
         let place = folder.path().to_owned();
         let (told, seen) = channel();
         std::thread::spawn(move || {
-            watch(&[(place, RecursiveMode::NonRecursive)], true, move || {
-                told.send(()).map_err(|_| Error::run("over"))
-            })
+            static INPUTS: Inputs = Inputs::new();
+            let watched = Watched::new(&[(place, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
+            watch(watched, true, move || told.send(()).map_err(|_| Error::run("over")))
         });
         assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
         std::fs::write(folder.path().join("picture.png"), "png").expect("it writes");
         assert!(seen.recv_timeout(Duration::from_millis(400)).is_err(), "a picture is no source");
-        std::fs::write(folder.path().join("scene.toml"), "changed").expect("it writes");
+        std::fs::write(folder.path().join("SCENE.TOML"), "changed").expect("it writes");
         assert!(seen.recv_timeout(LIMIT).is_ok(), "a change is noticed");
+    }
+
+    /// Changes a file until a watcher acts.
+    fn change_until(path: &Path, mut acts: impl FnMut() -> bool) {
+        let start = std::time::Instant::now();
+        while !acts() {
+            assert!(start.elapsed() < LIMIT, "a change of {} is not noticed", path.display());
+            std::fs::write(path, "changed").expect("it writes");
+            std::thread::sleep(QUIET);
+        }
+    }
+
+    #[test]
+    fn files_of_other_folders_are_watched_once_they_are_read() {
+        static INPUTS: Inputs = Inputs::new();
+        let [scene, other] = [0; 2].map(|_| tempfile::tempdir().expect("a folder"));
+        let place = scene.path().to_owned();
+        let texture = other.path().join("wood.png");
+        let read = texture.clone();
+        let (told, seen) = channel();
+        std::thread::spawn(move || {
+            let watched = Watched::new(&[(place, RecursiveMode::NonRecursive)], &[], &INPUTS)?;
+            watch(watched, true, move || {
+                INPUTS.add(&read);
+                told.send(()).map_err(|_| Error::run("over"))
+            })
+        });
+        assert!(seen.recv_timeout(LIMIT).is_ok(), "it acts at the start");
+        change_until(&texture, || seen.try_recv().is_ok());
+    }
+
+    #[test]
+    fn a_written_file_is_left_out_even_if_it_was_read() {
+        static INPUTS: Inputs = Inputs::new();
+        let folder = tempfile::tempdir().expect("a folder");
+        let [texture, picture] = ["wood.png", "picture.png"].map(|name| folder.path().join(name));
+        let folders = folders(&folder.path().join("scene.toml"), None);
+        let written = [picture.clone()];
+        let mut watched = Watched::new(&folders, &written, &INPUTS).expect("it watches");
+        INPUTS.add(&texture);
+        INPUTS.add(&picture);
+        std::fs::write(&picture, "png").expect("it writes");
+        std::thread::sleep(Duration::from_millis(400));
+        assert!(!watched.has_changed(), "a picture that it writes is no source");
+        change_until(&texture, || watched.has_changed());
+    }
+
+    #[test]
+    fn a_folder_is_watched_with_another_only_if_it_is_the_same_or_below_it() {
+        let covers = |watched: &str, depth, folder: &str| covers(&(watched.into(), depth), Path::new(folder));
+        assert!(covers("/a", RecursiveMode::NonRecursive, "/a"));
+        assert!(!covers("/a", RecursiveMode::NonRecursive, "/a/b"));
+        assert!(covers("/a", RecursiveMode::Recursive, "/a/b"));
+        assert!(!covers("/a", RecursiveMode::Recursive, "/ab"));
     }
 
     #[test]

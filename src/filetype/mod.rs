@@ -22,6 +22,8 @@ pub const MTL: &str = "an MTL material file";
 
 /// The name of a file of unknown bytes.
 const UNKNOWN: &str = "a binary file of an unknown kind";
+/// The name of JSON that is not recognised as glTF.
+const JSON: &str = "a JSON file";
 
 /// The type of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! A file that was opened and recognised. A packed file is unpacked.
 
-use super::{FileType, Foreign, MeshFormat, UNKNOWN, stl};
+use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, stl};
 use crate::memory::Available;
 use crate::reader::{self, Kind};
 use flate2::read::MultiGzDecoder;
@@ -110,14 +110,17 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
 
 /// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles
 /// and is cut off. Its length then does not match its count of triangles, by which binary STL is recognised
-/// otherwise; the reader of STL reports what is wrong.
+/// otherwise; the reader of STL reports what is wrong. JSON in a file named `.gltf` is glTF, unless all of it
+/// was seen and has none of the keys of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
-    let is_named = || MeshFormat::from_ending(path) == Some(MeshFormat::Stl);
-    match FileType::of(head, length) {
-        FileType::Foreign(Foreign { name: UNKNOWN, .. }) if is_named() || stl::is_cut_off(head, length) => {
-            FileType::Mesh(MeshFormat::Stl)
-        }
-        other => other,
+    let of_contents = FileType::of(head, length);
+    let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
+    let has_more = length > head.len() as u64;
+    match MeshFormat::from_ending(path) {
+        Some(MeshFormat::Stl) if name == UNKNOWN => FileType::Mesh(MeshFormat::Stl),
+        Some(MeshFormat::Gltf) if name == JSON && has_more => FileType::Mesh(MeshFormat::Gltf),
+        _ if name == UNKNOWN && stl::is_cut_off(head, length) => FileType::Mesh(MeshFormat::Stl),
+        _ => of_contents,
     }
 }
 
@@ -131,4 +134,21 @@ fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
         return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_is_gltf_by_its_name_if_the_keys_of_gltf_may_follow() {
+        let nodes = r#"{"nodes":[{}"#.to_owned() + &",{}".repeat(HEAD_BYTES);
+        let whole = nodes + r#"],"asset":{"version":"2.0"}}"#;
+        let of = |text: &str, name: &str| Opened::held(text.into(), Path::new(name)).filetype;
+        let json = FileType::Foreign(Foreign { name: JSON, remedy: "" });
+        assert_eq!(of(&whole, "a.gltf"), FileType::Mesh(MeshFormat::Gltf));
+        assert_eq!(of(&whole, "A.GLTF"), FileType::Mesh(MeshFormat::Gltf));
+        assert_eq!(of(&whole, "a.json"), json);
+        assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
+    }
 }

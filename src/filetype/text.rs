@@ -1,7 +1,7 @@
 //! Formats that are recognised by their first words.
 
 use super::signatures::{EXPORT, contains};
-use super::{FileType, Foreign, MTL, MeshFormat, UNKNOWN};
+use super::{FileType, Foreign, JSON, MTL, MeshFormat, UNKNOWN};
 
 /// The first words of OBJ statements, including those that may fill the beginning of a file.
 const OBJ_WORDS: &[&str] = &[
@@ -92,7 +92,7 @@ fn foreign(head: &[u8], word: &str, rest: &[u8]) -> Option<FileType> {
         _ if PBRT_WORDS.contains(&word) => named("a pbrt scene", EXPORT),
         _ if word.starts_with('<') => xml(head).and_then(|(name, remedy)| named(name, remedy)),
         _ if word.starts_with(['{', '[']) && is_gltf(head) => Some(FileType::Mesh(MeshFormat::Gltf)),
-        _ if word.starts_with(['{', '[']) => named("a JSON file", ""),
+        _ if word.starts_with(['{', '[']) => named(JSON, ""),
         _ if is_binary(head) => named(UNKNOWN, ""),
         _ => None,
     }

@@ -105,8 +105,10 @@ fn grey(layers: &Layers) -> RgbImage {
     let seen = || layers.depth.iter().copied().filter(|depth| depth.is_finite());
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     picture(layers, |pixel| {
-        let part = (far - layers.depth[pixel]) / (far - near).max(f32::MIN_POSITIVE);
-        let value = if layers.depth[pixel].is_finite() { 40.0 + 215.0 * part } else { 0.0 };
+        let depth = layers.depth[pixel];
+        // If all depths are the same, all are the nearest.
+        let part = if near < far { (far - depth) / (far - near) } else { 1.0 };
+        let value = if depth.is_finite() { 40.0 + 215.0 * part } else { 0.0 };
         [value.round() as u8; 3]
     })
 }
@@ -158,7 +160,8 @@ mod tests {
             nodes: vec![9, 0],
         };
         let folder = tempfile::tempdir().unwrap();
-        let targets = layer_targets(&Target::of_results(folder.path().join("a.png"))).unwrap();
+        let target = |name: &str| Target::of_results(folder.path().join(name));
+        let targets = layer_targets(&target("a.png"), &target("picture.png")).unwrap();
         save_layers(&Radiance::new(2, 1), &layers, &targets).unwrap();
         let shown = |name: &str| {
             let picture = image::open(folder.path().join(name)).unwrap().to_rgb8();
@@ -166,5 +169,18 @@ mod tests {
         };
         assert_eq!(shown("a-tests.png"), [viridis(0.0), viridis(1.0)]);
         assert_eq!(shown("a-nodes.png"), [viridis(1.0), viridis(0.0)]);
+    }
+
+    /// Returns the greys of a row of depths.
+    fn greys(depth: &[f32]) -> Vec<u8> {
+        let layers = Layers { size: [depth.len() as u32, 1], depth: depth.to_vec(), ..Layers::default() };
+        grey(&layers).pixels().map(|pixel| pixel.0[0]).collect()
+    }
+
+    #[test]
+    fn the_nearest_depth_is_white_even_if_there_is_no_other() {
+        assert_eq!(greys(&[1.0, 3.0, 2.0, f32::INFINITY]), [255, 40, 148, 0]);
+        assert_eq!(greys(&[2.0, f32::INFINITY, 2.0]), [255, 0, 255]);
+        assert_eq!(greys(&[f32::INFINITY]), [0]);
     }
 }

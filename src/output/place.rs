@@ -2,6 +2,7 @@
 
 use super::mark::Maker;
 use crate::error::{Error, Result};
+use crate::reader;
 use crate::record::temporary_in;
 use std::fs::File;
 use std::io::{ErrorKind, Result as IoResult};
@@ -118,7 +119,7 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
 
 /// Returns the folder of a new file, which must exist.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
-    let folder = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
+    let folder = reader::folder_of(path);
     if folder.is_dir() {
         return Ok(folder);
     }

@@ -1,6 +1,6 @@
 //! The text of a scene file, with the locations of mistakes.
 
-use super::{files, overrides};
+use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
 use crate::reader::Kind;
@@ -40,6 +40,7 @@ const BARE_CREASE_DEGREES: u32 = 40;
 impl Document {
     /// Reads a scene file, or makes the document of a bare mesh.
     pub fn read(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Self> {
+        INPUTS.add(path);
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
             return Err(refusal);
@@ -76,6 +77,7 @@ impl Document {
 
     /// Opens a file named in this document; a bare mesh is already open.
     pub fn open(&self, path: &Path) -> std::io::Result<Opened> {
+        INPUTS.add(path);
         let held = self.held.borrow_mut().take_if(|(held, _)| held == path);
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }

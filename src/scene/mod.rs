@@ -12,6 +12,7 @@ mod enclosed;
 mod facing;
 mod files;
 mod framing;
+mod inputs;
 mod kept;
 mod load;
 mod material;
@@ -33,6 +34,7 @@ mod wire;
 
 pub use animation::Animation;
 pub use camera::{Camera, PixelFrame};
+pub(crate) use inputs::{INPUTS, Inputs};
 pub use load::{Loaded, Shot, load_scene, load_scene_for, load_scene_named_in, load_scene_with};
 pub use material::{DEFAULT_LAMBERTIAN, Material, MaterialKind, PAPER_GLOSSY, PAPER_SHININESS};
 pub use mesh::{Mesh, Triangle};

@@ -1,5 +1,6 @@
 //! The sky: light from all directions, either a gradient around the zenith or from a picture.
 
+use super::INPUTS;
 use crate::filetype::FileType;
 use crate::reader::{self, Kind};
 use glam::{DQuat, DVec3, Vec3};
@@ -55,6 +56,7 @@ pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
 impl SkyPicture {
     /// Reads a picture (Radiance HDR or OpenEXR). The words of an error follow the file's name in a message.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
+        INPUTS.add(path);
         let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
         let bytes = reader::bytes(path, Kind::Texture).map_err(|error| unreadable(&error))?;
         let format = image::guess_format(&bytes).ok();

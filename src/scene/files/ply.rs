@@ -180,11 +180,7 @@ impl PropertyAccess for Vertex {
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
         let Some(value) = number(&property) else { return PropertyAccessResult::Ignored };
-        let channel = || match property {
-            Property::UChar(value) => f32::from(value) / 255.0,
-            Property::UShort(value) => f32::from(value) / 65535.0,
-            _ => value as f32,
-        };
+        let channel = || (value / full_channel(&property)) as f32;
         match name {
             "x" => self.position.x = value,
             "y" => self.position.y = value,
@@ -199,6 +195,17 @@ impl PropertyAccess for Vertex {
             _ => return PropertyAccessResult::Ignored,
         }
         PropertyAccessResult::Set
+    }
+}
+
+/// Returns the value of a channel that stands for 1. In files whose channels are wider than their values need,
+/// these are those of a byte.
+fn full_channel(property: &Property) -> f64 {
+    match property {
+        Property::Float(_) | Property::Double(_) => 1.0,
+        Property::UShort(_) => 65535.0,
+        Property::Char(_) => 127.0,
+        _ => 255.0,
     }
 }
 

@@ -106,15 +106,9 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     if coloured == 0 {
         return;
     }
-    let mut colours = Vec::with_capacity(mesh.positions.len());
-    for chunk in points {
-        let end = colours.len() + chunk.positions.len();
-        colours.extend_from_slice(&chunk.colours);
-        colours.resize(end, Vec3::ONE);
-    }
     // Triangles without a material have the colours of their vertices only.
     mesh.materials[0].lambertian = Vec3::ONE;
-    paint(mesh, &colours);
+    paint(mesh, &points::linear_colours(points));
     notes.push(colours_note(coloured));
 }
 

@@ -8,6 +8,7 @@ use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
 use crate::reader::{self, Kind, lies_in};
+use crate::scene::INPUTS;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
@@ -76,14 +77,23 @@ impl Reach<'_> {
     /// Returns the path of a file after following links, if it may be read.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
-        let path = self.folder.join(name.replace('\\', "/")).canonicalize();
+        let named = self.folder.join(name.replace('\\', "/"));
+        let path = named.canonicalize();
+        if path.as_ref().is_ok_and(|path| !self.permits(path)) {
+            return Err(OUTSIDE.to_owned());
+        }
+        INPUTS.add(&named);
         match path {
-            Ok(path) if !self.permitted.beyond && !lies_in(&path, self.folder) => Err(OUTSIDE.to_owned()),
             Ok(path) if path.is_dir() => Err("is a folder".to_owned()),
             // Reading a pipe or a device may never end.
             Ok(path) if !path.is_file() => Err("is not an ordinary file".to_owned()),
             path => path.map_err(unreadable),
         }
+    }
+
+    /// Returns whether a file may be read; links in its path have been followed.
+    fn permits(&self, path: &Path) -> bool {
+        self.permitted.beyond || lies_in(path, self.folder)
     }
 
     fn open(&self, name: &str) -> std::result::Result<Vec<u8>, String> {

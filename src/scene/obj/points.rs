@@ -9,6 +9,11 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
+/// The colour of a vertex without one. It is brighter than every written colour, and so becomes white.
+pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
+/// The largest channel of colours from 0 to 1. Rounding may make one slightly larger than 1.
+const MOST_OF_UNIT: f32 = 1.5;
+
 /// The contents of a piece of the file, except its faces.
 #[derive(Default)]
 pub(super) struct PointChunk {
@@ -20,8 +25,10 @@ pub(super) struct PointChunk {
     pub last_material: Option<String>,
     /// Number of vertices with a colour.
     pub coloured: usize,
-    /// Linear colours, one per vertex up to the last that has one.
+    /// Colours as they are written, one per vertex up to the last that has one. [`UNCOLOURED`] stands for none.
     pub colours: Vec<Vec3>,
+    /// The largest channel of all colours.
+    pub brightest: f32,
     /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
     /// Number of vertices with only two coordinates.
@@ -36,10 +43,9 @@ impl PointChunk {
         let mut channel = || tokens.next().and_then(number);
         let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
         self.coloured += 1;
-        self.colours.resize(self.positions.len() - 1, Vec3::ONE);
-        // Some programs write colours from 0 to 255.
-        let most = if red.max(green).max(blue) > 1.0 { 255.0 } else { 1.0 };
-        self.colours.push((Vec3::new(red, green, blue) / most).map(linear));
+        self.colours.resize(self.positions.len() - 1, UNCOLOURED);
+        self.colours.push(Vec3::new(red, green, blue));
+        self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
     /// Reads a vertex with only two coordinates (z is 0), and counts it. For anything else, returns the given
@@ -88,6 +94,20 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
         }
     }
     Ok(points)
+}
+
+/// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, and all colours
+/// of a file have the same range.
+pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
+    let brightest = chunks.iter().map(|chunk| chunk.brightest).fold(0.0, f32::max);
+    let full = if brightest > MOST_OF_UNIT { 255.0 } else { 1.0 };
+    let mut colours = Vec::with_capacity(chunks.iter().map(|chunk| chunk.positions.len()).sum());
+    for chunk in chunks {
+        let end = colours.len() + chunk.positions.len();
+        colours.extend(chunk.colours.iter().map(|colour| (colour / full).min(Vec3::ONE).map(linear)));
+        colours.resize(end, Vec3::ONE);
+    }
+    colours
 }
 
 /// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. Otherwise the

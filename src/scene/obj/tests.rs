@@ -257,13 +257,30 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
 #[test]
 fn vertices_have_the_colours_of_their_own_lines_and_are_white_without() {
     let text = format!(
-        "{CORNERS}v 0 0 1 0 1 0\nv 1 0 1 0 1 0\nv 0 1 1 0 1 0\nv 0 0 2 0 0 255\nv 1 0 2 0 0 255\nv 0 1 2 0 0 255\n\
+        "{CORNERS}v 0 0 1 0 255 0\nv 1 0 1 0 255 0\nv 0 1 1 0 255 0\nv 0 0 2 0 0 255\nv 1 0 2 0 0 255\nv 0 1 2 0 0 255\n\
          v 0 0 3\nv 1 0 3\nv 0 1 3\nf 1 2 3\nf 4 5 6\nf 7 8 9\nf 10 11 12\n"
     );
     let mesh = read(&text).unwrap().mesh;
     let colours: Vec<Vec3> =
         mesh.triangles.iter().map(|triangle| mesh.material(triangle).lambertian).collect();
     assert_eq!(colours, [Vec3::ONE, Vec3::Y, Vec3::Z, Vec3::ONE]);
+}
+
+#[test]
+fn the_colours_of_a_file_have_one_range() {
+    let colours = |text: &str| -> Vec<f32> {
+        let mesh = read(text).unwrap().mesh;
+        mesh.triangles.iter().map(|triangle| mesh.material(triangle).lambertian.x).collect()
+    };
+    let triangles = |first: &str, second: &str| {
+        let vertices =
+            |colour: &str| ["0 0 0", "1 0 0", "0 1 0"].map(|at| format!("v {at} {colour}\n")).concat();
+        format!("{}{}f 1 2 3\nf 4 5 6\n", vertices(first), vertices(second))
+    };
+    let bytes = colours(&triangles("1 1 1", "255 255 255"));
+    assert!(bytes[0] < 0.001 && bytes[1] == 1.0, "{bytes:?}");
+    let fractions = colours(&triangles("1 1 1", "1.001 0 0"));
+    assert_eq!(fractions, [1.0, 1.0], "a channel slightly above 1 is still a fraction");
 }
 
 #[test]

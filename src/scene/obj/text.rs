@@ -177,10 +177,21 @@ pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
     line.split_at(end)
 }
 
-/// Returns the words of a line, up to a comment.
+/// Returns the words of a line of numbers, up to a comment. No number contains a `#`, so a comment may begin
+/// right after one.
 pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let end = line.iter().position(|&byte| byte == b'#').unwrap_or(line.len());
-    line[..end].split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
+    separated(&line[..end])
+}
+
+/// Returns the words of a line with a file name, up to a comment. A name may contain a `#`, so only a word that
+/// begins with one begins a comment.
+pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    separated(line).take_while(|token| !token.starts_with(b"#"))
+}
+
+fn separated(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
 }
 
 /// Decodes a name or a word for a message: UTF-8, else Latin-1.

@@ -2,7 +2,7 @@
 
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
-use super::text::{number, quoted, tokens, words};
+use super::text::{name_tokens, number, quoted, words};
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
@@ -100,7 +100,7 @@ impl Map {
             offset: [0.0; 2],
             wrap: Wrap::Repeat,
         };
-        let all: Vec<&[u8]> = tokens(rest).collect();
+        let all: Vec<&[u8]> = name_tokens(rest).collect();
         let mut at = 0;
         while let Some(option) = all.get(at).filter(|token| token.starts_with(b"-") && token.len() > 1) {
             at += 1;
@@ -225,6 +225,7 @@ mod tests {
     fn options_come_before_a_name_with_spaces() {
         let usual = |name: &str| Some((name.to_owned(), [1.0; 2], [0.0; 2], Wrap::Repeat));
         assert_eq!(map(" a b.png # c"), usual("a b.png"));
+        assert_eq!(map(" wood#2 b#.png #c # d"), usual("wood#2 b#.png"));
         assert_eq!(map(" -blendu off -mm 0 1 a.png"), usual("a.png"));
         assert_eq!(
             map(" -s 2 3 4 -o 0.5 -clamp on 1.png"),

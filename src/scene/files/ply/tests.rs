@@ -93,6 +93,31 @@ fn alpha_of_vertices_is_noted() {
 }
 
 #[test]
+fn channels_of_every_type_of_number_are_divided_by_their_range() {
+    for (channel, full) in [
+        ("char", "127"),
+        ("uchar", "255"),
+        ("short", "255"),
+        ("ushort", "65535"),
+        ("int", "255"),
+        ("uint", "255"),
+        ("float", "1.0"),
+        ("double", "1.0"),
+    ] {
+        let text = SQUARE.replace("property uchar", &format!("property {channel}"));
+        let text = |of: &str| text.replace("255 0 0\n", &format!("{of} 0 0\n"));
+        let red = |of: &str| {
+            let file = parse("a.ply", text(of).as_bytes()).unwrap();
+            file.mesh.materials[0].lambertian.x
+        };
+        assert_eq!(red(full), 1.0, "{channel}");
+        if channel.ends_with("int") || channel == "short" {
+            assert!(red("51") < 0.04, "{channel}: a fifth is 0.033 in linear light");
+        }
+    }
+}
+
+#[test]
 fn vertices_that_no_face_uses_may_be_nan() {
     let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
         property float z\nelement face 1\nproperty list uchar uchar vertex_indices\nend_header\n";

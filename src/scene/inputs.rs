@@ -1,0 +1,65 @@
+//! The files from which scenes are read, for commands that read a scene again when it changes.
+
+use crate::reader::settled;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The files of all scenes that this process has read.
+pub(crate) static INPUTS: Inputs = Inputs::new();
+
+/// Files that were read, or that would have been read if they existed.
+#[derive(Debug)]
+pub(crate) struct Inputs(Mutex<BTreeSet<PathBuf>>);
+
+impl Inputs {
+    /// Returns an empty list.
+    pub const fn new() -> Self {
+        Self(Mutex::new(BTreeSet::new()))
+    }
+
+    /// Adds a file. If it is a link, the file to which it leads is added too.
+    pub fn add(&self, path: &Path) {
+        let names = [settled(path), path.canonicalize().ok()];
+        self.held().extend(names.into_iter().flatten());
+    }
+
+    /// Returns whether a file with this settled path was added.
+    pub fn contains(&self, path: &Path) -> bool {
+        self.held().contains(path)
+    }
+
+    /// Returns the folders of the files.
+    pub fn folders(&self) -> BTreeSet<PathBuf> {
+        self.held().iter().filter_map(|path| path.parent()).map(Path::to_owned).collect()
+    }
+
+    fn held(&self) -> MutexGuard<'_, BTreeSet<PathBuf>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::load_scene;
+
+    #[test]
+    fn every_file_of_a_scene_is_added_even_if_it_is_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = |name: &str| folder.path().canonicalize().unwrap().join(name);
+        std::fs::create_dir(place("part")).unwrap();
+        std::fs::write(place("scene.toml"), "[[object]]\nmesh = \"part/a.obj\"\n").unwrap();
+        std::fs::write(place("part/a.mtl"), "newmtl wood\nmap_Kd wood.png\n").unwrap();
+        let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+        let mesh = format!("mtllib a.mtl\nusemtl wood\n{corners}f 1/1 2/1 3/1\n");
+        std::fs::write(place("part/a.obj"), mesh).unwrap();
+        let _ = load_scene(&place("part/../scene.toml"));
+        for name in ["scene.toml", "part/a.obj", "part/a.mtl", "part/wood.png"] {
+            assert!(INPUTS.contains(&place(name)), "{name}");
+        }
+        assert!(!INPUTS.contains(&place("part/other.png")));
+        assert!(INPUTS.folders().is_superset(&BTreeSet::from([place(""), place("part")])));
+    }
+}
