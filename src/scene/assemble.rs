@@ -55,13 +55,13 @@ pub(super) fn assemble(
         true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
     }
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(kept.bounds(&mesh)), |bias| bias.0);
+    let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let orbit = Orbit {
         centre: around.map_or(DVec3::ZERO, |ball| ball.centre),
         up: wire.camera.upright(),
-        with_lights: document.bare && wire.light.is_none(),
+        with_lights: document.bare && !has_light,
     };
-    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(kept.bounds(&mesh)), |bias| bias.0);
-    let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let around = ball.filter(|_| document.bare && shot.dressed && !has_light);
     let studio = around.map(|ball| Studio::around(&mesh, ball, &camera, wire.camera.upright()));
     let lights = match &studio {
@@ -345,6 +345,22 @@ mod tests {
 "bufferViews": [{"buffer": 0, "byteLength": 36}],
 "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
 "min": [0, 0, 0], "max": [1, 1, 0]}]}"#;
+
+    #[test]
+    fn only_added_lights_turn_with_the_camera() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gltf");
+        let turns = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            load_scene_with(&path, &[]).unwrap().orbit.with_lights
+        };
+        assert!(turns(SEEN));
+        let light =
+            r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 2}]}}, "#;
+        let lit = SEEN.replacen('{', light, 1);
+        let at = r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}"#;
+        assert!(!turns(&lit.replace(r#"{"mesh": 0}"#, at)));
+    }
 
     #[test]
     fn a_sky_replaces_the_lights_of_a_bare_mesh() {
