@@ -12,7 +12,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// Words that select CPUs.
-const PROCESSORS: [&str; 3] = ["cpu", "pocl", "portable"];
+const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon"];
 
 /// Prints the scripts for this number of shards. The login node need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
@@ -41,10 +41,11 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     print(scripts(&wishes).trim_end())
 }
 
-/// Returns whether words select CPUs, for devices that this machine does not have.
+/// Returns whether a word selects a GPU, for devices that this machine does not have; `None` if no word tells.
 fn by_words(devices: &[String]) -> Option<bool> {
-    let first = devices.first()?.to_lowercase();
-    (first != "all").then(|| !PROCESSORS.iter().any(|word| first.contains(word)))
+    let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
+    let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");
+    words.map(|word| is_gpu(&word)).reduce(|one, other| one || other)
 }
 
 fn command(args: &Args, out: &Path) -> Vec<String> {
@@ -56,4 +57,17 @@ fn command(args: &Args, out: &Path) -> Vec<String> {
         file => format!("--peak={file}"),
     }));
     words
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_word_for_a_gpu_is_enough_in_any_order() {
+        let by = |words: &[&str]| by_words(&words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>());
+        assert_eq!((by(&[]), by(&["all"])), (None, None));
+        assert_eq!((by(&["cpu"]), by(&["AMD EPYC", "PoCL"])), (Some(false), Some(false)));
+        assert_eq!((by(&["cpu", "nvidia"]), by(&["nvidia", "cpu"])), (Some(true), Some(true)));
+    }
 }
