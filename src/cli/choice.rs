@@ -149,6 +149,17 @@ mod tests {
     }
 
     #[test]
+    fn a_watertight_test_that_is_set_takes_the_fastest_watertight_strategy() {
+        let limits = crate::device::EXAMPLE_LIMITS;
+        let of = |watertight| fastest(&limits, &Task { watertight, ..Task::default() }).unwrap();
+        let set = [("intersector".to_owned(), Intersector::WATERTIGHT.name().to_owned())];
+        let chosen = chosen_strategy(None, &set, &limits, Task::default()).unwrap();
+        assert_eq!(chosen, of(true));
+        // More than the test differs.
+        assert_ne!(Strategy { intersector: Intersector::WATERTIGHT, ..of(false).0 }, chosen.0);
+    }
+
+    #[test]
     fn strategies() -> Result<()> {
         assert_eq!(parse_strategy("naive")?, preset("naive")?.strategy);
         let mut wide = preset("deferred")?.strategy;

@@ -181,4 +181,22 @@ mod tests {
                 .expect("its scenes are there");
         }
     }
+
+    #[test]
+    fn the_command_that_continues_names_every_device() {
+        let args = Args {
+            device: vec!["cpu".to_owned(), "nvidia".to_owned()],
+            out: PathBuf::from("out"),
+            force: false,
+            set: vec![("timing.launches".to_owned(), "1".to_owned())],
+            resume: false,
+            no_wait: false,
+            page_only: false,
+            quiet: false,
+            verbose: false,
+        };
+        let devices = "--device cpu --device nvidia";
+        let command = format!("raycl reproduce --out out {devices} --set timing.launches=1 --resume");
+        assert_eq!(resuming(&args), command);
+    }
 }

@@ -63,3 +63,18 @@ impl Incoming {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_band_of_rows_is_below_the_one_before() {
+        let mut incoming = Incoming::new(&Target::of_results("a.png"), [1, 4]);
+        for rows in [&[1_u8; 3][..], &[2; 6], &[3; 3]] {
+            incoming.take(rows);
+        }
+        let Incoming::Whole(picture, _) = incoming else { panic!("a PNG is stored whole") };
+        assert_eq!(picture.into_raw(), [1, 1, 1, 2, 2, 2, 2, 2, 2, 3, 3, 3]);
+    }
+}

@@ -109,7 +109,12 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let mut last = [0.0_f32];
     to.cmd().read(&mut last[..]).offset(floats - 1).enq().map_err(failed)?;
     expect("the copy", f64::from(last[0]), 1.5)?;
-    Ok(rates(2.0 * 4.0 * floats as f64, &seconds))
+    Ok(copied(floats, &seconds))
+}
+
+/// Returns the bytes per second of a copy, which reads and writes each float.
+fn copied(floats: usize, seconds: &[f64]) -> Figure {
+    rates(2.0 * 4.0 * floats as f64, seconds)
 }
 
 fn local(rig: &Rig<'_>) -> Result<Figure> {
@@ -257,5 +262,11 @@ mod tests {
         }
         assert_eq!(visited, 1000);
         assert_ne!(next, (0..32_000).map(|i| (i + 32) % 32_000).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn bytes_read_and_bytes_written_both_count_as_copied() {
+        let rate = copied(1000, &[0.5; 5]);
+        assert!((rate.median - 16_000.0).abs() < 1e-6, "{rate:?}");
     }
 }

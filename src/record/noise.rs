@@ -102,7 +102,7 @@ impl Causes {
 
 #[cfg(test)]
 mod tests {
-    use super::super::summary::tests::{judged, measured};
+    use super::super::summary::tests::{judged, measured, sampled};
     use super::*;
 
     #[test]
@@ -125,5 +125,19 @@ mod tests {
         let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
         let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
         assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");
+    }
+
+    #[test]
+    fn what_all_launches_can_show_is_that_of_the_group_that_varies_most() {
+        // Five samples in each of three launches, the second of which differs.
+        let varied = |name: &str, second: f64| {
+            let ms = move |launch: u32| if launch == 3 { second } else { 10.0 };
+            sampled(name, (0..15).map(move |place| (2 + place / 5, ms(2 + place / 5))))
+        };
+        let steady = [measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 5.0)];
+        let records = [&steady[..], &[varied("naive", 11.0), varied("wide", 9.0)]].concat();
+        let folder = Folder { records: judged(records), ..Folder::default() };
+        let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
+        assert!(gpu.between_launches.is_some_and(|part| part > 0.05), "{gpu:?}");
     }
 }

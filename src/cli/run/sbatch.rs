@@ -7,7 +7,7 @@ use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::Locks;
 use crate::error::Result;
 use crate::experiment::asleep;
-use crate::shard::{Header, Wishes, scripts};
+use crate::shard::{Header, ShardPlan, Wishes, scripts};
 use std::path::Path;
 use std::time::Duration;
 
@@ -27,7 +27,6 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, false));
     let plan = shard::make(&run, Header { shards, ..Header::default() }, &out)?;
-    let longest_ms = plan.expected_ms.iter().copied().fold(0.0, f64::max);
     let expected = super::foreseen(&run, &out, &[])?;
     let wishes = Wishes {
         name: experiment.name.clone(),
@@ -35,10 +34,16 @@ pub fn run(args: &Args, shards: u32) -> Result<()> {
         command: command(args, &out),
         out: out.display().to_string(),
         on_gpu: on_gpu.or_else(|| by_words(&args.device)),
-        longest: Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default(),
+        longest: longest(&plan),
         is_known: expected.points[1] > 0,
     };
     print(scripts(&wishes).trim_end())
+}
+
+/// Returns the expected time of the shard that takes longest.
+fn longest(plan: &ShardPlan) -> Duration {
+    let longest_ms = plan.expected_ms.iter().copied().fold(0.0, f64::max);
+    Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
 /// Returns whether a word selects a GPU, for devices that this machine does not have; `None` if no word tells.
@@ -69,5 +74,11 @@ mod tests {
         assert_eq!((by(&[]), by(&["all"])), (None, None));
         assert_eq!((by(&["cpu"]), by(&["AMD EPYC", "PoCL"])), (Some(false), Some(false)));
         assert_eq!((by(&["cpu", "nvidia"]), by(&["nvidia", "cpu"])), (Some(true), Some(true)));
+    }
+
+    #[test]
+    fn the_time_that_is_asked_for_is_that_of_the_longest_shard() {
+        let plan = ShardPlan { expected_ms: vec![2000.0, 8000.0, 4000.0], ..ShardPlan::default() };
+        assert_eq!(longest(&plan), Duration::from_secs(8));
     }
 }
