@@ -163,7 +163,8 @@ mod tests {
     fn the_command_can_be_pasted_into_a_shell() {
         let folder = Folder {
             environment: serde_json::json!({
-                "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]", "it's", "--resume"],
+                "command_line": ["target/debug/raycl", "run", "a b.toml", "--set", "image_sizes=[[160,100]]",
+                                 "it's", "--resume", "--retry-failed"],
                 "raycl_version": "1", "git_revision": "abc-dirty",
                 "sources": [{"what": "config", "path": "a b.toml", "hash": "0123", "git": "abc, unchanged"},
                             {"what": "kernels", "path": "built in", "hash": "4567", "git": null}],

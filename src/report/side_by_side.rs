@@ -161,4 +161,27 @@ mod tests {
             assert!(plot.svg.contains(">3.00<") && plot.svg.contains(">2.00<"), "{}", plot.svg);
         }
     }
+
+    #[test]
+    fn a_loss_is_that_of_the_strategy_that_is_best_at_the_same_image_size() {
+        let of = |width: u32, device: &str, name: &str, ms: f64| Record {
+            key: format!("{device} {name} {width}"),
+            image_size: [width, 500],
+            ..measured(device, name, 8, ms)
+        };
+        let records = judged([
+            of(800, "gpu", "naive", 1.0),
+            of(800, "gpu", "wide", 4.0),
+            of(1600, "gpu", "naive", 4.0),
+            of(1600, "gpu", "wide", 1.0),
+            of(800, "cpu", "naive", 9.0),
+            of(800, "cpu", "wide", 1.0),
+            of(1600, "cpu", "naive", 3.0),
+            of(1600, "cpu", "wide", 1.0),
+        ]);
+        // The best of the gpu is `naive` for small images and `wide` for large ones. On the cpu they take 9
+        // and 1 times its best.
+        let plots = side_by_side(&groups(&records));
+        assert!(plots[1].svg.contains(">3.00<"), "{}", plots[1].svg);
+    }
 }

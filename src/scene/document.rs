@@ -182,3 +182,17 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
             .with_help("save it as UTF-8")
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_that_is_not_utf_8_is_shown_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, b"# One.\n# Two.\n# \xff\n# Four.\n").unwrap();
+        let message = read_text(&path, Opened::at(&path).unwrap()).unwrap_err().to_string();
+        assert!(message.contains("scene.toml:3: not UTF-8"), "{message}");
+    }
+}

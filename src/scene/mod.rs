@@ -214,4 +214,11 @@ mod tests {
         };
         assert_ne!(hash(1000), hash(2000));
     }
+
+    #[test]
+    fn scenes_with_different_backgrounds_have_different_hashes() {
+        let scene = single_triangle();
+        let bright = Scene { background: Vec3::ONE, ..scene.clone() };
+        assert_ne!(scene.content_hash(), bright.content_hash());
+    }
 }

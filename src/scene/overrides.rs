@@ -150,6 +150,7 @@ mod tests {
     #[test]
     fn an_angle_removes_what_moves_the_camera() {
         let text = "[[animation.track]]\npath = 'camera.position'\n[[animation.track]]\npath = 'camera.look_at.1'\n\
+            [[animation.track]]\npath = 'camera.azimuth_degrees'\n\
             [[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
         let mut document: Table = text.parse().unwrap();
         apply(&mut document, &[("camera.azimuth_degrees".to_owned(), Value::Integer(90))]).unwrap();

@@ -34,10 +34,15 @@ pub struct Status {
 /// Returns the state of all attempts in a folder, from two readings. The time `between` should be several
 /// seconds, since a network file system may show old data.
 pub fn status(out: &Path, between: Duration) -> Vec<Status> {
+    read_twice(out, || std::thread::sleep(between))
+}
+
+/// Reads all attempts twice. In between it waits, unless all have ended.
+fn read_twice(out: &Path, wait: impl FnOnce()) -> Vec<Status> {
     let attempts = Attempt::all(out);
     let first: Vec<Beat> = attempts.iter().map(beat).collect();
     if attempts.iter().any(|attempt| attempt.end().is_none()) {
-        std::thread::sleep(between);
+        wait();
     }
     let of = |(attempt, first): (&Attempt, Beat)| {
         let second = beat(attempt);
@@ -81,6 +86,7 @@ impl fmt::Display for State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shard::About;
 
     #[test]
     fn counters_tell_going_lost_and_hung_apart() {
@@ -90,5 +96,19 @@ mod tests {
         assert_eq!(state(None, [beat(700, 690), beat(702, 692)], 600.0), State::Hung(692));
         assert_eq!(state(None, [beat(7, 0), beat(7, 0)], 600.0), State::Lost);
         assert_eq!(state(Some(End::Done), [beat(7, 0), beat(7, 0)], 600.0), State::Ended(End::Done));
+    }
+
+    #[test]
+    fn an_attempt_that_counts_beside_one_that_has_ended_is_going() {
+        let folder = tempfile::tempdir().unwrap();
+        let about = |shard: u32| About { shard, of: 2, hang_limit_s: 600.0, ..About::default() };
+        let [ended, going] = [1, 2].map(|shard| Attempt::begin(folder.path(), &about(shard)).unwrap());
+        ended.ended(&End::Done).unwrap();
+        let count =
+            |beats: u64| std::fs::write(going.folder.join("pulse"), format!("{beats} 0 1\n")).unwrap();
+        count(7);
+        let found = read_twice(folder.path(), || count(9));
+        let states: Vec<_> = found.into_iter().map(|status| status.state).collect();
+        assert_eq!(states, [State::Ended(End::Done), State::Going]);
     }
 }

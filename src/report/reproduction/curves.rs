@@ -141,3 +141,20 @@ fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     };
     curve.published.iter().map(row).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{fixtures::judged, fixtures::measured, groups};
+
+    #[test]
+    fn only_square_groups_are_points_of_the_papers_curves() {
+        let oblong =
+            Record { key: "oblong".into(), local_size: Some([8, 4]), ..measured("gpu", "naive", 4, 1.0) };
+        let records = judged([measured("gpu", "naive", 8, 2.0), oblong]);
+        let groups = groups(&records);
+        let teapot = &curves(6, &groups, "gpu")[0];
+        let sizes: Vec<_> = teapot.ours.iter().map(|record| record.local_size).collect();
+        assert_eq!(sizes, [Some([8, 8])]);
+    }
+}
