@@ -145,9 +145,9 @@ pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Returns the only path of a file in which no folder is a link or `..`; `None` if its folder does not exist.
-/// The file itself need not exist.
-pub fn settled(path: &Path) -> Option<PathBuf> {
+/// Returns a file's path with its folder made canonical (absolute, without links and `..`); `None` if the folder
+/// does not exist. The file itself need not exist.
+pub fn in_canonical_folder(path: &Path) -> Option<PathBuf> {
     Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }
 

@@ -108,7 +108,7 @@ fn presets_that_share_tiles() {
     all_agree(&mut stand, shared.map(|strategy| (strategy, [32, 1])), none);
 }
 
-/// The lights lie on all sides of surfaces, and are more than work-items that share a tile ask for at once.
+/// There are lights on both sides of the surfaces, and more of them than a tile's work-items process in one round.
 #[test]
 fn many_lights_on_all_sides() {
     apart!();

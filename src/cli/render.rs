@@ -239,7 +239,7 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
 /// The option that makes shadows soft.
 const SOFTER: &str = "--samples 16";
 
-/// Returns notes that do not come from the scene's file. `softer` makes shadows soft.
+/// Returns notes that do not come from the scene's file. `softer` names the options that make shadows soft.
 fn last_notes(scene: &Scene, samples: u32, softer: &str) -> impl Iterator<Item = String> {
     hard(scene, samples, softer).into_iter().chain(dirty_program())
 }
@@ -248,10 +248,13 @@ fn last_notes(scene: &Scene, samples: u32, softer: &str) -> impl Iterator<Item =
 fn hard(scene: &Scene, samples: u32, softer: &str) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
-        let (lights, are) =
-            if soft == 1 { ("1 light has", "a point") } else { ("several lights have", "points") };
+        let (lights, are) = if soft == 1 {
+            ("1 light has", "it as a point")
+        } else {
+            ("several lights have", "them as points")
+        };
         format!(
-            "{lights} a radius: with one sample per pixel, raycl casts to {are}; {softer} shows soft shadows"
+            "{lights} a radius: with one sample per pixel, raycl treats {are}; {softer} shows soft shadows"
         )
     };
     (samples == 1 && soft > 0).then(told)

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::printer;
-use crate::reader::{folder_of, settled};
+use crate::reader::{folder_of, in_canonical_folder};
 use crate::scene::Inputs;
 use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
@@ -27,8 +27,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Watches the source files in `folders`, or also below them, and all files of `inputs`. The files of
-    /// `written` are left out.
+    /// Watches the source files in `folders` (and in their subfolders, if recursive) and all files of `inputs`, except
+    /// those of `written`.
     pub fn new(
         folders: &[(PathBuf, RecursiveMode)],
         written: &[PathBuf],
@@ -38,7 +38,7 @@ impl Watched {
             Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
         };
         let (sender, changes) = channel();
-        let written: Vec<PathBuf> = written.iter().filter_map(|path| settled(path)).collect();
+        let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();
         let tell = move |event: notify::Result<notify::Event>| {
             if event.is_ok_and(|event| matters(&event, &written, inputs)) {
                 // The receiver is gone only when the program ends.
@@ -46,7 +46,7 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        // Events have paths in these folders, which are compared with settled ones.
+        // Events have paths in these folders, which are compared with canonical ones.
         let resolved = |folder: &Path| folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let folders: Vec<_> = folders.iter().map(|(folder, depth)| (resolved(folder), *depth)).collect();
         for (folder, depth) in &folders {
@@ -73,7 +73,7 @@ impl Watched {
     }
 }
 
-/// Returns whether a folder is watched together with another.
+/// Returns whether watching one folder also covers another.
 fn covers((watched, depth): &(PathBuf, RecursiveMode), folder: &Path) -> bool {
     watched == folder || *depth == RecursiveMode::Recursive && folder.starts_with(watched)
 }

@@ -3,7 +3,7 @@
 use super::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result, nearest};
 
-/// The patterns that stand for a kind of device.
+/// The patterns that select a kind of device.
 const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 
 /// Returns the devices that match the patterns, each once, in the order of the patterns; without patterns,
@@ -97,8 +97,8 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
     Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
 }
 
-/// Returns the word, among those that match some device, that is most similar to a pattern that matches none.
-/// A kind is no misspelt word.
+/// Returns the word most similar to a pattern that matches no device, out of words that match one; `None` for a
+/// kind of device, which is not a misspelling.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {

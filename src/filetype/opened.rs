@@ -94,7 +94,7 @@ impl Damaged {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
 
-    /// Marks an error of a packed file, unless it is the system's or says that memory does not suffice.
+    /// Marks an error as caused by a damaged packed file, unless it comes from the operating system or is lack of memory.
     fn mark(error: io::Error) -> io::Error {
         if error.raw_os_error().is_some() || error.kind() == io::ErrorKind::OutOfMemory {
             return error;
@@ -109,8 +109,8 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
 }
 
 /// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles
-/// and is cut off. Its length then does not match its count of triangles, by which binary STL is recognised
-/// otherwise; the reader of STL reports what is wrong. JSON in a file named `.gltf` is glTF, unless all of it
+/// and is cut off. Whole binary STL is recognised by a length that matches its count of triangles. The reader of
+/// STL reports the error. JSON in a file named `.gltf` is glTF, unless all of it
 /// was seen and has none of the keys of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);

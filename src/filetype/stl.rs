@@ -13,7 +13,7 @@ pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
 }
 
 /// Returns whether a file is shorter than its count of triangles demands, but begins with triangles. Other
-/// files almost never have unit vectors at the places of the normals.
+/// files almost never have unit or zero vectors at the places of the normals, and different corners.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;

@@ -29,7 +29,7 @@ pub struct LightParts {
     pub lit: Radiance,
     /// The half picture with unoccluded light.
     pub unoccluded: Radiance,
-    /// The share of each of their pixels that hit something.
+    /// The share of the samples of each half-picture pixel that hit something.
     pub half_hit_shares: Vec<f32>,
 }
 

@@ -200,7 +200,7 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
 }
 
-/// Returns whether a kernel is among others with the same instructions, apart from registers and addresses.
+/// Returns whether `codes` contains the same kernel with the same instructions, ignoring registers and addresses.
 fn is_among(codes: &[Code], code: &Code) -> bool {
     codes.iter().any(|other| other.kernel == code.kernel && other.is_same_as(code))
 }

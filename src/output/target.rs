@@ -3,6 +3,7 @@
 use super::mark::{self, maker};
 use super::place::{Choice, folder_of, permit, put};
 use crate::error::{Error, Result};
+use crate::reader::in_canonical_folder;
 use serde::Serialize;
 use std::fs::File;
 use std::io::{Result as IoResult, Seek as _, Write as _};
@@ -47,7 +48,7 @@ impl Target {
 
     /// Returns whether both are the same file of an existing folder, even if written differently.
     pub fn is_same_file(&self, other: &Self) -> bool {
-        whole(&self.path).is_some_and(|path| whole(&other.path) == Some(path))
+        in_canonical_folder(&self.path).is_some_and(|path| in_canonical_folder(&other.path) == Some(path))
     }
 
     /// Checks that the folder exists.
@@ -86,11 +87,6 @@ impl Target {
             file.sync_all()
         })
     }
-}
-
-/// Returns a path from the root, with links to its folder resolved; `None` if there is no such folder.
-fn whole(path: &Path) -> Option<PathBuf> {
-    Some(folder_of(path).ok()?.canonicalize().ok()?.join(path.file_name()?))
 }
 
 /// Writes to standard output. The file is written to a temporary file first, since the mark is completed at

@@ -156,8 +156,8 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether records show the device with this name as `shown`: under its own name or, if a run was merged from
-/// machines whose devices have the same name, with what distinguishes it in brackets.
+/// Returns whether `shown` is the name of this device in records: the name itself or, in a run merged from machines
+/// with devices of the same name, the name with a distinction in brackets.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     shown
         .strip_prefix(name)

@@ -4,8 +4,8 @@ use serde_json::{Map, Value};
 
 use super::types::{Record, axes};
 
-/// Returns parameter names and values: the local size, every axis, and which of two kernel folders was cast. Commas become dots, since commas
-/// separate parameters in keys.
+/// Returns parameter names and values: the local size, every axis and, if the run compares two kernel folders, the
+/// folder's label. Commas become dots, since commas separate parameters in keys.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);

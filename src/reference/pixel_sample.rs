@@ -14,7 +14,7 @@ pub struct PixelSample {
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
-    /// The largest change without wide nudges.
+    /// The largest change without wide nudges; infinite like `change`.
     pub near_change: f64,
     /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
     pub range: [DVec3; 2],
@@ -52,7 +52,7 @@ impl PixelSample {
     /// Adds another sample of the same pixel. The pixel hits something if any of its samples does.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
-        // Of several samples, one that hits is enough.
+        // One certain hit makes the pixel a certain hit.
         let surely = |sample: &Self| sample.hit && !sample.turns;
         self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
         self.hit |= other.hit;
@@ -84,7 +84,7 @@ pub fn is_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.change, sample, floor)
 }
 
-/// Returns whether at most wide nudges change a pixel noticeably.
+/// Returns whether no nudge, except possibly a wide one, changes a pixel noticeably.
 pub fn is_nearly_certain(sample: &PixelSample, floor: f64) -> bool {
     is_small(sample.near_change, sample, floor)
 }

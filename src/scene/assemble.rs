@@ -217,7 +217,7 @@ fn light(wire: &LightWire) -> Light {
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,
-    /// A note that holds only if this camera is used.
+    /// A note that is shown only if this camera is used.
     camera_note: Option<String>,
     lights: Vec<FileLight>,
 }

@@ -1,6 +1,6 @@
 //! The files from which scenes are read, for commands that read a scene again when it changes.
 
-use crate::reader::settled;
+use crate::reader::in_canonical_folder;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,11 +20,11 @@ impl Inputs {
 
     /// Adds a file. If it is a link, the file to which it leads is added too.
     pub fn add(&self, path: &Path) {
-        let names = [settled(path), path.canonicalize().ok()];
+        let names = [in_canonical_folder(path), path.canonicalize().ok()];
         self.held().extend(names.into_iter().flatten());
     }
 
-    /// Returns whether a file with this settled path was added.
+    /// Returns whether a file was added. Its folder must be canonical.
     pub fn contains(&self, path: &Path) -> bool {
         self.held().contains(path)
     }

@@ -8,12 +8,12 @@ pub(super) const PATHS: &str = "a path is names and indices joined by dots: came
 
 /// The camera's keys that show the whole scene from an angle.
 const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
-/// The camera's keys that place it.
+/// The camera's keys for its position, direction and field of view.
 const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
 /// the last one adds an element, as in `light.0.power`. An angle of the camera asks for the whole scene, so the
-/// document's own place and field of view of the camera are removed.
+/// document's own position, direction and field of view are removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
         if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
@@ -25,7 +25,7 @@ pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Resu
     Ok(())
 }
 
-/// Removes the camera's place and field of view, and what moves or turns it in an animation.
+/// Removes the camera's position, direction and field of view, and the tracks that animate them.
 fn unplace_camera(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
         PLACE_OF_CAMERA.iter().for_each(|key| drop(camera.remove(*key)));
@@ -37,7 +37,8 @@ fn unplace_camera(document: &mut Table) {
     }
 }
 
-/// Returns whether a track of the camera's key, such as `position` or `look_at.1`, moves or turns it.
+/// Returns whether a track of this key of the camera, such as `look_at.1`, changes its position, direction or
+/// field of view.
 fn moves_camera(key: &str) -> bool {
     let name = key.split('.').next().unwrap_or(key);
     PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name)

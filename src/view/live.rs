@@ -291,7 +291,7 @@ fn ready(subject: &Subject, session: &mut Session, way: &Way) -> std::result::Re
     Ok((prepared, caster))
 }
 
-/// Returns half the height, at the distance 1, of a picture of this size.
+/// Returns half the height of the image plane at distance 1, for a picture of this size.
 fn half_height(camera: &Camera, size: [u32; 2]) -> f64 {
     let [width, height] = size.map(f64::from);
     f64::from(camera.tan_half_fov) * if camera.fov_is_vertical { 1.0 } else { height / width }

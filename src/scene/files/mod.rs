@@ -43,7 +43,7 @@ pub(in crate::scene) struct MeshFile {
     pub more_starts: Vec<u32>,
     /// The first camera of the file, relative to the origin.
     pub camera: Option<Camera>,
-    /// A note for the user that holds only if this camera is used.
+    /// A note for the user that is shown only if this camera is used.
     pub camera_note: Option<String>,
     /// The file's lights, relative to the origin.
     pub lights: Vec<FileLight>,

@@ -198,8 +198,8 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Returns the value of a channel that stands for 1. In files whose channels are wider than their values need,
-/// these are those of a byte.
+/// Returns the channel value of full intensity. Files with `short`, `int` or `uint` channels store values from 0
+/// to 255.
 fn full_channel(property: &Property) -> f64 {
     match property {
         Property::Float(_) | Property::Double(_) => 1.0,

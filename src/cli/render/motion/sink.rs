@@ -91,10 +91,10 @@ impl Sink {
     }
 }
 
-/// Returns the error for a rate of numbered pictures, which have none.
+/// Returns the error if a rate is given for numbered pictures, which have no rate.
 fn no_rate(rate: u16, target: &Target) -> Error {
     let name = target.path().display();
-    Error::input(format!("--rate {rate} has no effect on numbered pictures, for which '{name}' stands"))
+    Error::input(format!("--rate {rate} has no effect: '{name}' is written as numbered pictures"))
         .with_help("leave out --rate; an .apng and a y4m stream (`-o -`) have a rate")
 }
 
