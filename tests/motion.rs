@@ -151,7 +151,7 @@ fn mistakes_are_told_before_anything_is_cast() {
         (vec!["--frames", "1..2"], "--turntable"),
         (vec!["--turntable", "4", "-o", "a.jpg"], "'a.jpg' is not a valid name for moving pictures"),
         (vec!["--turntable", "4", "-o", "nowhere/a.png"], "there is no folder"),
-        (vec!["--turntable", "4", "--rate", "12"], "--rate 12 has no effect on numbered pictures"),
+        (vec!["--turntable", "4", "--rate", "12"], "--rate 12 has no effect: "),
         (vec!["--turntable", "4", "--watch"], "--watch"),
         (vec!["--shard", "1/2"], "--turntable"),
         (vec!["--turntable", "4", "--shard", "3/2"], "there is no shard 3 of 2"),
