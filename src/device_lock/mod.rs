@@ -65,8 +65,10 @@ impl Locks {
         loop {
             let failed = |error| self.folder.unusable(&error);
             let file = self.folder.open(device.file()).map_err(failed)?;
-            if let Some(held) = self.try_hold(file, device).map_err(failed)? {
-                return Ok(held);
+            match self.try_hold(file, device).map_err(failed)? {
+                Attempt::Held(held) => return Ok(held),
+                Attempt::Removed => continue,
+                Attempt::Busy => {}
             }
             let holder = Holder::read(&self.folder.path(device.file()));
             if !self.wait {
@@ -98,22 +100,31 @@ impl Locks {
         devices.iter().map(|device| self.take(device, says, interrupted)).collect()
     }
 
-    /// Tries to take the lock once; `None` if another process holds it.
-    fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Option<Held>> {
+    /// Tries to take the lock once.
+    fn try_hold(&self, mut file: File, device: &LockName) -> std::io::Result<Attempt> {
         match file.try_lock() {
             Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Ok(None),
+            Err(TryLockError::WouldBlock) => return Ok(Attempt::Busy),
             // Some network file systems do not support locks; raycl then measures without.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
         // If the file was removed meanwhile, its lock is worthless. The next attempt finds the new file.
         if !self.folder.still_has(device.file(), &file) {
-            return Ok(None);
+            return Ok(Attempt::Removed);
         }
         Holder::of_this_process().write(&mut file)?;
-        Ok(Some(Held { file }))
+        Ok(Attempt::Held(Held { file }))
     }
+}
+
+/// The result of one attempt to take a lock.
+enum Attempt {
+    Held(Held),
+    /// Another process holds it.
+    Busy,
+    /// The lock's file was removed after it was opened.
+    Removed,
 }
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
@@ -190,7 +201,7 @@ mod tests {
         let locks = Locks::in_folder(folder.path(), false);
         let file = locks.folder.open(cpu().file()).unwrap();
         std::fs::remove_file(locks.folder.path(cpu().file())).unwrap();
-        assert!(locks.try_hold(file, &cpu()).unwrap().is_none());
+        assert!(matches!(locks.try_hold(file, &cpu()).unwrap(), Attempt::Removed));
         assert!(locks.take(&cpu(), &mut |_| {}, &OFF).is_ok());
     }
 }

@@ -187,10 +187,7 @@ impl fmt::Display for Expected {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::config;
-    use crate::device_lock::Locks;
-    use crate::program::Sources;
-    use std::path::Path;
+    use crate::experiment::fixtures;
 
     /// Three points: two were sampled four times per launch, the third takes its rounds from them.
     const POINTS: [Known; 3] = [
@@ -201,27 +198,9 @@ mod tests {
 
     /// Returns the expected time of the points, in this many launches with this many warm-up frames.
     fn group_ms(launches: u32, warmup: u32) -> f64 {
-        let text = format!(
-            "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\
-             image_sizes = [[8, 5]]\nlocal_sizes = [4]\n\
-             timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}\n"
-        );
-        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
-        let experiment = config::parse(&config, text, &[]).unwrap();
-        let run = Run {
-            experiment: &experiment,
-            overrides: &[],
-            devices: &[],
-            sources: &Sources::Embedded,
-            other_sources: None,
-            limit: Duration::MAX,
-            retry_failed: false,
-            locks: &Locks::in_folder(Path::new("no-locks"), false),
-            spread: false,
-            blocks: None,
-            ahead: None,
-        };
-        run.group_ms(&POINTS)
+        let timing = format!("timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}");
+        let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+        fixtures::run(&experiment, &[], &fixtures::no_locks()).group_ms(&POINTS)
     }
 
     #[test]

@@ -16,6 +16,8 @@ mod duration;
 mod earlier;
 mod execute;
 mod fault;
+#[cfg(test)]
+mod fixtures;
 mod group;
 mod host;
 mod key;

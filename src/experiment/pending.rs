@@ -190,30 +190,14 @@ fn of_kernels(record: &mut Record, label: &str) {
 mod tests {
     use super::super::asleep;
     use super::*;
-    use crate::config;
-    use crate::device_lock::Locks;
-    use std::path::Path;
-    use std::time::Duration;
+    use crate::experiment::fixtures;
 
     #[test]
     fn all_blocks_of_a_group_name_the_same_control_point() {
-        let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
-            strategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [1, 2, 4, 8]\n";
-        let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
-        let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
-        let run = Run {
-            experiment: &experiment,
-            overrides: &[],
-            devices: &[&asleep::device(1.0)],
-            sources: &Sources::Embedded,
-            other_sources: None,
-            limit: Duration::MAX,
-            retry_failed: false,
-            locks: &Locks::in_folder(Path::new("no-locks"), false),
-            spread: false,
-            blocks: None,
-            ahead: None,
-        };
+        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let experiment = fixtures::experiment("local_sizes = [1, 2, 4, 8]");
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
         let piece = |number, points: [usize; 2]| Piece {
             points: points.to_vec(),
             block: Some(number),

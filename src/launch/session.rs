@@ -145,6 +145,7 @@ impl Session {
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
             let built = self.shared.build_tree(&self.queue, &self.scene, strategy, early);
             built.map_err(Refused::at("the tree"))?;
+            self.held.share_tree(strategy, &workload);
         }
         workload.stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
         Ok(workload)
@@ -166,7 +167,7 @@ impl Session {
         let (program, build_wait_ms) = self.program(&spec)?;
         let uploaded = self.shared.layout(&self.queue, &self.scene, strategy);
         let uploaded = uploaded.map_err(Refused::at("uploading the scene"))?;
-        self.held.share(strategy, workload);
+        self.held.share_layout(strategy, workload);
         Ok(Prepared {
             queue: self.queue.clone(),
             scene: Arc::clone(&self.scene),

@@ -8,15 +8,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// Identifies an upload of a scene: its layout, and whether it includes the triangles.
-type LayoutKind = (Layout, bool);
+pub(super) type LayoutKind = (Layout, bool);
 /// Identifies a tree of a scene.
-type TreeKind = (Traversal, NodeWidth, LeafSize);
+pub(super) type TreeKind = (Traversal, NodeWidth, LeafSize);
 
 /// Identifies the parts of a scene that a strategy uses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kind {
-    layout: LayoutKind,
-    tree: Option<TreeKind>,
+    pub layout: LayoutKind,
+    pub tree: Option<TreeKind>,
 }
 
 impl Kind {

@@ -96,15 +96,15 @@ pub fn microscope_page(
     page.render().map_err(|error| Error::fault(format!("{MICROSCOPE} could not be written: {error}")))
 }
 
-/// Returns the command that makes the page of a record; `None` if the record does not name the scene's file, or the
+/// Returns the command that makes the page of a record on the device with this name; `None` if the record does not name the scene's file, or the
 /// run changed values of it or compared kernels, whose folders records do not name.
-pub(super) fn command(record: &Record) -> Option<String> {
+pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
     let [x, y] = record.local_size?;
     let (size, axes) = (format!("{x}x{y}"), record.strategy.replace(' ', ","));
     let strategy = record.preset.as_ref().unwrap_or(&axes);
-    let mut words = vec!["raycl", "compile", scene, "--device", &record.device, "--local-size", &size];
+    let mut words = vec!["raycl", "compile", scene, "--device", device, "--local-size", &size];
     words.extend(["--strategy", strategy, "--out", "compiled"]);
     Some(words.into_iter().map(quote).collect::<Vec<_>>().join(" "))
 }
@@ -245,12 +245,12 @@ mod tests {
     fn the_command_names_the_point_and_can_be_pasted_into_a_shell() {
         let record = Record {
             scene_file: Some("scenes/teapot.toml".into()),
-            device: "a CPU".into(),
             local_size: Some([8, 4]),
             strategy: "traversal=bvh width=4".into(),
             ..Record::default()
         };
         let expected = "raycl compile scenes/teapot.toml --device 'a CPU' --local-size 8x4 --strategy traversal=bvh,width=4 --out compiled";
+        let command = |record: &Record| command(record, "a CPU");
         assert_eq!(command(&record).as_deref(), Some(expected));
         let preset = Record { preset: Some("bvh".into()), ..record.clone() };
         assert!(command(&preset).is_some_and(|text| text.ends_with("--strategy bvh --out compiled")));

@@ -14,6 +14,7 @@ use crate::record::{
     not_enough, percent, ratio, significant, to_mind, two_modes,
 };
 use askama::Template;
+use serde_json::Value;
 use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
 /// The style sheet of every page.
@@ -268,7 +269,10 @@ fn one_view(
         others,
         rows: rows.chain(host).collect(),
         // With several folders, each device's name is followed by its folder's name.
-        microscope: best.filter(|_| folders.len() == 1).and_then(microscope::command).unwrap_or_default(),
+        microscope: best
+            .filter(|_| folders.len() == 1)
+            .and_then(|best| command(folders, best))
+            .unwrap_or_default(),
     }
 }
 
@@ -285,9 +289,19 @@ fn scene_notes(group: &Group<'_>) -> Vec<String> {
 
 /// Returns a device's compute capability, if the environment contains it.
 fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
+    entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
+}
+
+/// Returns the command that makes the page of a point, with the device's own name.
+fn command(folders: &[Folder], record: &Record) -> Option<String> {
+    let name = entries(folders, &record.device).find_map(|entry| entry["device"].as_str());
+    microscope::command(record, name.unwrap_or(&record.device))
+}
+
+/// Returns the entries of the environment for the device that records show under this name.
+fn entries<'a>(folders: &'a [Folder], shown: &'a str) -> impl Iterator<Item = &'a Value> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
-    let mut same = devices.filter(|one| one["device"].as_str().is_some_and(|name| is_shown_as(name, device)));
-    same.find_map(|one| one["compute_capability"].as_str().map(str::to_owned))
+    devices.filter(move |entry| entry["device"].as_str().is_some_and(|name| is_shown_as(name, shown)))
 }
 
 /// Returns a name that is valid as a single file name on every system.
@@ -337,6 +351,16 @@ impl Answer {
 mod tests {
     use super::*;
     use crate::record::fixtures::{infeasible, measured};
+
+    #[test]
+    fn the_microscope_is_asked_for_by_the_devices_own_name() {
+        let environment = serde_json::json!({ "devices": [{ "device": "gpu" }] });
+        let folders = [Folder { environment, ..Folder::default() }];
+        let mut best = measured("gpu (driver 580)", "naive", 8, 1.0);
+        best.scene_file = Some("scenes/teapot.toml".into());
+        let command = command(&folders, &best).expect("a command");
+        assert!(command.contains("--device gpu --local-size 8x8"), "{command}");
+    }
 
     #[test]
     fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {

@@ -73,6 +73,13 @@ impl Requirements {
         scene(strategy, workload).recorded()
     }
 
+    /// Returns the bytes of global memory for the strategy's tree alone, which points share; 0 if it uses none.
+    pub fn tree_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+        let mut sum = Sum::default();
+        add_tree(&mut sum, strategy, workload);
+        sum.recorded()
+    }
+
     /// Returns the needs of `strategy` for `workload`, or an error if they exceed these limits.
     pub fn check(
         strategy: &Strategy,
@@ -223,14 +230,7 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
     if strategy.reads_mesh() {
         add_scene(&mut sum, strategy, w);
     }
-    if strategy.needs_tree() {
-        let (bytes, nodes) = node_bytes(strategy, w);
-        sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
-        sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
-    }
-    if strategy.traversal == Traversal::Tile {
-        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
-    }
+    add_tree(&mut sum, strategy, w);
     if w.is_textured() {
         sum.add("textures", &[(4, " B"), (w.texture_words as u64, " words")]);
         sum.add("places in textures", &[(w.texture_row_bytes(), " B"), (w.triangles as u64, " triangles")]);
@@ -239,6 +239,18 @@ fn scene(strategy: &Strategy, w: &Workload) -> Sum {
         sum.add("sky", &[(12, " B"), (w.sky_texels as u64, " texels")]);
     }
     sum
+}
+
+/// Adds the buffers of the strategy's tree, if it uses one.
+fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
+    if strategy.needs_tree() {
+        let (bytes, nodes) = node_bytes(strategy, w);
+        sum.add("leaves", &[(ROW_BYTES, " B"), ((w.triangles + crate::accel::PADDING_ROWS) as u64, " rows")]);
+        sum.add("about", &[(bytes, " B"), (nodes, " nodes")]);
+    }
+    if strategy.traversal == Traversal::Tile {
+        sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
+    }
 }
 
 /// Returns the global memory for the scene, the image and the data passed between kernels. Each term is one

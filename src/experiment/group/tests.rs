@@ -1,15 +1,12 @@
 //! Tests which launches count: those in which every point was sampled.
 
 use super::*;
-use crate::config;
-use crate::device_lock::Locks;
+use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
 use crate::launch::FrameTimes;
-use crate::program::Sources;
 use crate::record::{AnchorSample, RoundLoad};
 use std::cell::Cell;
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -116,25 +113,12 @@ fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
 
 #[test]
 fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
-    let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
-        strategies = ['naive']\nimage_sizes = [[8, 5]]\nlocal_sizes = [4]\n\
-        timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }\n";
-    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
-    let experiment = config::parse(&config, text.to_owned(), &[]).unwrap();
-    let run = Run {
-        experiment: &experiment,
-        overrides: &[],
-        // No lock is taken for this device.
-        devices: &[&asleep::device(1.0)],
-        sources: &Sources::Embedded,
-        other_sources: None,
-        limit: Duration::MAX,
-        retry_failed: false,
-        locks: &Locks::in_folder(Path::new("no-locks"), false),
-        spread: false,
-        blocks: None,
-        ahead: None,
-    };
+    let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    // No lock is taken for this device.
+    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();

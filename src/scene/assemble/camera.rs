@@ -1,0 +1,99 @@
+//! The camera of a scene: the paper's, that of a mesh's file, or one that sees the whole scene, changed by the keys
+//! of the document.
+
+use super::super::document::Document;
+use super::super::framing::{self, Ball, View};
+use super::super::wire::{CameraWire, Vector};
+use super::super::{Camera, Mesh, Shot};
+use super::Seen;
+use crate::error::{Error, Result};
+use glam::{DVec3, Vec3};
+
+impl CameraWire {
+    /// Returns whether the camera is placed so that it sees the whole scene from an angle.
+    pub(super) fn is_framed(&self) -> bool {
+        self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
+    }
+
+    /// Returns the scene's upward direction.
+    pub(super) fn upright(&self) -> DVec3 {
+        let given = self.up.as_ref().map(|up| Vec3::from_array(up.get_ref().0).as_dvec3());
+        given.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
+    }
+}
+
+/// Returns the camera that the file's keys modify: the paper's; for a framed scene, the camera of the mesh's
+/// file or one that sees the whole scene.
+pub(super) fn base_camera(
+    wire: &CameraWire,
+    mesh: &Mesh,
+    ball: Option<Ball>,
+    seen: &Seen,
+    shot: Shot,
+    notes: &mut Vec<String>,
+) -> Camera {
+    let Some(ball) = ball else { return Camera { z_near: 0.0, ..Camera::PAPER } };
+    if let Some(camera) = seen.camera.filter(|_| !wire.is_framed() && wire.up.is_none()) {
+        notes.extend(seen.camera_note.clone());
+        return camera;
+    }
+    let degrees = |azimuth: Option<f32>| azimuth.map(f64::from);
+    let view = View {
+        up: wire.upright(),
+        azimuth_degrees: degrees(wire.azimuth_degrees.map(|azimuth| azimuth.0)),
+        elevation_degrees: degrees(wire.elevation_degrees.map(|elevation| elevation.0)),
+        shot,
+    };
+    framing::camera(mesh, ball, &view)
+}
+
+/// Returns the camera; keys that are missing from the file are taken from the base camera.
+pub(super) fn camera(
+    document: &Document,
+    wire: &CameraWire,
+    base: Camera,
+    ball: Option<Ball>,
+) -> Result<Camera> {
+    let z_near = wire.z_near.map_or(base.z_near, |value| value.0);
+    let fov = field_of_view(document, wire)?;
+    let (tan_half_fov, fov_is_vertical) = fov.unwrap_or((base.tan_half_fov, base.fov_is_vertical));
+    let lens = Camera { tan_half_fov, fov_is_vertical, z_near, ..base };
+    if wire.position.is_none() && wire.look_at.is_none() && (wire.up.is_none() || ball.is_some()) {
+        return Ok(lens);
+    }
+    let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
+    let position = given(&wire.position).unwrap_or(base.position);
+    let ahead = ball.map_or(position + base.forward, |ball| ball.centre.as_vec3());
+    let target = given(&wire.look_at).unwrap_or(ahead);
+    let up = given(&wire.up).unwrap_or(Vec3::Y);
+    let looking = Camera::looking_at(position, target, up, 90.0, false)
+        .ok_or_else(|| no_direction(document, wire, position, target, up))?;
+    Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
+}
+
+/// Returns the tangent of half the field of view, and whether it applies to the height.
+fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
+    let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
+    match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
+        (Some(_), Some(second)) => Err(document
+            .error(second.span(), "both fov_x_degrees and fov_y_degrees", "the second field of view")
+            .with_help("set only one: the other follows from the image's shape")),
+        (Some(fov), None) => Ok(Some((tangent(fov.get_ref().0), false))),
+        (None, Some(fov)) => Ok(Some((tangent(fov.get_ref().0), true))),
+        (None, None) => Ok(None),
+    }
+}
+
+fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: Vec3, up: Vec3) -> Error {
+    let place = [&wire.up, &wire.look_at, &wire.position];
+    let at =
+        |order: [usize; 3]| order.iter().find_map(|&i| place[i].as_ref()).map_or(0..0, toml::Spanned::span);
+    if position == target {
+        let message = format!("the camera is at {position} and looks at the same point");
+        return document.error(at([1, 2, 0]), message, "no direction").with_help("move position or look_at");
+    }
+    let message = format!("the camera's up {up} is zero or parallel to its view {}", target - position);
+    document
+        .error(at([0, 1, 2]), message, "no upright")
+        .with_help("choose an `up` that is not parallel to the view, such as [0, 0, 1]")
+}

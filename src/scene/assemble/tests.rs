@@ -1,0 +1,106 @@
+//! Tests of cameras, lights and creases of scenes that are built from documents.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::scene::load_scene_with;
+use glam::Vec3;
+use std::path::Path;
+use toml::Value;
+
+/// A triangle, and a camera in front of it.
+const SEEN: &str = r#"{"asset": {"version": "2.0"},
+"scenes": [{"nodes": [0, 1]}],
+"nodes": [{"mesh": 0}, {"camera": 0, "translation": [0, 0, 5]}],
+"cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
+"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+"buffers": [{"byteLength": 36, "uri":
+"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}],
+"bufferViews": [{"buffer": 0, "byteLength": 36}],
+"accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+"min": [0, 0, 0], "max": [1, 1, 0]}]}"#;
+
+#[test]
+fn only_added_lights_turn_with_the_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let turns = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        load_scene_with(&path, &[]).unwrap().orbit.with_lights
+    };
+    assert!(turns(SEEN));
+    let light =
+        r#"{"extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 2}]}}, "#;
+    let lit = SEEN.replacen('{', light, 1);
+    let at = r#"{"mesh": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}"#;
+    assert!(!turns(&lit.replace(r#"{"mesh": 0}"#, at)));
+}
+
+#[test]
+fn a_sky_replaces_the_lights_of_a_bare_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let zenith = ("sky.zenith".to_owned(), Value::Float(0.5));
+    let scene = load_scene_with(&path, &[zenith]).unwrap().scene;
+    assert!(scene.lights.is_empty() && scene.sky.is_some(), "{:?}", scene.lights);
+}
+
+#[test]
+fn the_camera_of_a_file_counts_unless_an_upward_direction_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    std::fs::write(&path, SEEN).unwrap();
+    let camera = |values: &[(String, Value)]| load_scene_with(&path, values).unwrap().scene.camera;
+    let of_file = camera(&[]);
+    assert_eq!((of_file.position, of_file.up), (Vec3::Z * 5.0, Vec3::Y));
+    let up = Value::Array([0, 0, 1].map(Value::Integer).to_vec());
+    let framed = camera(&[("camera.up".to_owned(), up)]);
+    assert!(framed.up.z > 0.9, "{}", framed.up);
+}
+
+#[test]
+fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, scene] = ["a.gltf", "a.toml"].map(|name| folder.path().join(name));
+    let two = SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#);
+    std::fs::write(&path, two.replace("[0, 1]", "[0, 1, 2]")).unwrap();
+    let text = "[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\nmesh = \"a.gltf\"\n";
+    std::fs::write(&scene, text).unwrap();
+    let notes = |path: &Path, values: &[(String, Value)]| load_scene_with(path, values).unwrap().notes;
+    let note = format!("{}: of 2 cameras, the first is used", path.display());
+    assert_eq!(notes(&path, &[]), [note]);
+    let up = Value::Array([0, 0, 1].map(Value::Integer).to_vec());
+    for value in [("camera.up".to_owned(), up), ("camera.azimuth_degrees".to_owned(), Value::Float(90.0))] {
+        assert_eq!(notes(&path, &[value]), [""; 0]);
+    }
+    let unused = format!("{}: its cameras and lights are not used: those of the scene are", path.display());
+    assert!(notes(&scene, &[]).contains(&unused));
+    assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
+}
+
+#[test]
+fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n").unwrap();
+    // Without a position, the camera would look along -z, at the triangle's front.
+    let behind = Value::Array([1, 1, -5].map(Value::Integer).to_vec());
+    let scene = load_scene_with(&path, &[("camera.position".to_owned(), behind)]).unwrap().scene;
+    assert!(scene.camera.forward.distance(Vec3::Z) < 1e-6, "{}", scene.camera.forward);
+}
+
+#[test]
+fn the_crease_of_an_object_counts_before_that_of_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    // The two faces of the roof meet at 90 degrees.
+    let roof = "vertices = [[0, 0, -1], [0, 0, 1], [1, -1, 0], [-1, -1, 0]]\nfaces = [[0, 1, 2], [1, 0, 3]]";
+    let sharp = Vec3::new(1.0, 1.0, 0.0).normalize();
+    for (of_scene, own, expected) in [(100, 40, sharp), (40, 100, Vec3::Y)] {
+        let text = format!("crease = {of_scene}\n[[object]]\n{roof}\ncrease = {own}\n");
+        std::fs::write(&path, text).unwrap();
+        let mesh = load_scene_with(&path, &[]).unwrap().scene.mesh;
+        let at_ridge = mesh.corner_normals(&mesh.triangles[0])[0];
+        assert!(at_ridge.distance(expected) < 1e-6, "{of_scene}, {own}: {at_ridge}");
+    }
+}
