@@ -5,7 +5,7 @@ use std::process::{Child, Output};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Returns the output of a process until it ends. A process that exceeds the limit is ended, and has no
+/// Waits until a process ends, and returns its output. A process that exceeds the limit is ended, and has no
 /// output.
 pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
     let start = Instant::now();

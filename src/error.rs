@@ -46,7 +46,7 @@ pub enum Error {
 }
 
 /// The default remedy for a user error.
-const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, and docs/ its files";
+const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, and docs/ explains its files";
 /// The default remedy for a run that failed.
 const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
@@ -128,7 +128,7 @@ impl Error {
     /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "its text is not shown, since it is outside the folder of the file that names it; to see the \
+            "the file's text is not shown, since the file is outside the folder of the file that names it; to see the \
              text, render this file itself with `raycl render`",
         )
     }
@@ -260,7 +260,7 @@ mod tests {
             assert!(printed.lines().all(|line| line.chars().count() < 420), "{place}");
         }
         let mark = format!("bad{}", "\nz".repeat(50));
-        assert!(printed(&mark, &mark).lines().count() < 10, "a span of many lines stands for its first");
+        assert!(printed(&mark, &mark).lines().count() < 10, "only the first line of a long span is shown");
     }
 
     #[test]

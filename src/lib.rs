@@ -24,17 +24,17 @@
 //! # The inside
 //!
 //! All modules are internal and change without notice. Those that raycl's own binary and tests use are public, but
-//! hidden in these pages; the others are private. In the order in which an experiment uses them: [`config`] reads a TOML experiment; [`scene`] loads the
-//! scenes that it names; [`experiment`] plans its points (a [`strategy`] on a [`device`] at a local size);
-//! [`program`] assembles and builds kernels from `cl/` as the `manifest` says (`sources` has their
-//! files); [`launch`] runs them; [`verify`] compares their image with the [`reference`](mod@reference);
-//! `measure` times them, the `anchor` beside them; [`printer`] keeps control characters from terminals;
-//! `reader` opens the files that users name, `filetype` recognises files of other formats; `memory`
-//! measures the host's free memory, `load` the processor time that other processes take; [`record`] stores
-//! the results. [`image`] turns radiance into pictures; `output` writes files for the user and never
-//! replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges their
-//! results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's
-//! documents from its stored records. `cache` stores data between runs that raycl can recompute.
+//! hidden in these pages; the others are private. In the order in which an experiment uses them: [`config`] reads a
+//! TOML experiment; [`scene`] loads the scenes that it names; [`experiment`] plans its points (a [`strategy`] on a
+//! [`device`] at a local size); [`program`] assembles and builds kernels from `cl/` as the `manifest` says (`sources`
+//! has their files); [`launch`] runs them; [`verify`] compares their image with the [`reference`](mod@reference);
+//! `measure` times the kernels, and the `anchor` together with them; [`printer`] keeps control characters from
+//! terminals; `reader` opens the files that users name, `filetype` recognises files of other formats; `memory`
+//! measures the host's free memory, `load` the processor time that other processes take; [`record`] stores the
+//! results. [`image`] turns radiance into pictures; `output` writes files for the user and never replaces a file that
+//! raycl did not make. [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one file
+//! per subcommand; [`documents`] makes the figures of this repository's documents from its stored records. `cache`
+//! stores data between runs that raycl can recompute.
 
 mod accel;
 mod anchor;

@@ -70,7 +70,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // The workers' sum falls when a worker ends.
+    // The sum of the workers' times falls when a worker ends.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,

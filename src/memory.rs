@@ -25,14 +25,14 @@ impl Available {
         groups.chain(machine).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
     }
 
-    /// Returns an error if more than `bytes` would have to be allocated than are available. `what` names the
-    /// allocation, and `sum` is its arithmetic, for the message.
+    /// Returns an error if `bytes` is more than the available memory. For the message, `what` names the allocation,
+    /// and `sum` shows how its size is computed.
     pub fn hold(&self, bytes: u64, what: &str, sum: &str) -> Result<()> {
         if bytes <= self.bytes {
             return Ok(());
         }
         let message = format!(
-            "{what} needs about {} of this machine's memory ({sum} = {bytes} B), but only {} are available ({} B by {})",
+            "{what} needs about {} of this machine's memory ({sum} = {bytes} B), but only {} are available ({} B according to {})",
             readable(bytes),
             readable(self.bytes),
             self.bytes,
@@ -121,7 +121,7 @@ fn group_available(folder: &Path, files: &GroupFiles) -> Option<Available> {
     Some(Available { bytes, source: folder.join(files.limit).display().to_string() })
 }
 
-/// Returns what a limit leaves. File pages that the kernel can reclaim count as free.
+/// Returns how many more bytes a control group's limit allows. File pages that the kernel can reclaim count as free.
 fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<u64> {
     let limit: u64 = limit.trim().parse().ok()?; // version 2 writes "max" if there is no limit
     let used: u64 = used.trim().parse().ok()?;
@@ -175,7 +175,7 @@ mod tests {
         let message = available.hold(1010, "this", "10 B x 101").unwrap_err().to_string();
         assert_eq!(
             message,
-            "this needs about 1.0 kB of this machine's memory (10 B x 101 = 1010 B), but only 1.0 kB are available (1000 B by a test)"
+            "this needs about 1.0 kB of this machine's memory (10 B x 101 = 1010 B), but only 1.0 kB are available (1000 B according to a test)"
         );
     }
 

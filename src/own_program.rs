@@ -1,4 +1,5 @@
-//! The running program, started once more: as a worker, to list devices, or to keep a compiled program.
+//! The running program, started once more: as a worker, to list devices, or to compile a program and store it in the
+//! cache.
 
 use crate::error::{Error, Result};
 use std::path::PathBuf;

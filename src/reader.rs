@@ -151,8 +151,8 @@ pub fn in_canonical_folder(path: &Path) -> Option<PathBuf> {
     Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }
 
-/// Returns whether a file lies in a folder or its subfolders, after following links. The text of a file
-/// elsewhere must not be shown to the author of a file that names it.
+/// Returns whether a file lies in a folder or its subfolders, after following links. If a file names another one
+/// outside its folder, the text of the other one must not be shown to the author of the first.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))
@@ -172,7 +172,7 @@ mod tests {
                 File::create(&path).unwrap().set_len(length).unwrap();
                 bytes(&path, kind).map(|bytes| bytes.len() as u64)
             };
-            // Packed files and standard input are held in memory.
+            // Packed files and standard input are already in memory when their length is checked.
             let held = |length: u64| within(vec![0; length as usize], kind).map(|bytes| bytes.len() as u64);
             let limit = limit_mib.unwrap_or(20) << 20;
             assert_eq!([bytes_of(limit).unwrap(), held(limit).unwrap()], [limit; 2], "{what}");

@@ -108,12 +108,12 @@ pub fn results() -> PathBuf {
     xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))
 }
 
-/// Returns the user's word for the default device, which applies if the command names none.
+/// Returns the name that the user gave for the default device, which applies if the command names no device.
 pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }
 
-/// Adds to an error about the default device the origin of its name: a variable or the settings file.
+/// Adds the origin of the device's name (a variable or the settings file) to an error about the default device.
 pub fn blame_device(error: Error) -> Error {
     error.placed(|message| match (variable(DEVICE), &user().wire.device) {
         (None, Some(word)) => user().error(word, message),

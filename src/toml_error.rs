@@ -36,7 +36,7 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
 /// Returns serde's message, with TOML's words instead of serde's names for types.
 fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
-    // The name of a type of Rust follows.
+    // The name of a Rust type follows.
     match message.split_once("expected struct ") {
         Some((before, _)) => format!("{before}expected a table"),
         None => message,

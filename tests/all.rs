@@ -1,5 +1,5 @@
-//! Every test that is not beside what it tests, as one program: it is linked once, and its tests share both cores to the
-//! end. `cargo test --test all kernels::` runs those of one file.
+//! All tests that do not stand beside the code that they test, as one program: it is linked only once, and its tests
+//! keep both cores busy to the end. `cargo test --test all kernels::` runs the tests of one file.
 #![allow(missing_docs, reason = "a test program has no documentation")]
 #![allow(clippy::expect_used, clippy::panic, reason = "a test fails by panicking")]
 

@@ -1,5 +1,5 @@
-//! Values of a scene over time: what each frame shows, what is loaded and made again for it, and what is told to who gets
-//! an animation wrong.
+//! Values of a scene over time: what each frame shows, what is loaded and made again for it, and the messages for
+//! mistakes in an animation.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::binary::{Place, device, has};
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 
-/// A pyramid of a file over a ground.
+/// A pyramid that is read from a file, above a ground.
 const STILL: &str = "background = 0.01
 [camera]
 position = [1, 1, 4]
@@ -27,7 +27,7 @@ vertices = [[-9, -0.1, 9], [9, -0.1, 9], [9, -0.1, -9], [-9, -0.1, -9]]
 faces = [[0, 1, 2, 3]]
 ";
 
-/// A value per frame, a line, a step, and a curve.
+/// Tracks with one value per frame, with linear interpolation, with steps, and with a curve.
 const TRACKS: &str = "[animation]
 frames = 4
 frames_per_second = 12
@@ -74,7 +74,7 @@ fn pixels(place: &Place, name: &str) -> Vec<u8> {
     image::open(place.path(name)).unwrap_or_else(|error| panic!("{name}: {error}")).to_rgb8().into_raw()
 }
 
-/// The picture of the scene without its animation, with values put in by hand.
+/// Returns the picture of the scene without its animation, with values that are set by options.
 fn still(place: &Place, options: &[&str]) -> Vec<u8> {
     let device = device();
     let usual = ["render", "still.toml", "-o", "still.png", "--force", "--device", &device];
@@ -166,7 +166,7 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
     let report = animate(&place, &[]);
     assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
     assert_eq!(animate(&place, &["--frames", "2..4"])["frames"], 0);
-    // Of a track that changes at the end, the frames before it are still those of the scene.
+    // If only the end of a track changes, the frames before it are still those of the scene.
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
     for (from, to) in
@@ -229,7 +229,7 @@ fn track(text: &str) -> String {
     format!("[animation]\nframes = 9\n[[animation.track]]\n{text}\n")
 }
 
-/// Each animation is refused with these words, and nothing is cast.
+/// Checks that each animation is refused with these words, and that nothing is cast.
 #[track_caller]
 fn are_refused(cases: &[(String, &str, &str)]) {
     let device = device();
@@ -327,7 +327,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
             "`camera.position` replaces the value of the track `camera.position.1`",
             "put this track first, then the tracks of its parts",
         ),
-        // Together, the first two tracks make a light: the third one is wrong.
+        // The first two tracks together make a valid light, so the third one is the mistake.
         (
             track(
                 "path = \"light.1.position\"\nvalues = [[0, 3, 0]]\n[[animation.track]]\npath = \"light.1.power\"\nvalues = [9]\n[[animation.track]]\npath = \"shadow_bias\"\nvalues = [0.1, -1]",

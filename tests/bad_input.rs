@@ -1,18 +1,18 @@
-//! What is said to who gets something wrong: the exit code, the file and line, and the remedy.
+//! Messages about mistakes of the user: the exit code, the file and line, and the remedy.
 
 use crate::binary::{Place, TRIANGLE, has};
 
-/// Renders `scene.toml` with this text, which must be a mistake.
+/// Renders `scene.toml` with this text, which must fail, and returns the message.
 fn scene_mistake(text: &str) -> String {
     Place::with(&[("scene.toml", text)]).mistake(&["render", "scene.toml"], 2)
 }
 
-/// Renders `mesh.obj` with this text, which must be a mistake.
+/// Renders `mesh.obj` with this text, which must fail, and returns the message.
 fn mesh_mistake(text: &str) -> String {
     Place::with(&[("mesh.obj", text)]).mistake(&["render", "mesh.obj"], 2)
 }
 
-/// Renders a good scene with these arguments, which must be a mistake; nothing may be written.
+/// Renders a correct scene with these arguments, which must fail and write nothing; returns the message.
 fn argument_mistake(arguments: &[&str]) -> String {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let message = place.mistake(&[&["render", "scene.toml"], arguments].concat(), 2);
@@ -29,7 +29,7 @@ local_sizes = [4]
 strategies = ["naive"]
 "#;
 
-/// Runs CONFIG with one text in it replaced, which must be a mistake.
+/// Runs CONFIG with a part of its text replaced, which must fail and write nothing; returns the message.
 fn config_mistake(from: &str, to: &str) -> String {
     assert!(CONFIG.contains(from));
     let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &CONFIG.replace(from, to))]);
@@ -129,14 +129,15 @@ fn nan_in_an_obj() {
 #[test]
 fn a_normal_index_that_does_not_exist() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
-    // What exporters write, and other programs read; 0 is no number of anything.
+    // Faces that some exporters write and other programs read are only noted; a number 0 is an error, since all
+    // numbers start at 1.
     let device = crate::binary::device();
     let place = Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1 2\n"))]);
     let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
     has(
         &text,
         &[
-            "mesh.obj: line 5: 1 face names normals (vn) that the file does not have",
+            "mesh.obj: line 5: 1 face names normals (vn) that do not exist in the file",
             "line 6: 1 face of fewer than three corners is left out",
         ],
     );

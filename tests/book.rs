@@ -1,5 +1,5 @@
-//! docs/ as a book, and every link of the documents: to a file that is there, and to a heading that is in it. Pictures and stored
-//! records are in the repository and not in the package.
+//! docs/ as a book, and every link of the documents: it must lead to a file that exists, and to a heading in this
+//! file. Pictures and stored records are in the repository and not in the package.
 
 use crate::binary::repository;
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ fn without_code(text: &str) -> String {
     kept
 }
 
-/// Where the links and pictures of a page lead, without those to other machines.
+/// Returns the targets of a page's links and pictures, except those on other machines.
 fn links(text: &str) -> Vec<String> {
     let targets = without_code(text)
         .split("](")

@@ -1,4 +1,4 @@
-//! Commands that only report: devices, strategies, occupancy, and what becomes of mistakes.
+//! Commands that only report: devices, strategies, occupancy, and how mistakes are reported.
 
 use crate::binary::{finish, run};
 use std::process::{Command, Stdio};
@@ -11,7 +11,7 @@ fn raycl(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs it and gives standard output, which must be all it says.
+/// Runs the command, which must succeed, and returns its standard output.
 fn output(arguments: &[&str]) -> String {
     let output = run(&mut raycl(arguments));
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
@@ -121,13 +121,14 @@ fn man_prints_a_page_and_writes_those_of_all_commands() {
     let written = std::fs::read_to_string(out.join("raycl-render.1")).expect("a page");
     assert_eq!(written.trim_end(), page.trim_end());
     assert!(out.join("raycl.1").is_file() && !out.join("raycl-worker.1").exists());
-    // Somebody's own page stays.
+    // A page that raycl did not write stays.
     std::fs::write(out.join("raycl-run.1"), "mine").expect("a file");
     let message = mistake(&mut raycl(&["man", "--out", out.to_str().expect("UTF-8")]), 2);
     assert!(message.contains("raycl-run.1"), "{message}");
 }
 
-/// The option decides, before and after the command's name; else `NO_COLOR`; else whether it is a terminal, which no test has.
+/// The option decides if it is given, before or after the command's name; otherwise `NO_COLOR` decides if it is set;
+/// otherwise colours are used on a terminal, which no test has.
 #[test]
 fn colours_are_what_the_user_says() {
     let escapes = |words: &[&str], refused: bool| {
@@ -140,7 +141,7 @@ fn colours_are_what_the_user_says() {
         [output.stdout, output.stderr].map(|bytes| bytes.contains(&0x1b))
     };
     let nothing = "no-such-scene.toml";
-    // A mistake of the arguments, one in a file, and help: clap's words and ours.
+    // Tests an unknown command, a file that does not exist, and help: their messages come from clap or from raycl.
     assert_eq!(escapes(&["rendr"], false), [false, false]);
     assert_eq!(escapes(&["--color=always", "rendr"], true), [false, true]);
     assert_eq!(escapes(&["render", nothing, "--color", "always"], true), [false, true]);

@@ -1,11 +1,11 @@
-//! What compilers make of the kernels: that working vectors and triangles lie where a strategy says, from stored PTX
-//! (`tests/ptx/make` says whose), and that `raycl compile` keeps what there is on any device.
+//! What compilers make of the kernels: stored PTX (`tests/ptx/make` lists its compilers) shows that working vectors
+//! and triangles lie in the memory that a strategy names, and `raycl compile` stores its results on any device.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
 use serde_json::Value;
 
-/// The counts of a stored PTX's whole-frame kernel: clang's and that of NVIDIA's driver.
+/// Returns the counts of the whole-frame kernel in two stored PTX files: that of clang and that of NVIDIA's driver.
 fn stored(name: &str) -> [(String, InstructionCounts); 2] {
     ["clang", "driver"].map(|whose| stored_of(name, whose))
 }
@@ -19,12 +19,12 @@ fn stored_of(name: &str, whose: &str) -> (String, InstructionCounts) {
     (file, counts)
 }
 
-/// Instructions of a kind.
+/// Returns the number of instructions of a kind.
 fn count(counts: &InstructionCounts, name: &str) -> u32 {
     counts.instructions.get(name).copied().unwrap_or(0)
 }
 
-/// Stores that a frame makes of its picture: what is more goes to working vectors.
+/// Number of stores by which a frame writes its picture; all others go to working vectors.
 const STORES_OF_THE_PICTURE: u32 = 4;
 
 #[test]
@@ -69,7 +69,7 @@ fn the_tests_own_vectors_are_in_private_memory() {
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
-    // Each compiler's beside its own, since both are stored of both.
+    // Each compiler's file is compared with that of the same compiler, since both files of both compilers are stored.
     for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
         assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
         assert!(counts.reach("const") > 9, "{file}: {counts}");
@@ -108,7 +108,7 @@ fn compile_keeps_source_log_binary_and_what_was_made() {
         let made: Value = serde_json::from_str(&place.text(&format!("{folder}/made.json"))).expect("JSON");
         for kernel in made["kernels"].as_array().expect("a list") {
             assert!(kernel["work_group_size"].as_u64() >= Some(8), "{kernel}");
-            // Without PTX nothing is said of memory instructions, with it something.
+            // Memory instructions are only counted if the binary is PTX.
             assert_eq!(kernel["census"].is_null(), made["binary_is_ptx"] == false, "{kernel}");
         }
         has(&place.text(&format!("{folder}/source.cl")), &["__kernel", "#line 1 \"cast/entry.cl\""]);

@@ -4,7 +4,7 @@ use crate::binary::{Place, apart, device, has};
 use crate::textures::gltf;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
-/// A sheet before a wall and over a floor: light falls through its holes.
+/// A sheet in front of a wall and above a floor: light falls through its holes.
 const ROOM: &str = "mtllib room.mtl
 v -1 -1 -2
 v 1 -1 -2
@@ -125,7 +125,7 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
     let (found, _) = place.picture(&["--verify"]);
     let plain = place.picture(&["--set", "textures=false"]).0;
     assert!(apart(&found, &plain) > 300, "{}", apart(&found, &plain));
-    // The holes are those of the same alpha.
+    // The holes are defined by the same alpha.
     let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =
@@ -144,7 +144,7 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     has(&place.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
-/// No holes, the wrong channel, the wrong texel, holes for the eye alone.
+/// The changes: no holes, the wrong channel, the wrong texel, holes for rays from the eye only.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let place = room(MTL);
@@ -182,7 +182,7 @@ fn a_broken_cut_out_is_a_wrong_picture() {
     }
 }
 
-/// A quad of a glTF with the leaf, before the wall.
+/// A quad from a glTF file with the leaf's picture, in front of the wall.
 #[test]
 fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let place = room(MTL);
@@ -205,7 +205,7 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let factor = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.125,", "0.5").0;
     assert!(apart(&half, &opaque) > apart(&quarter, &opaque) && quarter != opaque);
     assert_eq!(factor, quarter);
-    // Where alphas are the cutoff, rounding makes no holes; only one texel is a hole.
+    // If the alpha equals the cutoff, rounding makes no holes; only one texel is a hole.
     let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
     RgbaImage::from_fn(8, 8, hole).save(place.path("leaf.png")).expect("a picture");
     let whole = of("", "1").0;
@@ -213,7 +213,7 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = place.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // The hole alone. Without the step less, an eighth of the solid pixels would be holes too.
+    // The hole alone. If the alpha were not reduced by a small step, an eighth of the solid pixels would be holes too.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(place.path("leaf.png")).expect("a picture");

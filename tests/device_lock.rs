@@ -1,4 +1,5 @@
-//! Two commands that measure on one device: the second waits, says for whom, and never times beside the first.
+//! Two commands that measure on one device: the second one waits, reports which process it waits for, and never
+//! measures at the same time as the first.
 
 use crate::binary::{Place, TRIANGLE, config, device, has, repository, send_interrupt, until};
 use std::fs::File;
@@ -18,7 +19,7 @@ fn place() -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
-/// Starts the binary in the place, what it says on standard error going to a file there.
+/// Starts the binary in the folder, with its standard error written to a file there.
 fn start(place: &Place, arguments: &[&str], said: &str) -> Child {
     let mut command = crate::binary::program();
     command.args(arguments).current_dir(place.path("")).env("RAYCL_LOCK_DIR", place.path(".locks"));

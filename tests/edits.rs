@@ -1,14 +1,14 @@
-//! An edit of config, scene, kernels or environment, then `--resume`: only what changed is measured again, and everything that shows
-//! results shows the same points, medians and winners.
+//! The config, a scene, the kernels or the environment is edited, then `--resume` follows: only what changed is
+//! measured again, and all views of the results show the same points, medians and winners.
 
 use crate::binary::{Place, TRIANGLE, device, repository};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A folder of results, what it is made of, and what the next run finds.
+/// A folder of results with the inputs of its experiment, and the settings for the next run.
 struct Ground {
     place: Place,
-    /// The config by its lines' keys; tables follow.
+    /// The config's top-level lines by their keys; `tables` is the text that follows them.
     config: BTreeMap<&'static str, String>,
     tables: String,
     variables: Vec<(&'static str, String)>,
@@ -24,7 +24,8 @@ struct Shown {
     winners: BTreeSet<Name>,
 }
 
-/// An edit: what it is called, what it does, how many points it has measured, and which scenes are shown after it.
+/// An edit: its name, its action, the number of points that are measured after it, and the scenes that are shown
+/// after it.
 type Edit = (&'static str, fn(&mut Ground), usize, &'static [&'static str]);
 
 const TIMING: &str = "[timing]\nlaunches = 1\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n";
@@ -33,7 +34,8 @@ const A: &[&str] = &["scene"];
 const A_AND_B: &[&str] = &["a/scene", "b/scene"];
 const SWEEP: &[&str] = &["scene+power=10 (light.0.power = 10)", "scene+power=10 (light.1.power = 10)"];
 
-/// In this order, each on what the one before left. A scene has a point of each of two strategies, and of a baseline.
+/// The edits in their order; each starts from the state that the one before left. Each scene has three points: two
+/// strategies and a baseline.
 const EDITS: [Edit; 24] = [
     ("nothing", |_| {}, 0, A),
     ("the question is worded anew", |ground| ground.set("question", "\"Which?\""), 0, A),
@@ -123,7 +125,7 @@ impl Ground {
             tables: TIMING.to_owned(),
             variables: Vec::new(),
         };
-        // The scene is called as its file is.
+        // Without a name of its own, the scene is named after its file.
         ground.write("a/scene.toml", &TRIANGLE.replace("name = \"little\"\n", ""));
         ground.place.kernels("cast/shading/deferred.cl", "", "");
         ground
@@ -159,7 +161,7 @@ impl Ground {
         self.tables = format!("{TIMING}\n[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\n");
     }
 
-    /// Both set a light's power to 10, of another light each.
+    /// Adds two sweeps of one value, which set the powers of two different lights to 10.
     fn sweeps(&mut self) {
         let two =
             "[[light]]\nposition = [1, 3, 1]\npower = 7\n\n[[light]]\nposition = [-1, 3, 1]\npower = 8\n";
@@ -174,7 +176,7 @@ impl Ground {
         self.edit(&format!("kernels/{file}"), "\n\n", "\n// A comment.\n\n");
     }
 
-    /// Runs, and says how many points were measured.
+    /// Runs the experiment, and returns how many points were measured.
     fn run(&self, more: &[&str]) -> usize {
         let lines: String = self.config.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
         self.write("config.toml", &format!("{lines}{}", self.tables));
@@ -194,7 +196,7 @@ impl Ground {
         }
     }
 
-    /// What the folder shows, which is the same wherever one looks.
+    /// Returns what the folder shows, and checks that all of its files and commands show the same.
     fn agreed(&self, edit: &str, scenes: &[&str]) -> Shown {
         let csv = self.place.text("out/summary.csv");
         assert_eq!(self.place.text("out/exports/points.csv"), csv, "{edit}: points.csv");
@@ -238,7 +240,8 @@ impl Ground {
         found["results"].as_array().expect("a list").iter().map(point).collect()
     }
 
-    /// A cache names no scene but by its file, so a scene's files are found by what they begin with.
+    /// A cache for Kernel Tuner names its scene only in the file's name, so the scene is found by the beginning of
+    /// that name.
     fn kernel_tuner(&self) -> BTreeMap<Name, f64> {
         let mut points = BTreeMap::new();
         let t4 = self.t4();
@@ -273,7 +276,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().expect("a number")
 }
 
-/// Fails unless both have the same points, and medians that differ by no more than a part.
+/// Fails unless both have the same points, and medians that differ relatively by no more than `part`.
 #[track_caller]
 fn same(one: &BTreeMap<Name, f64>, other: &BTreeMap<Name, f64>, part: f64, what: &str) {
     let names = |points: &BTreeMap<Name, f64>| points.keys().cloned().collect::<Vec<_>>();
@@ -296,7 +299,7 @@ fn of_csv(text: &str) -> BTreeMap<Name, f64> {
     rows.iter().map(point).collect()
 }
 
-/// A baseline is called by its strategy where people read.
+/// Returns a baseline's name: files for readers show its strategy instead, such as `parallel-f32 (host)`.
 fn by_name(strategy: &str) -> String {
     strategy.trim_end_matches(" (host)").replace("parallel-f32", "parallel")
 }
@@ -323,7 +326,7 @@ fn of_markdown(text: &str) -> Shown {
     shown
 }
 
-/// The rows of the tables of each view; a winner's row says so.
+/// Reads the rows of each view's table; the class of a row marks a winner.
 fn of_page(text: &str) -> Shown {
     let mut shown = Shown::default();
     for view in text.split("<article class=\"view\"").skip(1) {
@@ -333,7 +336,7 @@ fn of_page(text: &str) -> Shown {
         for row in table.split("<tr").skip(1) {
             let cells: Vec<&str> = row.split("<td").skip(1).map(|cell| between(cell, ">", "</td>")).collect();
             let name = (scene.clone(), by_name(cells[0]), cells[1].to_owned());
-            // Beside it may stand that the samples have two modes.
+            // The cell may also say that the samples have two modes.
             let median = cells[2].split_whitespace().next().expect("a cell");
             shown.medians.insert(name.clone(), median.parse().expect("a median"));
             if row.starts_with(" class=\"wins\"") {

@@ -71,7 +71,8 @@ fn directions_are_where_they_belong() {
     assert!(left[2] > left[0] + 0.005 && right[0] > right[2] + 0.005, "{left:?} {right:?}");
     assert!((middle[0] - middle[2]).abs() < 0.002, "{middle:?}");
     assert!(ahead[(30, 0)].0[1] > ahead[(30, 42)].0[1] + 0.01, "brighter above");
-    // Turned by a quarter counter-clockwise as seen from above, what was to the left is behind, and the middle to the left.
+    // After a quarter turn counter-clockwise, as seen from above, what was on the left is behind the camera, and the
+    // picture's middle is on the left.
     let turned = render(&place, &["--set", "sky.turn_degrees=90", "--verify"]);
     assert!(turned[(30, 21)].0[0] > middle[0] + 0.005, "{:?}", turned[(30, 21)]);
     let stronger = render(&place, &["--set", "sky.strength=3"]);
@@ -101,7 +102,7 @@ fn what_is_wrong_with_a_sky_is_told() {
     has(&place(SCENE).mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
 }
 
-/// Which pixels saw the sky in the last frame is none of the next one's business.
+/// A frame must not depend on which pixels saw the sky in the frame before.
 #[test]
 fn a_frame_is_the_same_after_another_one_as_alone() {
     let place = place(SCENE);
@@ -121,7 +122,7 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
     }
 }
 
-/// Another channel, another row, half a texel aside, the sky shown before surfaces.
+/// The changes: another channel, another row, a shift by half a texel, the sky in front of surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let place = place(SCENE);

@@ -1,4 +1,4 @@
-//! Real runs, real worker processes, real faults: what a run loses is what the fault took, and no more.
+//! Tests with real runs, real worker processes and real faults: a run loses only what the fault destroyed.
 
 use crate::binary::{finish, run, until};
 use rand::{RngExt as _, SeedableRng as _};
@@ -64,7 +64,7 @@ impl Ground {
         self.records().iter().filter(|record| record.outcome == outcome).count()
     }
 
-    /// Every point is measured, none twice, and no sample was taken twice.
+    /// Checks that every point was measured exactly once, and that no sample was taken twice.
     fn all_measured_once(&self) {
         assert_eq!((self.count(Outcome::Measured), self.records().len()), (POINTS, POINTS));
         let keys: HashSet<_> = self.records().into_iter().map(|record| record.key).collect();
@@ -92,7 +92,7 @@ impl Ground {
         until("it hangs", || self.out.join(".hangs").exists());
     }
 
-    /// Lets a worker go on that was told to hold.
+    /// Lets a worker continue that was told to wait.
     fn let_go(&self) {
         std::fs::remove_file(self.out.join(".hangs")).expect("what a worker that holds leaves");
     }
@@ -104,7 +104,7 @@ fn said(output: &Output) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Sends a signal; false where the process was gone.
+/// Sends a signal; returns false if the process no longer existed.
 fn send(signal: Signal, process: u32) -> bool {
     Pid::from_raw(process as i32).is_some_and(|process| kill_process(process, signal).is_ok())
 }
@@ -154,7 +154,8 @@ fn every_way_to_die_costs_its_point_only() {
         let lost = ground.records().into_iter().find(|record| record.outcome == outcome);
         let why = lost.and_then(|record| record.reason).unwrap_or_default();
         assert!(why.contains(reason), "{fault}: {why}");
-        // A resumed run leaves it at that; asked to, it tries again and measures that point and no other.
+        // A resumed run leaves the failed point as it is; with `--retry-failed`, it measures that point again and no
+        // other.
         assert_eq!(ground.run(&["--resume"]).status.code(), Some(1));
         assert_eq!(ground.records().len(), POINTS);
         assert!(ground.run(&["--resume", "--retry-failed"]).status.success());
@@ -190,7 +191,7 @@ fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
     });
 }
 
-/// A test that kills gives up after this many runs for each kill: most runs are there to be killed.
+/// A test that kills runs gives up after this many runs per kill, since most runs live long enough to be killed.
 const RUNS_FOR_A_KILL: usize = 20;
 
 #[test]
@@ -228,7 +229,7 @@ fn workers_killed_at_random_moments_cost_nothing() {
         let ground = Ground::new(12);
         let mut run = ground.start(&[]);
         random_moment(&mut rng, &ground, &mut run);
-        // One death a run: two at one point would be that point's own.
+        // At most one worker is killed per run: if two died at the same point, the point would be blamed.
         killed += children(run.id()).first().is_some_and(|&worker| send(Signal::KILL, worker)) as usize;
         let output = finish(run);
         assert!(output.status.success() || said(&output).contains("could not start"), "{}", said(&output));
@@ -241,7 +242,7 @@ fn workers_killed_at_random_moments_cost_nothing() {
 fn ctrl_c_ends_after_the_sample_says_how_to_resume_and_exits_with_130() {
     for name in [Signal::INT, Signal::TERM] {
         let ground = Ground::new(12);
-        // The second size is at it, and waits there until the test has done its part.
+        // A point of the second image size is being timed, and its worker waits until the test lets it continue.
         let run = ground.start(&["--fault", "hold@cast:7"]);
         ground.until_it_hangs();
         signal(name, run.id());
@@ -267,8 +268,8 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    // The sample never ends, so that only the second can end the run. The first may be taken and not yet heeded: more
-    // of them do no harm.
+    // The sample never ends, so that only the second can end the run. The first signal may have arrived without
+    // having been handled yet, so further ones do no harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);
@@ -302,7 +303,8 @@ fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
     let mut copy = Command::new(&file);
     copy.args(command.get_args()).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     copy.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    // A program that has started has been read: its devices are listed, and its points measured, by others.
+    // A program that has started no longer needs its file, although other processes list its devices and measure its
+    // points.
     let started = copy.spawn().expect("it starts");
     std::fs::remove_file(&file).expect("a file to remove");
     let output = finish(started);
@@ -312,7 +314,7 @@ fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
 
 #[test]
 fn a_driver_that_is_gone_ends_the_run_and_loses_no_point() {
-    // The loader of Debian reads the folder that this names.
+    // Debian's OpenCL loader reads the folder that this variable names.
     let vendors = tempfile::tempdir().expect("a folder");
     let list = std::env::var_os("OCL_ICD_VENDORS").map_or("/etc/OpenCL/vendors".into(), PathBuf::from);
     for entry in std::fs::read_dir(list).into_iter().flatten().flatten() {
@@ -368,7 +370,7 @@ fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).expect("a mode");
-    // Root writes elsewhere where it likes.
+    // Root may write to folders without write permission, so this folder is only used if writing fails.
     if std::fs::write(closed.join("probe"), "").is_err() {
         places.push(closed.join("out"));
     }

@@ -1,5 +1,6 @@
-//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md is what the stored records say, and a change of any is
-//! noticed. The records, docs/results, are in the repository and not in the package.
+//! Every number in README.md, docs/kernels.md, docs/paper.md and docs/performance.md agrees with the stored records,
+//! and the check notices if any number is changed. The records, docs/results, are in the repository and not in the
+//! package.
 
 use raycl::documents::{DOCUMENTS, Difference, Documents};
 use raycl::rule::{Sweep, source};
@@ -41,7 +42,8 @@ fn the_rules_constants_are_made_of_the_stored_sweeps() {
     );
 }
 
-/// Where the numbers of a document's prose and tables stand: not in comments, code, or what links lead to.
+/// Returns the positions of the numbers in a document's prose and tables, but not in comments, code or the targets of
+/// links.
 fn numbers(text: &str) -> Vec<Range<usize>> {
     let mut found: Vec<Range<usize>> = Vec::new();
     let mut start = 0;
@@ -78,7 +80,7 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
         for (place, at) in numbers.into_iter().enumerate() {
-            // What is made as a whole is compared as a whole: some of it is enough.
+            // A generated part of a document is compared as a whole, so it is enough to change some of its numbers.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
             if is_made && place % 20 != 0 {
@@ -90,7 +92,7 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // Another digit before it: no fact has become another.
+            // A digit is inserted before the number, so that the result is not the number of another fact.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

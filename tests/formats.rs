@@ -1,4 +1,4 @@
-//! Files that are something else than they are given for: named, with the remedy, in two lines.
+//! Files of another format than expected: a message of two lines names the format and the remedy.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 
@@ -12,7 +12,7 @@ local_sizes = [4]
 strategies = ["naive"]
 "#;
 
-/// Runs what must be a mistake, told in two lines of which none is long.
+/// Runs a command that must fail with a message of at most two short lines, and returns the message.
 fn told(place: &Place, arguments: &[&str]) -> String {
     let message = place.mistake(arguments, 2);
     let lines: Vec<_> = message.lines().filter(|line| !line.trim().is_empty()).collect();
@@ -20,7 +20,7 @@ fn told(place: &Place, arguments: &[&str]) -> String {
     message
 }
 
-/// Files of formats that raycl does not read, by content, and what each is called.
+/// Contents of files in formats that raycl does not read, and the names of these formats.
 fn foreign() -> Vec<(Vec<u8>, &'static str)> {
     vec![
         (b"OFF\n3 1 0\n".to_vec(), "an OFF mesh"),

@@ -1,5 +1,5 @@
-//! The paper's figures, as SPEC has them: an evaluation in f64 that shares no code and no scene file with raycl,
-//! against what the binary renders and against raycl's reference.
+//! The paper's figures as SPEC describes them: an evaluation in f64, which shares no code and no scene file with
+//! raycl, is compared with the binary's pictures and with raycl's reference.
 //!
 //! Formulas and numbers: Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*, 3rd ed.,
 //! chapter 15, with the paper's scenes.
@@ -14,7 +14,7 @@ use raycl::strategy::Culling;
 use std::f64::consts::PI;
 
 const BACKGROUND: DVec3 = dvec3(0.0022, 0.0032, 0.0053);
-/// The least that counts as the same picture, peak signal to noise.
+/// The least peak signal-to-noise ratio, in decibels, at which two pictures count as the same.
 const SAME_DB: f64 = 40.0;
 
 #[derive(Clone, Copy)]
@@ -131,7 +131,7 @@ fn figure_4() -> Figure {
     Figure::new("figure-4", [&[green, reversed], &ground()[..]].concat())
 }
 
-/// Figure 3's pyramid: what it shows of the hidden back and base is their shadow.
+/// Figure 3's pyramid: of its hidden back and base, only the shadow is visible.
 fn pyramid(scene: &'static str) -> Figure {
     let (apex, front) = (dvec3(0.0, 2.0, -3.5), dvec3(0.0, -1.0, -2.0));
     let (left, right) = (dvec3(-2.0, -1.0, -3.0), dvec3(2.0, -1.0, -3.0));
@@ -156,7 +156,7 @@ fn figures() -> [Figure; 4] {
     [single, figure_4(), pyramid("pyramid-upper"), lower]
 }
 
-/// What the binary renders of a scene file at the paper's 800 x 500, under this name.
+/// Returns the picture that the binary renders of a scene file at the paper's 800 x 500; `name` is the picture's file.
 fn rendered(scene: &str, strategy: &[&str], name: &str) -> RgbImage {
     let (place, device) = (Place::new(), device());
     let path = repository(&format!("scenes/{scene}.toml"));
@@ -184,10 +184,10 @@ fn a_jpeg_at_its_quality_is_the_papers_figure_too() {
     }
 }
 
-/// The reference is what every other image is compared with; this is what it is compared with.
+/// Every other image is compared with the reference; here the reference itself is checked.
 #[test]
 fn the_reference_agrees_with_the_formulas() {
-    // In this size no row of pixels lies on the ground's far edge.
+    // At this size, no row of pixels lies on the ground's far edge.
     let size = [210, 131];
     for figure in figures() {
         let path = repository(&format!("scenes/{}.toml", figure.scene));

@@ -1,10 +1,10 @@
-//! What raycl reads, and what it shows of it: ordinary files within limits, and text only of files that the user named or
-//! that lie beside the one that names them.
+//! The files that raycl reads, and the text of them that messages show: only ordinary files within limits, and only
+//! text of files that the user named or that lie in the same folder as the file that names them.
 
 use crate::binary::{Place, TRIANGLE, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
-/// What no message may show of a file that the user did not name.
+/// A text that no message may show from a file that the user did not name.
 const SECRET: &str = "hunter2";
 
 const CONFIG: &str = r#"question = "?"
@@ -15,7 +15,7 @@ local_sizes = [4]
 strategies = ["naive"]
 "#;
 
-/// A file outside of the folder `inner` whose scene or config names it.
+/// Makes a file, and beside it a folder `inner` with a scene or a config that names the file.
 fn place(outer: (&str, &str), inner: (&str, &str)) -> Place {
     let place = Place::with(&[outer]);
     std::fs::create_dir(place.path("inner")).expect("a folder");
@@ -85,7 +85,7 @@ fn text_of_a_mesh_elsewhere_is_not_shown() {
         let said = place.mistake(&["render", "inner/scene.toml"], 2);
         has(&said, &["outer.obj", line, "help:", "not shown"]);
         assert!(!said.contains(SECRET), "{said}");
-        // Who names it may read it.
+        // Messages may show the text of a file that the user named.
         if !text.starts_with("root") {
             has(&place.mistake(&["render", "outer.obj"], 2), &[SECRET]);
         }
@@ -164,7 +164,7 @@ fn values_that_leave_single_precision_are_refused_with_their_line() {
         (
             "[[object]]",
             "[[light]]\nposition = [0, 0, -2]\npower = 1e28\n\n[[object]]\nmaterial = { k_l = 1e6 }",
-            &["scene.toml:12", "a light's power", "single precision"],
+            &["scene.toml:12", "a light with the power", "single precision"],
         ),
         (faces, "faces = [[0, 1, 2]]\nmaterial = { k_l = 3e38 }", &["scene.toml:13", "from 0 to 1e6"]),
         (

@@ -6,7 +6,7 @@ use image::RgbImage;
 /// A plate over a tetrahedron, which lies in its shadow.
 const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
-/// Casts as `render` chooses, but fixed.
+/// The ways of casting that `render` chooses from, each named explicitly.
 const FAMILIES: [&str; 4] = ["tile", "tile-group", "bvh", "bvh-packet"];
 /// Wide enough that vectors of 16 pixels fill half rows.
 const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
@@ -112,7 +112,7 @@ const CHANGES: &[[&str; 4]] = &[
 #[test]
 fn a_broken_half_picture_is_a_wrong_picture() {
     let place = Place::with(&[("mesh.obj", MESH)]);
-    // Only where no ground is behind the mesh.
+    // These changes only show where no ground is behind the mesh.
     let behind = [
         [FILTER, "subtract(own, behind)", "own", "bvh"],
         [

@@ -1,4 +1,5 @@
-//! The table of broken Rust (`tests/mutants/host.toml`) and the sources agree, so that it cannot rot; `make mutants` runs it.
+//! Checks that the table of changes to Rust code (`tests/mutants/host.toml`) still fits the sources; `make mutants`
+//! runs the changes. `make mutants` runs it.
 
 use crate::binary::repository;
 use serde::Deserialize;
@@ -31,7 +32,8 @@ fn read(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_default()
 }
 
-/// Whether a module of the library has such a test: `measure::modes::tests::a_timers_steps_are_no_modes`.
+/// Returns whether a module of the library has a test of this name:
+/// `measure::modes::tests::a_timers_steps_are_no_modes`.
 fn is_there(test: &str) -> bool {
     let Some((module, name)) = test.rsplit_once("::") else { return false };
     let module = format!("src/{}", module.replace("::", "/"));

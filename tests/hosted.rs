@@ -1,4 +1,4 @@
-//! What is for machines that are not here: every command of the hosted CI's workflows, of the container file and of the archives
+//! Files for other machines: every command of the hosted CI's workflows, of the container file and of the archives
 //! exists, and the citation names this version. .ci is in the repository and not in the package.
 
 use crate::binary::{Place, has, repository};
@@ -26,10 +26,10 @@ fn jobs(path: &str) -> Vec<(String, Vec<Yaml>)> {
 
 const WORKFLOWS: [&str; 2] = [".github/workflows/ci.yml", ".github/workflows/release.yml"];
 
-/// Programs of the machines that these run on.
+/// Programs that exist on the machines on which these commands run.
 const ELSEWHERE: [&str; 9] = ["apt-get", "curl", "sh", "echo", "cd", "git", "rustup", "sha256sum", "gh"];
 
-/// Fails unless each program of a line of shell is one that will be there, with what it is asked to do.
+/// Fails unless each program in a line of shell will exist on those machines and has the requested target or command.
 fn check(line: &str) {
     let makefile = read_to_string(repository("Makefile")).expect("the Makefile");
     for command in line.split("&&").flat_map(|part| part.split('|')).map(str::trim) {
@@ -57,7 +57,7 @@ fn every_command_of_the_workflows_exists() {
                 let [run, uses] = ["run", "uses"].map(|key| step[key].as_str());
                 assert!(run.is_some() != uses.is_some(), "{path}, {job}: {step:?}");
                 run.into_iter().for_each(check);
-                // A version, so that what is run does not change by itself.
+                // An action must have a version, so that it does not change by itself.
                 assert!(uses.is_none_or(|action| action.contains('@')), "{path}, {job}: {uses:?}");
             }
         }
@@ -93,7 +93,7 @@ fn the_container_file_copies_what_is_there() {
     for target in text.lines().filter_map(|line| line.strip_prefix("RUN make ")) {
         assert!(makefile.contains(&format!("\n{target}: ")), "make has no {target}");
     }
-    // Both of its packages are those that `make setup` installs.
+    // The container installs the same two packages as `make setup`.
     let setup = read_to_string(repository(".ci/setup")).expect("the script");
     for package in ["ocl-icd-libopencl1", "pocl-opencl-icd"] {
         has(&text, &[package]);
@@ -115,7 +115,7 @@ fn the_citation_is_of_this_version() {
     assert!(citation["authors"][0]["name"].as_str().is_some());
 }
 
-/// A distribution's archive: unpacked, it has a program that runs and its pages.
+/// The unpacked archive of a distribution has a program that runs, and its pages.
 #[cfg(unix)]
 #[test]
 fn an_archive_holds_the_binary_its_pages_and_its_completions() {
@@ -139,7 +139,8 @@ fn an_archive_holds_the_binary_its_pages_and_its_completions() {
     assert!(!names.contains("b3sum"), "{names}");
 }
 
-/// Checking the fuzz targets takes half a minute where it shares what lints have compiled, and five minutes where it does not.
+/// Checking the fuzz targets takes half a minute if it shares compiled crates with the lints, and five minutes
+/// otherwise.
 #[test]
 fn the_fuzz_targets_are_compiled_as_the_crate_is() {
     let profile = |path: &str| {

@@ -1,4 +1,4 @@
-//! What somebody with bad intentions, or a broken machine, can put in the way: drivers that die when they are listed,
+//! Obstacles that an attacker or a broken machine may cause: drivers that die when they are listed,
 //! results folders that lead elsewhere, arguments that are no text.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point};
@@ -49,7 +49,7 @@ fn among_good_ones(place: &Place, body: &str) -> std::path::PathBuf {
     vendors
 }
 
-/// Pictures and lists do without it: one driver's fault is not the others'.
+/// Checks that `render` and `devices` work without this driver, since one broken driver must not disable the others.
 #[track_caller]
 fn is_left_out(body: &str, reason: &str) {
     let place = one_point();
@@ -147,7 +147,7 @@ fn a_folder_of_results_leads_nowhere_else() {
         std::fs::remove_file(&at).expect("the link");
         std::fs::rename(&kept, &at).expect("its place");
     }
-    // Files that are written anew take the link's place.
+    // Files that are written anew replace the link, and not the file that it leads to.
     for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
         std::fs::remove_file(place.path("out").join(name)).expect("it was there");
         symlink(&victim, place.path("out").join(name)).expect("a link");

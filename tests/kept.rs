@@ -1,11 +1,11 @@
-//! What is kept between runs: programs are compiled once, and an entry that is not what it should be is made again.
+//! The cache between runs: programs are compiled once, and a damaged entry is made again.
 
 use crate::binary::{Place, TRIANGLE, device, has, until};
 use assert_cmd::Command;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Two programs, the tree's among them, on two scenes.
+/// Two strategies, one of them with a tree, on two scenes.
 const CONFIG: &str = r#"question = "Is it compiled again?"
 expectation = "No."
 scenes = ["scene.toml", "other.toml"]
@@ -20,7 +20,7 @@ min_samples = 10
 max_samples = 10
 "#;
 
-/// A device whose presets the test device's are not.
+/// An experiment with a preset that is meant for another kind of device than the test device.
 const OTHERS: &str = r#"question = "Is a preset for GPUs measured on a CPU?"
 expectation = "Where somebody asks for it."
 scenes = ["scene.toml"]
@@ -40,7 +40,7 @@ fn place(config: &str) -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
 }
 
-/// The binary with a cache of its own, beside the user's of PoCL.
+/// The binary with a cache of its own, but with the user's cache of PoCL.
 fn raycl(place: &Place, arguments: &[&str]) -> Command {
     let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
     let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
@@ -85,7 +85,7 @@ fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
     };
     let first = records(&place, "first", &[]);
     assert_eq!(fields(&first, "outcome"), vec!["measured"; 4]);
-    // The second scene's programs are the first's, but for that of a tree, which a scene may change.
+    // The second scene uses the first one's programs; only a tree's program may depend on the scene.
     assert_eq!(from_cache(&first), 2, "{first:?}");
     assert_eq!(entries(&place).len(), 2);
     let second = records(&place, "second", &[]);
@@ -145,7 +145,7 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
     has(&summary, &["other-kind", "meant for GPUs"]);
     let named = run("named", &["--set", "strategies=[\"tiled-wide\"]"]);
     assert_eq!(outcomes(&named), ["measured"]);
-    // What was passed over is measured once it is asked for, and what was measured stays.
+    // Points that were passed over are measured if the user asks for them, and measured points stay as they are.
     let resumed = run("out", &["--set", "any_kind=true", "--resume"]);
     assert_eq!(outcomes(&resumed), ["other-kind", "measured", "measured"].map(str::to_owned));
     let dry = place.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);
@@ -166,7 +166,7 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
     };
     let first = report();
     let kept = || !entries(&place).is_empty();
-    // Where the driver has no binary at hand, a process of its own makes it.
+    // If the driver does not return a binary at once, a separate process makes it.
     until("the program is kept", kept);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);

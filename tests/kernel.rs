@@ -1,4 +1,4 @@
-//! `raycl kernel`: what it prints is what a compiler sees, and casts what the strategy casts.
+//! `raycl kernel`: its output is the text that a compiler sees, and it casts the same as the strategy.
 
 use crate::binary::{Place, has, repository};
 use crate::common::Stand;
@@ -24,7 +24,7 @@ fn preprocessed(spec: &ProgramSpec) -> String {
     preprocess(&spec.source, &spec.options, &BTreeMap::new()).expect("a text").text()
 }
 
-/// What the C compiler's preprocessor makes of a program.
+/// Returns a program as the C compiler's preprocessor expands it.
 fn by_compiler(spec: &ProgramSpec) -> String {
     let mut words = spec.options.split_whitespace();
     let mut cc = Command::new("cc");
@@ -78,7 +78,7 @@ fn what_is_preprocessed_stays_as_it_is() {
     }
 }
 
-/// What the binary prints of a strategy for the test device and a scene of the repository.
+/// Returns what the binary prints for a strategy, on the test device and a scene of the repository.
 fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
     let (device, scene) = (crate::binary::device(), crate::binary::repository("scenes").join(scene));
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
@@ -86,7 +86,8 @@ fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
     Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
 }
 
-/// The same program from what the binary prints of it, with no define from outside: the text has all it needs.
+/// Returns the same program, but from the text that the binary prints, and without defines from outside: the text has
+/// all of them.
 fn reprinted(name: &str, built: &Prepared) -> ProgramSpec {
     let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
     let options = options.collect::<Vec<_>>().join(" ");
@@ -122,7 +123,7 @@ fn what_is_printed_casts_the_same_image() {
         let mut session = stand.session.borrow_mut();
         let again = session.build(&strategy, &own.workload, reprinted(name, &own));
         let again = again.unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
-        // It has all kernels of a frame.
+        // The printed program has all kernels of a frame.
         again.caster().unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
         assert!(!casts || image(&again) == image(&own), "{name}: another image");
     }
@@ -184,7 +185,7 @@ fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
 #[test]
 fn a_mistake_in_a_kernel_has_its_file_and_line() {
     let file = "cast/intersect/moller_trumbore.cl";
-    // In place of the first empty line, which follows those that say what the file is.
+    // The line replaces the first empty line, which follows the comment that describes the file.
     let text = std::fs::read_to_string(repository("cl").join(file)).expect("a kernel file");
     let at = text.lines().take_while(|line| !line.is_empty()).count() + 1;
     for (line, said) in

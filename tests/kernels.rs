@@ -1,5 +1,5 @@
-//! Every preset at every local size, and a pairwise cover of all axes, against the reference on PoCL: the whole of it in
-//! `make test-long`; each preset at a fourth of the local sizes, and half of the cover, in `make test`.
+//! Verifies every preset at every local size, and a pairwise cover of all axes, against the reference on PoCL. `make
+//! test-long` tests all of it; `make test` tests each preset at a fourth of the local sizes, and half of the cover.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -8,7 +8,7 @@ use raycl::device::Builtins;
 use raycl::program::Sources;
 use raycl::strategy::{Layout, PRESETS, Passes, Strategy, Traversal, Vectors, Width, preset};
 
-/// The paper's local sizes and some that divide nothing.
+/// The paper's local sizes, and some that do not divide the image's size.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
     [1, 1],
     [2, 2],
@@ -30,8 +30,8 @@ const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
 
-/// Checks points and panics with every one that is wrong, not only the first, or that the device refuses though it
-/// fits: all but those that `may_not_fit` knows.
+/// Checks points, and panics with a list of all that are wrong, or that the device refuses although `may_not_fit`
+/// does not list them.
 fn all_agree(
     stand: &mut Stand,
     points: impl IntoIterator<Item = Point>,
@@ -57,7 +57,7 @@ fn none(_: &Point) -> bool {
 
 fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     let mut stand = Stand::new(scene("pyramid-lower.toml"), SIZE);
-    // Shared tiles have one local size, whatever is wished.
+    // Strategies that share tiles always use the same local size, whichever is requested.
     let strategies: Vec<_> =
         PRESETS.iter().map(|preset| preset.strategy).filter(|strategy| !strategy.shares_tiles()).collect();
     let points = strategies.iter().enumerate().flat_map(|(row, &strategy)| {
@@ -68,8 +68,9 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
         chosen.map(move |(_, &local)| (strategy, local))
     });
     let is_cpu = stand.is_cpu();
-    // One scene of six triangles fits any device; only vectors in __local memory at 32x32 may not, the rays of
-    // more than 64 tiles, of 66 KiB each, on the stack of a thread, and 1024 work-items in the registers of a GPU.
+    // A scene of six triangles fits on any device. Three things may not fit: vectors in __local memory at 32 x 32;
+    // the rays of more than 64 tiles, of 66 KiB each, on the stack of a CPU's thread; and 1024 work-items in the
+    // registers of a GPU.
     let may_not_fit = |(strategy, [x, y]): &Point| match strategy.traversal {
         Traversal::Tile if is_cpu => x * y > 64,
         _ => x * y == 1024 && (strategy.vectors == Vectors::LOCAL || !is_cpu),
@@ -77,7 +78,8 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     all_agree(&mut stand, points, may_not_fit);
 }
 
-/// As on a GPU, whose vectors are made of scalars: edges are asked one by one, masks reduced by trees of operations.
+/// Tests the code for GPUs, whose vectors consist of scalars: each edge is checked separately, and masks are reduced
+/// by trees of operations.
 #[test]
 fn presets_of_vectors_that_no_built_in_reduces() {
     apart!();
@@ -89,7 +91,7 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// In any other test a picture is wider than high, where a limit that is taken from the wrong side cuts nothing off.
+/// In all other tests, pictures are wider than high, so a limit that is computed from the wrong side cuts nothing off.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();

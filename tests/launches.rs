@@ -1,4 +1,4 @@
-//! Launches: each in fresh workers, repeated whole where one was lost or left half done.
+//! Launches: each uses new workers, and is repeated completely if it lost a worker or was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::record::{Outcome, Record, Sample, read_lines};
@@ -83,7 +83,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
-    // The mock's records know neither times nor sizes.
+    // The mock's records have neither times nor sizes, so they are set here.
     let timed = |(place, record): (usize, &Record)| Record {
         host_median_ms: Some(1000.0),
         image_size: if place < 3 { [8, 5] } else { [16, 10] },
@@ -97,7 +97,8 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     // take no time.
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
-    // Two strategies at one size tell of the other, too, which has four times the pixels.
+    // The times of two strategies at one size also allow an estimate for the other size, which has four times the
+    // pixels.
     let some = expected(&records[..2], &[]);
     assert_eq!(some.points, [6, 4]);
     assert!(some.to_string().contains("for 4 of them, based on earlier times"), "{some}");

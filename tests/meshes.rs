@@ -75,7 +75,7 @@ fn packed(bytes: &[u8]) -> Vec<u8> {
     encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("bytes in memory")
 }
 
-/// Renders a file, with options, and gives the picture and what was said.
+/// Renders a file with options, and returns the picture and the output.
 fn picture(place: &Place, name: &str, options: &[&str]) -> (RgbImage, String) {
     let device = device();
     let size =
@@ -106,7 +106,7 @@ fn all_formats_of_a_mesh_are_one_picture_packed_or_not_and_from_a_pipe() {
         let (unpacked, said) = picture(&place, &packed_name, &[]);
         assert!(unpacked == expected && !said.contains("read as"), "{said}");
     }
-    // A name that says something else is noted, and a pipe has none.
+    // If a file's name suggests another format, that is noted; a pipe has no name.
     std::fs::write(place.path("b.ply"), stl(&corners)).expect("a file");
     has(&picture(&place, "b.ply", &[]).1, &["b.ply: read as an STL mesh"]);
     let device = device();
@@ -179,7 +179,7 @@ fn any_scale_and_place_looks_the_same() {
             assert_eq!(said.contains("was subtracted from its positions"), by != [0.0; 3], "{said}");
         }
     }
-    // In a scene the map keeps its coordinates until it is moved, in double precision.
+    // In a scene, the map keeps its coordinates in double precision until it is moved.
     let scene =
         "[camera]\nposition = [1, 1, 4]\n[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\nmesh = ";
     std::fs::write(place.path("c.obj"), obj(&moved(1.0, [500_000.25, 5_400_000.5, 120.125])))

@@ -1,12 +1,12 @@
 //! The microscope of `raycl compile`: each source line with the instructions that the device's compiler made of it.
 //!
 //! The working vectors are read and written by one line for each component, so they show whether instructions are
-//! attributed to the right lines: the line before the stores, and the line after them, store nothing.
+//! attributed to the right lines: the lines before and after the stores must have no stores.
 
 use crate::binary::{Place, device, has, repository};
 use serde_json::Value;
 
-/// What `raycl compile --json` says of the whole-frame kernel of a strategy, as the driver's compiler made it.
+/// Returns the output of `raycl compile --json` for the whole-frame kernel of a strategy, as compiled by the driver.
 fn listing(strategy: &str) -> Value {
     let scene = repository("scenes/teapot.toml");
     let device = device();
@@ -22,7 +22,8 @@ fn listing(strategy: &str) -> Value {
     listing
 }
 
-/// The memory that accesses are counted as, where the device's instructions tell.
+/// Returns the memory under which accesses are counted: the named one if the device's instructions are PTX, otherwise
+/// `generic`.
 fn memory<'a>(listing: &Value, named: &'a str) -> &'a str {
     if listing["made_by"].as_str().is_some_and(|made_by| made_by.starts_with("PTX")) {
         named

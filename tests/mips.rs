@@ -1,9 +1,9 @@
-//! Mip levels: textures seen from afar, in every family that takes them.
+//! Mip levels: textures that are seen from far away, in every family that supports them.
 
 use crate::binary::{Place, apart, has, repository};
 use image::{Rgb, RgbImage};
 
-/// A chequered floor that is seen at a grazing angle, and a wall before it.
+/// A chequered floor that is seen at a grazing angle, and a wall in front of it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
 /// Rows of a picture where the floor is far away: a pixel is longer than a square.
@@ -79,7 +79,7 @@ fn a_distant_chequer_is_close_to_its_mean() {
     let exact = place.picture(&[&OFF[..], &["--samples", "256"]].concat()).0;
     let [with, without] = [&one, &aliased].map(|picture| error(picture, &exact, FAR));
     assert!(4.0 * with < without, "{with} with mip levels, {without} without");
-    // Samples with narrow cones are as sharp as those of the whole picture.
+    // With several samples, whose cones are narrow, the picture is sharper than with one sample.
     let several = place.picture(&["--samples", "64"]).0;
     let sharp = error(&several, &exact, 36..45);
     assert!(sharp < 4.0 && 2.0 * sharp < error(&one, &exact, 36..45), "{sharp}");
@@ -89,14 +89,14 @@ fn a_distant_chequer_is_close_to_its_mean() {
 fn where_texels_are_larger_than_pixels_nothing_changes() {
     let place = floor();
     let [with, without] = [place.picture(&[]).0, place.picture(&OFF).0];
-    // The wall is in the left half, before the horizon's rows and around them.
+    // The wall is in the left half of the picture, in front of the rows at the horizon and some rows above and below.
     let wall = |picture: &RgbImage| image::imageops::crop_imm(picture, 16, 17, 12, 11).to_image();
     assert_eq!(wall(&with), wall(&without));
     let shades = wall(&with).pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();
     assert!(shades > 5 && with != without, "{shades}");
 }
 
-/// Leaves of one colour in the dark, before a background of no leaf's colour.
+/// Leaves of one colour in the dark, in front of a background whose colour no leaf has.
 #[test]
 fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     let place = floor();
@@ -122,7 +122,7 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// The level of another size, its parts swapped, the wrong cone, texels of the level before.
+/// The changes: a level of another size, swapped weights of two levels, the wrong cone, texels of the level before.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let place = floor();

@@ -1,10 +1,10 @@
-//! Turning scenes: numbered pictures, animated ones, streams, and what is left out because it is there.
+//! Turning scenes: numbered pictures, animated ones, streams, and frames that are skipped because they exist.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
 
 const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
-/// And without ground and samples.
+/// The size of pictures, and the plain look: no ground, and a single sample.
 const SIZE: [&str; 5] = ["--width", "48", "--height", "30", "--plain"];
 
 fn place() -> Place {
@@ -54,7 +54,8 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     let report = turn(&place, &["mesh.obj", "--turntable", "6"]);
     assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &2.into()));
     assert_eq!(turn(&place, &["mesh.obj", "--turntable", "6"])["frames"], 0);
-    // Other options, another scene, a changed file: none is taken for the frame, and none is lost.
+    // Pictures made with other options or of another scene, and files that were changed, do not count as the frame,
+    // and are not overwritten.
     let before = std::fs::read(place.path("mesh-0001.png")).expect("a frame");
     let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "5"], &SIZE[..]].concat(), 2);
     has(&message, &["'mesh-0001.png' exists and is not frame 1", "`--force`"]);
@@ -72,7 +73,8 @@ fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
     let two = ["scene.toml", "--turntable", "2"];
     turn(&place, &two);
     let file = "common/store_radiance.cl";
-    // A folder whose kernels compute the same is another all the same, and so are others in the same folder.
+    // Another folder of kernels counts as a change even if its kernels compute the same, and so does an edit in the
+    // same folder.
     let kernels = place.kernels(file, "(varying)(1.0f)", "(varying)(1)");
     let with = [&two[..], &["--cl-dir", &kernels]].concat();
     let refused = || place.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);
@@ -108,7 +110,7 @@ fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
         reader.next_frame(&mut frame).expect("a frame");
         assert_eq!(frame, pixels(&place, &format!("mesh-000{number}.png")), "frame {number}");
     }
-    // raycl knows it by its mark.
+    // raycl recognises its own file by a mark in it, and replaces it.
     turn(&place, &["mesh.obj", "--turntable", "2", "-o", "turn.apng"]);
     let stream = ["render", "mesh.obj", "--turntable", "3", "-o", "-", "-q", "--device", &device];
     let stream = place.raycl(&[&stream[..], &SIZE].concat()).assert().success().get_output().stdout.clone();
@@ -128,7 +130,8 @@ fn shards_cast_each_frame_once_and_the_same_as_one_process() {
     for name in ["mesh-0002.png", "mesh-0003.png", "mesh-0004.png"] {
         assert_eq!(pixels(&place, name), pixels(&whole, name), "{name}");
     }
-    // What is there is there, whoever asks; and of more processes than frames some have none.
+    // Frames that exist are skipped, whichever process asks; and if there are more processes than frames, some get
+    // none.
     let device = device();
     let auto = [&["render", "--json", "--device", &device], &SIZE[..], &four, &["--shard", "auto"]].concat();
     let frames = |rank: &str| {

@@ -15,21 +15,21 @@ use std::sync::OnceLock;
 /// The usual strategy of each family.
 const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
 
-/// Every so many pictures are in `make test`.
+/// `make test` tries every `STEP`th picture.
 const STEP: usize = 10;
 
 /// Not a multiple of a tile or of a block of rays.
 const SIZE: [u32; 2] = [61, 43];
 
-/// What the test device's compiler has.
+/// The built-in functions of the test device's compiler.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
-/// No row changes them. The probe is there to find wrong answers; the anchor is never replaced by a folder of kernels, and is broken
-/// by a test beside it (src/anchor.rs).
-/// Cut-outs, soft lights, skies that are pictures and several samples are in scenes or pictures that have them alone;
-/// tests/cutouts.rs, tests/soft.rs, tests/environment.rs and tests/samples.rs break them; soft light
-/// at half resolution is in bare meshes' default look, which tests/half_light.rs breaks. What is shown is no radiance, and is
-/// broken by a test beside it (src/launch/show.rs).
+/// Files that no row of the table changes. The probe is there to find wrong answers; the anchor is never replaced by
+/// a folder of kernels, and is broken by a test beside it (src/anchor.rs). Cut-outs, soft lights, pictures of skies
+/// and several samples need scenes or options of their own; tests/cutouts.rs, tests/soft.rs, tests/environment.rs and
+/// tests/samples.rs change their files. Soft light at half resolution is part of the default look of bare meshes;
+/// tests/half_light.rs changes its file. The display transform computes no radiance; a test beside it
+/// (src/launch/show.rs) changes it.
 const UNTOUCHED: [&str; 16] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -81,7 +81,8 @@ fn chosen() -> Option<usize> {
     std::env::var("RAYCL_TEST_MUTANT").ok()?.parse().ok()
 }
 
-/// The rows of a command, or of pictures, that are to be tried; there are so many at least.
+/// Returns the rows of the table that are to be tried: those of a command, or those without one, which are tested by
+/// pictures; fails if there are fewer than `least`.
 fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
     let is_own =
         |(_, mutant): &(usize, Mutant)| mutant.command.as_deref() == command && mutant.reason.is_none();
@@ -92,7 +93,8 @@ fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
 }
 
 impl Mutant {
-    /// What is made of the file, in each family: as `--strategy` has it, and what that means.
+    /// Returns the strategies whose programs contain the file, one of each family: as written after `--strategy`, and
+    /// as a value.
     fn strategies(&self) -> Vec<(String, Strategy)> {
         let is_base = |base: &&&str| self.bases.as_ref().is_none_or(|bases| bases.iter().any(|b| b == *base));
         let named = USUAL.iter().filter(is_base).map(|base| match self.with.as_str() {
@@ -102,7 +104,7 @@ impl Mutant {
         named.filter(|(_, strategy)| strategy.contradiction().is_none() && self.is_in(strategy)).collect()
     }
 
-    /// Whether a device of these lane operations takes the code that is changed; says so if not.
+    /// Returns whether a device with these lane operations compiles the changed code; prints a line if not.
     fn is_about(&self, lanes: LaneOperations) -> bool {
         let is = self.lanes.as_ref().is_none_or(|those| those.contains(&lanes));
         if !is {
@@ -187,7 +189,8 @@ fn a_broken_kernel_is_a_wrong_picture() {
     assert!(pictures > 100 || chosen().is_some(), "{pictures}");
 }
 
-/// What no picture shows: rays that slip between neighbours, or are stopped beside a triangle, by a rounding.
+/// Faults that no picture shows: rays that slip between neighbouring triangles, or are stopped beside a triangle,
+/// because of rounding.
 #[test]
 fn a_broken_edge_leaks() {
     apart!();
@@ -220,7 +223,7 @@ fn broken_lane_operations_are_not_taken() {
     }
 }
 
-/// Each takes seconds, in which it measures.
+/// Each change takes seconds, since the command measures first.
 #[test]
 fn a_broken_kernel_of_peak_is_no_figure() {
     for mutant in of_command(Some("peak"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {

@@ -1,5 +1,6 @@
-//! Where rays begin and end: the near plane, lights, what hovers over a surface. Each scene is one that shows it, and is right
-//! in any traversal and by any test; tests/mutants/kernels.toml has what they catch.
+//! Where rays begin and end: the near plane, lights, what hovers over a surface. Each scene shows one of these cases,
+//! and must be correct with every traversal and every ray-triangle test; tests/mutants/kernels.toml has the changes
+//! that these tests notice.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon};
 use raycl::reference::reference;
@@ -15,7 +16,7 @@ fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene").scene
 }
 
-/// Every family with every test that it takes.
+/// Returns every family with each ray-triangle test that it supports.
 fn strategies() -> Vec<Strategy> {
     let tests = [
         Intersector::MOLLER_TRUMBORE,

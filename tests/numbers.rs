@@ -1,4 +1,4 @@
-//! Numbers that bring other casters down: very small and very large scenes, lights on surfaces, cameras inside and on
+//! Numbers at which other ray casters fail: very small and very large scenes, lights on surfaces, cameras inside and on
 //! triangles, normals of no length.
 
 use crate::binary::Place;
@@ -33,7 +33,7 @@ fn presets() -> impl Iterator<Item = Strategy> {
     PRESETS.iter().map(|preset| preset.strategy).filter(compiles_soon)
 }
 
-/// Every preset that promises to know no scale.
+/// Returns every preset whose result does not depend on the scene's scale.
 fn scale_free() -> impl Iterator<Item = Strategy> {
     presets().filter(|strategy| strategy.epsilons == Epsilons::Relative)
 }
@@ -192,7 +192,8 @@ fn needles(at_points: Vec3) -> Scene {
     scene
 }
 
-/// Whether rounding, which gives needles any weights, leaves each normal between those of the corners.
+/// Returns whether normals stay between those of the corners, although rounding gives narrow triangles arbitrary
+/// weights.
 fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
     let deferred = preset("deferred").expect("a preset").strategy;
     let strategy = Strategy { intersector: Intersector::WATERTIGHT, ..deferred };

@@ -15,14 +15,15 @@ const OPTIONS: &str = "-cl-opt-disable";
 /// What Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
-/// Pixels across and down, where a test says nothing else.
+/// Pixels across and down, unless a test sets others.
 const SIZE: [&str; 2] = ["18", "11"];
 
 fn spelled(strategy: &Strategy) -> String {
     strategy.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect::<Vec<_>>().join(",")
 }
 
-/// Below scenes/: more triangles than a tile of them in __local memory holds, few enough to be held there as a whole.
+/// A path below scenes/: a scene with more triangles than a tile in __local memory holds, but few enough that all of
+/// them fit there at once.
 const TILES: &str = "../tests/data/tiles.toml";
 
 /// A picture of a scene cast under Oclgrind, and compared with the reference.
@@ -33,19 +34,19 @@ struct Simulation<'a> {
     strategy: &'a Strategy,
     local: &'a str,
     plugin: &'a str,
-    /// Kernels that are laid over those built in.
+    /// A folder of kernels that replace built-in ones.
     cl: Option<&'a Path>,
 }
 
 impl Simulation<'_> {
-    /// The command; picture and log go to a folder.
+    /// Returns the command; it writes the picture and the log to a folder.
     fn command(&self, folder: &Path) -> Command {
         let [width, height] = self.size;
         let mut command = Command::new("oclgrind");
         command.args(["--build-options", OPTIONS, self.plugin, "--log"]).arg(folder.join("log"));
         command.arg(env!("CARGO_BIN_EXE_raycl")).arg("render");
         command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(self.scene));
-        // Oclgrind has only barriers to share a tile by.
+        // In Oclgrind, work-items can share a tile only by means of barriers.
         let local = if self.strategy.shares_tiles() { "32x1" } else { self.local };
         command.args(["--device", "oclgrind", "--width", width, "--height", height, "--quiet", "--verify"]);
         command.args(["--strategy", &spelled(self.strategy), "--local-size", local, "--output"]);
@@ -56,26 +57,27 @@ impl Simulation<'_> {
         command
     }
 
-    /// Gives all that was reported; none where the simulated device (32 KiB of `__local`) cannot hold the strategy, or
-    /// where its program does not build.
+    /// Returns all reports; `None` if the simulated device (32 KiB of `__local`) cannot hold the strategy, or if its
+    /// program does not build.
     fn reports(&self) -> Option<String> {
         let folder = tempfile::tempdir().expect("a folder");
         let output = crate::binary::run(&mut self.command(folder.path()));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         let is_refused = ["cannot hold this", "cannot cast the scene"].iter().any(|part| said.contains(part));
         let does_not_fit = output.status.code() == Some(2) && is_refused;
-        // What no compiler takes is for tests/kernels.rs to tell.
+        // tests/kernels.rs reports programs that no compiler accepts.
         if does_not_fit || said.contains("the build failed") {
             return None;
         }
-        // Its exit code is the program's: only the log tells.
+        // Oclgrind exits with the program's exit code, so only the log shows its reports.
         let logged = std::fs::read_to_string(folder.path().join("log")).unwrap_or_default();
         let failed =
             if output.status.success() { String::new() } else { format!("{}: {said}", output.status) };
         Some(logged + &failed)
     }
 
-    /// Whether a race is reported. The simulation ends there, since a kernel without one of its barriers may never end.
+    /// Returns whether a race is reported. The simulation ends there, since a kernel without one of its barriers may
+    /// never end.
     fn has_race(&self) -> bool {
         let folder = tempfile::tempdir().expect("a folder");
         let mut command = self.command(folder.path());
@@ -94,7 +96,7 @@ impl Simulation<'_> {
     }
 }
 
-/// Runs strategies and panics with every one that something was reported of. Returns how many were run.
+/// Runs strategies, and panics with a list of those for which something was reported. Returns how many were run.
 fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     all_clean_at(SIZE, scene, strategies, local, plugin)
 }
@@ -128,7 +130,7 @@ fn presets_have_no_race_and_stay_in_bounds() {
     assert_eq!(run, PRESETS.len());
 }
 
-/// `make test` has those that hold triangles in __local memory.
+/// `make test` runs only the presets that hold triangles in __local memory.
 #[test]
 fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
     let triangles = scene(TILES).mesh.triangles.len();
@@ -140,8 +142,8 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
 
 #[test]
 fn presets_of_one_ray_read_nothing_unwritten() {
-    // Oclgrind crashes on wide vectors here, and takes what clEnqueueFillBuffer wrote, as raster's depths are, for
-    // unwritten.
+    // Oclgrind crashes on wide vectors here. It also reports values that clEnqueueFillBuffer wrote, such as the
+    // rasteriser's depths, as unwritten.
     let checkable = |s: &Strategy| s.width == Width::W1 && s.traversal != Traversal::Raster;
     let narrow: Vec<_> = presets().into_iter().filter(checkable).collect();
     assert_eq!(all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED), narrow.len());
@@ -155,7 +157,8 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
 }
 
-/// All of it, or the half that PoCL does not verify in tests/kernels.rs, with tiles that work-items share.
+/// Returns whether a row of the cover is tested in this run: all rows in `make test-long`; otherwise the half that
+/// PoCL does not verify in tests/kernels.rs, and tiles that work-items share.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 2 == 1 || strategy.shares_tiles()
 }
@@ -212,8 +215,8 @@ fn barriers() -> Vec<(&'static str, usize, &'static str)> {
         let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();
         known.into_iter().map(move |(at, call)| (file, at, call))
     };
-    // Kernels of `peak` and of the search for lane operations, and one for devices with a memory of their own, which
-    // Oclgrind is not: no preset reaches them.
+    // No preset uses the kernels of `peak`, of the search for lane operations, and of the display transform for
+    // devices with their own memory, which Oclgrind does not have.
     let of_presets =
         |file: &&str| !["peak/", "probe/", "display/"].iter().any(|folder| file.starts_with(folder));
     Sources::names().into_iter().filter(of_presets).flat_map(of).collect()
@@ -230,11 +233,13 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
     folder
 }
 
-/// Synchronisations of a tile's lanes that Oclgrind cannot show to be needed, by their file and what stands after them there.
-/// Oclgrind has no sub-groups, so its lane operations go through `__local` memory, and their own barriers order all other
-/// accesses too. Sub-groups' operations exchange registers and order nothing: there, these are needed.
+/// Synchronisations of a tile's lanes whose need Oclgrind cannot show: each by its file and the text that follows it
+/// there. Oclgrind has no sub-groups, so its lane operations go through `__local` memory, and their own barriers
+/// order all other accesses too. Sub-groups' operations exchange registers and order nothing: there, these are
+/// needed.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 6] = [
-    // Each call is followed by a synchronisation, the second one below, before the board is written again.
+    // In these places another synchronisation follows (in the second place, a little later) before the board is
+    // written again.
     ("common/lanes.cl", ";\n    return rank"),
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
@@ -244,7 +249,7 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 6] = [
 ];
 
 /// The barrier before a tile of triangles is filled matters from the second tile on: no scene of fewer triangles shows it.
-/// `make test` leaves out those of tiles that work-items share.
+/// `make test` leaves out the barriers of tiles that work-items share.
 #[test]
 fn each_barrier_is_needed() {
     let (mut removed, mut hidden) = (0, 0);

@@ -13,7 +13,7 @@ fn example() -> String {
 const ADDED: &str = "intersector=baldwin-weber";
 const FILE: &str = "cast/intersect/baldwin_weber.cl";
 
-/// A folder with the example's file, changed, under another name or not.
+/// Makes a folder with the example's file, in which a part of the text is replaced; the file's name may be another one.
 fn changed(place: &Place, file: &str, from: &str, to: &str) -> String {
     place.kernels_of(&format!("docs/kernels/{FILE}"), file, from, to)
 }
@@ -78,7 +78,7 @@ fn an_experiment_takes_it_and_its_text_is_in_the_key() {
         assert_eq!(record["records_ms"].as_f64().is_some_and(|ms| ms > 0.0), once, "{record}");
     }
     let second = run(&changed(&place, FILE, "typedef struct", "// changed\ntypedef struct"));
-    // Older records are kept; only what has the changed text is measured again.
+    // Older records are kept; only points whose kernels have the changed text are measured again.
     let is_new = |record: &&Value| first.iter().all(|other| other["key"] != record["key"]);
     let new: Vec<_> = second.iter().filter(is_new).collect();
     assert_eq!((new.len(), second.len()), (2, first.len() + 2), "{new:?}");
@@ -159,7 +159,8 @@ fn a_folder_holds_what_differs() {
     has(&message, &["common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
-/// Every axis whose values are files takes one more: a copy of a built-in value under another name, in an unlike place.
+/// Every axis whose values are files accepts a further one: a copy of a built-in value under another name, at another
+/// place in the order.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -190,7 +191,8 @@ fn each_axis_of_files_takes_a_new_one() {
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
-/// A record of another length than the built-in tests' is right where it is read from a table, from a tile, and made anew.
+/// A record that is longer or shorter than those of the built-in tests is correct if it is read from a table, if it
+/// is read from a tile, and if it is computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let place = Place::new();

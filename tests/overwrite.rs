@@ -1,5 +1,5 @@
-//! What lies where a command is to write: a file that raycl did not make, or that has been changed since, stays without `--force`.
-//! Reports and comparisons are tested in tests/report.rs.
+//! Files at the places where a command is to write: a file that raycl did not make, or that was changed since, is
+//! kept unless `--force` is given. Reports and comparisons are tested in tests/report.rs.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point, until};
 use std::io::{BufRead as _, BufReader};
@@ -13,7 +13,8 @@ const MINE: &str = "the only copy";
 /// Only a hang takes longer.
 const LIMIT: Duration = Duration::from_secs(180);
 
-/// The command is refused before any work, so without a driver too: the file is as it was, and the message says what to do.
+/// Checks that a command is refused before it does any work or loads a driver, that the file is unchanged, and that
+/// the message says what to do.
 fn refused(place: &Place, arguments: &[&str], file: &str, parts: &[&str]) {
     let before = std::fs::read(place.path(file)).expect("a file");
     let mut command = place.raycl(arguments);
@@ -101,7 +102,8 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round of which this is true: what it said until it waited for a change. One change may make two rounds.
+    /// Waits for a round whose output fulfils a condition, and returns the output up to the line that waits for a
+    /// change. One change may make two rounds.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {
@@ -124,7 +126,7 @@ impl Drop for Watching {
     }
 }
 
-/// Changes the scene at once, as editors do.
+/// Replaces the scene's file in one step, as editors do.
 fn edit_scene(place: &Place, power: &str) {
     let text = TRIANGLE.replace("power = 10", &format!("power = {power}"));
     std::fs::write(place.path("draft"), text).expect("it writes");
@@ -212,7 +214,7 @@ fn runs_write_into_folders_of_results_only() {
     has(&place.mistake(&[&run[..], &["--force"]].concat(), 2), &["thesis already holds results"]);
 }
 
-/// What is said to a command that writes into somebody's folder; no driver is started.
+/// Returns the message to a command that would write into a folder that raycl did not make; no driver is loaded.
 fn refused_folder(place: &Place, arguments: &[&str]) -> String {
     let mut command = place.raycl(arguments);
     let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();

@@ -1,5 +1,5 @@
-//! `raycl peak`, and what a run does with them. No figure is judged but that there is one: every kernel of
-//! `cl/peak/` checks its own result.
+//! `raycl peak`, and how a run uses the peak rates. Tests only check that each rate exists, not how high it is: every
+//! kernel of `cl/peak/` checks its own result.
 
 use crate::binary::{Place, TRIANGLE, config, device, has};
 use serde_json::Value;

@@ -28,7 +28,7 @@ fn folder_with_scenes() -> tempfile::TempDir {
     fs::create_dir(&scenes).expect("a folder");
     for entry in fs::read_dir(repository().join("scenes")).expect("scenes") {
         let path = entry.expect("an entry").path();
-        // What scenes/table.toml reads is no snippet's.
+        // No snippet needs the files of scenes/table.toml, which lie in subfolders.
         if path.is_dir() {
             continue;
         }
@@ -37,7 +37,7 @@ fn folder_with_scenes() -> tempfile::TempDir {
     folder
 }
 
-/// A block's own name where its first line is a comment of one word, as in `# my-scene.toml`.
+/// Returns a block's name, if its first line is a comment with a file's name, as in `# my-scene.toml`.
 fn name(block: &str) -> &str {
     let first = block.lines().next().and_then(|line| line.strip_prefix("# ")).unwrap_or_default();
     if first.contains('.') && !first.contains(' ') { first } else { "snippet.toml" }
@@ -54,7 +54,7 @@ fn every_toml_block_loads() {
         }
         for block in blocks.iter().filter(|block| name(block).ends_with(".toml")) {
             let path = folder.path().join(name(block));
-            // Blocks without a name share one.
+            // Blocks without a name are written to the same file.
             fs::write(&path, block).expect("a file");
             if block.contains("question = ") {
                 let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));

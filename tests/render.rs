@@ -3,7 +3,7 @@
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
 
-/// A tetrahedron of quality that is met in the wild: no normals, no material, a material that is nowhere.
+/// A tetrahedron as it is often found in practice: without normals, and with a material that no file defines.
 const TETRAHEDRON: &str =
     "mtllib none.mtl\nusemtl red\nv 0 0 0\nv 2 0 0\nv 1 0 2\nv 1 2 1\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 3 4 1\n";
 
@@ -11,7 +11,7 @@ fn place() -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("mesh.obj", TETRAHEDRON)])
 }
 
-/// Renders with these arguments and gives the report.
+/// Renders with these arguments and returns the report.
 fn report(place: &Place, arguments: &[&str]) -> Value {
     let device = device();
     let all = [&["render", "--json", "--device", &device], arguments].concat();
@@ -86,10 +86,12 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     // A rasteriser does not test every ray against every triangle.
     let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
-    // Tiles that work-items share are shaded apart from their shadow rays, and from all rays where those are one pass.
+    // For tiles that work-items share, shading is always a separate pass: after that of shadow rays or, if passes are
+    // fused, after the one that casts all rays.
     for (passes, apart) in [("separate", true), ("fused", false)] {
         let strategy = format!("tile-group,passes={passes}");
-        // A scene whose program another test builds, too: PoCL takes half a minute to compile it.
+        // Another test builds a program for this scene too, so it need not be compiled again: PoCL takes half a
+        // minute to compile it.
         let hills = crate::binary::repository("scenes/terrain.toml");
         let hills = ["--strategy", &strategy, "-o", "hills.png", hills.to_str().expect("UTF-8")];
         let tiles = report(&place, &[&hills[..], &size].concat());

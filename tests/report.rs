@@ -1,5 +1,5 @@
-//! The report from a reader's side: pages that stand alone, exports, comparisons and their exit codes.
-//! What a browser makes of the pages is looked at by `make test-browser`.
+//! Reports as a reader sees them: pages that need no other file, exports, and comparisons with their exit codes.
+//! `make test-browser` tests how a browser shows the pages.
 
 use std::path::Path;
 use std::process::Output;
@@ -109,7 +109,7 @@ fn two_thousand_points_make_a_page_of_a_few_megabytes() {
 
 #[test]
 fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
-    // What the two are measured against: without a baseline, the points that did not change.
+    // The points with which the two are compared: without a baseline, these are the points that did not change.
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
     let of = |naive: f64, wide: f64| {
         let two = [record("teapot", "naive", 8, naive), record("teapot", "wide", 4, wide)];
@@ -132,7 +132,7 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
 #[test]
 fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     let few = |name: &str, side: u32, n: usize| {
-        // As earlier versions wrote it: an interval of no width.
+        // A record as earlier versions wrote it: with an interval of width 0.
         let mut few = record("teapot", name, side, 1798.0);
         few["samples_ms"] = json!(vec![1798.0; n]);
         few["ci95_ms"] = json!([1798.0, 1798.0]);
@@ -184,7 +184,8 @@ fn pictures_are_compared_and_told_apart() {
     assert!(complaint.contains("none.png"), "{complaint}");
 }
 
-/// Runs it twice; then edits one of the files it wrote, which stays, and which `--force` replaces.
+/// Checks that a command overwrites neither a file that raycl did not make nor one that was changed, except with
+/// `--force`.
 fn keeps_what_was_changed(command: &[&str], out: &Path, name: &str) {
     let forced = [command, &["--force"]].concat();
     std::fs::write(out.join(name), "somebody's").expect("a file");
@@ -230,7 +231,7 @@ fn pages_and_pictures_that_somebody_made_or_changed_stay() {
     assert!(complaint.contains("b.png' exists, and raycl did not make it"), "{complaint}");
     let (_, complaint) = outcome(&["compare-images", &a, &b, "--output", "d.exr"], 2);
     assert!(complaint.contains("a picture of differences must be a .png"), "{complaint}");
-    // A folder of results is raycl's.
+    // raycl may replace the files in its own folder of results.
     outcome(&["report", path(&results), "--quiet"], 0);
     outcome(&["report", path(&results), "--quiet"], 0);
 }
@@ -263,7 +264,7 @@ fn the_reproduction_page_is_made_of_records_alone() {
         "1133 ms with optimisation 1 against 1738 ms naive",
         "no record of naive at 4 x 4 on teapot",
         "its record: `raycl run configs/figure-6.toml`",
-        "on still-life local-vectors (vectors local, triangles global): 11.30 ms.",
+        "on still-life, local-vectors (vectors local, triangles global): 11.30 ms.",
     ] {
         assert!(page.contains(part), "{part:?} is not in the page");
     }

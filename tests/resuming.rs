@@ -13,7 +13,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let records = loop {
         sessions += 1;
         interrupted.store(false, Ordering::Relaxed);
-        // Every session gets a little further. Checks are made anew, as is a launch that did not come to its end.
+        // Every session gets a little further. Checks are repeated, and so is a launch that was not completed.
         let mut mock = Mock::new(move |scene| {
             interrupted.store(scene.requests >= 9 * sessions, Ordering::Relaxed);
             Act::Answer
@@ -41,7 +41,8 @@ strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 2, max_samples = 2, time_limit_ms = 1000 }
 "#;
 
-/// Resumes with a file cut at every byte: nothing is lost that was whole, and only what is missing is asked for.
+/// Resumes a run with a file that is cut at each byte in turn: no complete line is lost, and only what is missing is
+/// measured.
 fn torn_at_every_byte(name: &str) {
     let (whole, torn) = (folder(), folder());
     let off = AtomicBool::new(false);
@@ -51,7 +52,8 @@ fn torn_at_every_byte(name: &str) {
     let length = read(name).len();
     for cut in 0..length {
         for (file, bytes) in &journals {
-            // Samples are written before the record they lead to; losing them alone is the other test.
+            // Samples are written before their record, so they are whole if records are cut; the other test cuts the
+            // samples alone.
             let end = if *file == name { cut } else { bytes.len() };
             std::fs::write(torn.path().join(file), &bytes[..end]).expect("a torn journal");
         }
@@ -99,7 +101,7 @@ fn samples_torn_before_any_record_are_completed() {
         let mut mock = Mock::new(|_| Act::Answer);
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2);
-        // Half a launch is repeated whole, and what was measured of it stays.
+        // An incomplete launch is repeated as a whole, and its earlier samples are kept.
         assert_eq!(mock.counts.borrow().casts.values().sum::<usize>(), 4, "cut at {cut}");
         let lines = read_lines::<Sample>(&torn.path().join("samples.jsonl")).expect("samples").lines;
         assert_eq!(lines.len(), kept + 4);

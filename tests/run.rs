@@ -1,4 +1,4 @@
-//! `raycl run`: what it plans, what it keeps, what becomes of points that fail.
+//! `raycl run`: its plan, the results that it keeps, and points that fail.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
@@ -84,7 +84,8 @@ fn every_point_is_recorded_with_every_field() {
         let [median_ms, q1_ms, q3_ms, tests] = ["median_ms", "q1_ms", "q3_ms", "tests_per_s"]
             .map(|name| record[name].as_f64().expect("a number"));
         assert!(q1_ms <= median_ms && median_ms <= q3_ms, "{record}");
-        // One triangle, and in none of these strategies a primary pass of its own: the whole frame counts.
+        // There is one triangle, and none of these strategies has a separate primary pass, so the time of the whole
+        // frame counts.
         assert!((tests / (33.0 * 20.0 / median_ms * 1e3) - 1.0).abs() < 1e-9, "{record}");
     }
     let naive = records.iter().find(|record| record["name"] == "naive").expect("naive");
@@ -152,7 +153,7 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
     has(&said, &["local-vectors (cl) 4x4", "verdict"]);
     let records = place.json_lines("out/records.jsonl");
     let of = |kernels: Value| records.iter().filter(move |record| record["kernels_of"] == kernels).count();
-    // What both compile to the same is measured once.
+    // A point whose program is the same with both folders is measured once.
     assert_eq!([of("cl".into()), of("kernels".into()), of(Value::Null)], [4, 2, 1]);
     assert!(records.iter().all(|record| record["sample_launches"] == serde_json::json!([0, 0, 0, 0, 0])));
     let message = place.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);

@@ -18,7 +18,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     let colours = |picture: &RgbImage| picture.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len();
     let one = picture(&place, &["--samples", "1"]);
     assert_eq!(one, picture(&place, &[]));
-    // In vectors and one by one, fused and separate, through a tree and without one.
+    // With and without vectors, with fused and with separate passes, with and without a tree.
     for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
         let many = picture(&place, &["--samples", "9", "--strategy", strategy, "--verify"]);
         // Where no edge is near, the filter changes little.
@@ -29,7 +29,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// What the command says of samples. The last blocks of pixels of a row and of a column are partial.
+/// Returns the command's report about samples. The last blocks of pixels of a row and of a column are partial.
 fn report(place: &Place, options: &[&str]) -> serde_json::Value {
     let device = device();
     let usual =
@@ -50,7 +50,7 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
                 said["mean_samples"].as_f64().expect("a number")
             })
             .collect();
-    // All families agree on the pixels; a triangle has edges, and surfaces without any.
+    // All families give each pixel the same number of samples; the triangle has pixels at its edges and pixels inside.
     assert!(means.iter().all(|mean| mean == &means[0]) && (3.0..12.0).contains(&means[0]), "{means:?}");
     let all = report(&place, &["--samples", "16"]);
     assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
@@ -58,7 +58,7 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// A pixel that is left out or counted twice, and a mean of another number of samples.
+/// The changes: a pixel is left out or counted twice, or the mean is of another number of samples.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -77,8 +77,8 @@ fn a_broken_mean_is_a_wrong_picture() {
     }
 }
 
-/// Tiles that work-items share take their places from a list of rough blocks. Shading reads the hits of every ray, also those
-/// of a tile that was left out, which may be anything: then the driver may crash.
+/// Tiles that work-items share take their places from a list of rough blocks. Shading reads the hits of every ray,
+/// also those of a tile that was left out. These hits are undefined, so the driver may crash.
 #[test]
 fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -93,7 +93,8 @@ fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
     assert!(noticed.iter().any(|text| message.contains(text)), "{message}");
 }
 
-/// A tile that casts several samples of its pixels at once: one of them at another place, counted twice, or left out.
+/// The changes in a tile that casts several samples of its pixels at once: one sample is at another place, is counted
+/// twice, or is left out.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -155,7 +156,7 @@ translation = [0, 0, -3]
 shape = \"ground\"
 ";
 
-/// Samples of a pixel may lie farther apart down than across: a small box is met by the lowest of them alone.
+/// Samples of a pixel may lie farther apart down than across, so that only the lowest of them hits a small box.
 #[test]
 fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
     let place = Place::with(&[("scene.toml", FINE)]);

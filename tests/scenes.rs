@@ -1,4 +1,4 @@
-//! The shipped scenes, and what is said to who gets a scene file wrong.
+//! The shipped scenes, and the messages about mistakes in scene files.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::Vec3;
@@ -193,7 +193,7 @@ fn materials_come_from_mtl_and_an_override_replaces_them() {
 #[test]
 fn odd_mesh_files_end_in_a_picture_or_a_reason() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/obj");
-    // The error's end, or nothing where a scene is expected.
+    // The end of the error's message, or nothing if the scene must load.
     let expected = [
         ("01_zero_bytes", ":1: no triangles"),
         ("04_nan_vertex", ":1: `nan`"),

@@ -1,5 +1,5 @@
-//! The JSON schemas of scenes and configs: they are those of this program, every file of the repository keeps to its own, and what
-//! raycl refuses they refuse.
+//! The JSON schemas of scenes and configs: the stored ones are those of this program, every file of the repository
+//! conforms to its schema, and the schemas refuse what raycl refuses.
 
 use crate::binary::{Place, repository};
 use serde_json::{Value, json};
@@ -29,9 +29,9 @@ fn read(text: &str) -> Value {
     serde_json::to_value(table).expect("JSON")
 }
 
-/// Why a value is not what a schema asks for; of the keywords these schemas use, and no others.
+/// Returns why a value does not conform to a schema; it knows only the keywords that these schemas use.
 fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
-    // A schema that anything keeps to.
+    // Any value conforms to this schema.
     if *schema == Value::Bool(true) {
         return Vec::new();
     }
@@ -76,7 +76,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
         "exclusiveMaximum" => number(|value, above| value < above),
         "minItems" | "minLength" => count(|length, least| length >= least),
         "maxItems" => count(|length, most| length <= most),
-        // That of colours is all there is.
+        // The only pattern is that of colours.
         "pattern" => {
             value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
         }
@@ -207,7 +207,7 @@ fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
     assert!(widths.contains(&json!(4)) && widths.contains(&json!("4")), "{widths:?}");
     let presets = config["properties"]["strategies"]["items"]["enum"].as_array().expect("presets").len();
     assert_eq!(presets, raycl::strategy::PRESETS.len());
-    // A key without words would not be explained.
+    // A key without a description would not be explained.
     for (kind, _) in KINDS {
         for (key, value) in schema(kind)["properties"].as_object().expect("keys") {
             assert!(value["description"].is_string(), "{kind}: {key}");
@@ -228,7 +228,7 @@ fn documented(heading: &str) -> BTreeSet<String> {
     rows.flat_map(names).collect()
 }
 
-/// The stored records are of several versions: what was written then is what the schema says now.
+/// The stored records were written by several versions; all of them conform to the present schema.
 #[test]
 fn records_keep_to_their_schema_and_the_page_has_every_field() {
     let schema = schema(RECORD);
@@ -287,7 +287,7 @@ fn the_python_page_names_fields_that_records_have() {
     let is_name = |word: &&str| word.len() > 1 && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
     let mut seen = BTreeSet::new();
     for line in blocks.iter().flat_map(|block| block.lines()) {
-        // Words between quotes, and those of a query.
+        // Each text between quotes; of a query, each of its words.
         for quoted in line.split('"').skip(1).step_by(2) {
             let words = if quoted.starts_with("select") {
                 quoted.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).collect()

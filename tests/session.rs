@@ -1,4 +1,4 @@
-//! From a strategy to something that casts: what a session's strategies share, and what stands in a strategy's way.
+//! From a strategy to an object that casts: what the strategies of a session share, and why a strategy may be refused.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};
@@ -11,7 +11,7 @@ use raycl::scene::{Light, Sampling, Scene, Sky};
 use raycl::strategy::{Strategy, preset};
 use std::sync::Arc;
 
-/// So large that a frame takes far more than the scene.
+/// Large enough that a frame needs much more memory than the scene.
 const SIZE: [u32; 2] = [75, 47];
 
 fn session() -> Session {
@@ -59,7 +59,8 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
     }
 }
 
-/// The image of a scene, by a caster of its own, or by that of another scene which is shown this one.
+/// Returns the image of the last scene, and whether it could be shown: by a caster of its own, or by the caster of
+/// another scene, which is then shown this one.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let sampling = Sampling { first: 2, ..Sampling::all(6) };
@@ -89,7 +90,7 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
     after.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::ONE, up: Vec3::Y, reach: 3.0, picture: None });
     after.background = Vec3::new(0.01, 0.02, 0.04);
     after.shadow_bias = 0.3;
-    // It decides which pixels get all samples.
+    // The exposure decides which pixels get all samples.
     after.display.exposure *= 8.0;
     after.camera.position += Vec3::new(0.2, 0.1, 0.0);
     let [before, after] = [before, after].map(Arc::new);
@@ -99,7 +100,7 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
         assert!(shown && one == other, "{strategy}: another image");
         assert!(image_of(strategy, &[&before]).0 != other, "{strategy}: the same view");
     }
-    // Another mesh, another number of lights, no sky, no background: buffers or kernels are others.
+    // With another mesh, another number of lights, no sky or no background, other buffers or kernels are needed.
     let change = |change: fn(&mut Scene)| {
         let mut scene = Scene::clone(&after);
         change(&mut scene);

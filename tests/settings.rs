@@ -1,4 +1,5 @@
-//! The user's settings: options go before the environment, the environment before the file, the file before what raycl would do.
+//! The user's settings: options take precedence over the environment, the environment over the file, and the file
+//! over raycl's defaults.
 
 use crate::binary::{Place, TRIANGLE, config, device, has};
 use assert_cmd::Command;
@@ -30,7 +31,7 @@ fn the_device_is_the_options_then_the_environments_then_the_files() {
     let device = device();
     let option = [&render[..], &["--device", &device]].concat();
     raycl(&place, &option).env("RAYCL_DEVICE", "of-the-variable").assert().success();
-    // A run asks the same, unless its config names devices.
+    // A run uses the same default device, unless its config names devices.
     let run = ["run", "config.toml", "--dry-run"];
     has(&mistake(&mut raycl(&place, &run)), &["no device matches 'of-the-file'", "config.toml:2"]);
     let named = place.text("config.toml").replace("image_sizes", "devices = [\"all\"]\nimage_sizes");
@@ -66,7 +67,7 @@ fn colours_are_the_options_then_the_environments_then_the_files() {
     assert!(coloured(&["--help", "--color", "always"], "1"));
 }
 
-/// Every command tells a mistake in the file, but help is given and workers work.
+/// Every command reports a mistake in the file; only help and workers ignore it.
 #[test]
 fn a_mistake_in_the_file_is_told_with_its_line_and_the_nearest_name() {
     let place = place("# mine\ndevise = \"cpu\"\n");

@@ -1,5 +1,5 @@
-//! One experiment in shards: whatever starts the processes and whatever becomes of them, what is put together is what one run would have
-//! found. Most of it is done asleep: frames that cast nothing and take a known time.
+//! One experiment in shards: whatever starts the processes and whatever happens to them, the merged results are those
+//! that a single run would have. Most of these tests use `--asleep`: frames that cast nothing and take a known time.
 
 mod pages;
 mod sweep;
@@ -70,7 +70,7 @@ impl Ground {
         read_lines(&self.place.path(file)).expect("records").lines
     }
 
-    /// Every point has one record, every sample of it is there once, and none else.
+    /// Checks that every point has one record, that each of its samples occurs once, and that there are no others.
     fn is_whole(&self) {
         let records = self.records("out/records.jsonl");
         let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
@@ -250,7 +250,7 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     lose_launcher("slurmstepd", "1/1");
 }
 
-/// Whatever is no shell, and whatever numbers its processes.
+/// The launcher may be any program that is not a shell; it may be a shell if it numbers its processes.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {

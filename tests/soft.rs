@@ -21,7 +21,7 @@ faces = [[0, 3, 2, 1]]
 shape = \"ground\"
 ";
 
-/// A sky above it instead of lights, and a ball.
+/// A ball on the ground, under a sky instead of lights.
 const SKY: &str = "[camera]
 position = [0, 1.2, 1.5]
 look_at = [0, -0.7, -3]
@@ -59,7 +59,7 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     let sharp = picture(&place, &[&point[..], &["--verify"]].concat());
     for strategy in FAMILIES {
         let soft = picture(&place, &["--samples", "16", "--strategy", strategy, "--verify=600"]);
-        // Half-shadows lie on the ground around the square's shadow, and nowhere else.
+        // Penumbras lie on the ground around the square's shadow, and nowhere else.
         let differing =
             soft.pixels().zip(sharp.pixels()).filter(|(a, b)| a.0[1].abs_diff(b.0[1]) > 8).count();
         assert!((20..600).contains(&differing), "{strategy}: {differing}");
@@ -100,7 +100,7 @@ fn each_pixel_sees_another_point_of_a_light() {
 fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
     let place = Place::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
-        // With several samples, with one, and where the sky reaches no farther than rays are off their surface.
+        // With several samples, with one, and with a sky that reaches no farther than the bias.
         for more in [["--samples", "4"], ["--samples", "1"], ["--set", "sky.reach=1e-9"]] {
             picture(&place, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
         }
@@ -129,14 +129,15 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// Once, as it takes PoCL long to compile: without this a kernel that is always wrong would pass for a broken one below.
+/// Tested once only, since PoCL takes long to compile it. Without this test, a kernel that is always wrong would pass
+/// for a changed one below.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let place = where_shadow_rays_end();
     let (device, cache) = (device(), place.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
-    // The second picture finds the program of the first: a sky that reaches less far than the bias is never hidden.
+    // The second picture uses the program of the first. Nothing occludes a sky that reaches less far than the bias.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
         let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
@@ -156,8 +157,8 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     has(&message, &["the picture is wrong: "]);
 }
 
-/// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as to the panel, and lights
-/// that are hardly balls.
+/// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as the panel, and
+/// lights of a very small radius.
 fn where_shadow_rays_end() -> Place {
     let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
     let soft = lights.replace("power =", "radius = 0.02\npower =");
@@ -172,7 +173,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// Another point of the sequence, of the ball and of the hemisphere; what is in the way and what is not; a leaf cut short.
+/// The changes: another point of the sequence, of the ball or of the hemisphere; inverted occlusion; a leaf of which
+/// only one triangle is tested.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
@@ -199,7 +201,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
-    // It shows where a packet's rays to a large light pass many small boxes.
+    // This change only shows if a packet's rays to a large light pass many small boxes.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
     let narrower = (
         "tile_cpu/soft.cl",
@@ -253,7 +255,7 @@ fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
     place.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
 }
 
-/// Rays that go on by the bias too far.
+/// The changes: rays that end too far away, by the bias.
 #[test]
 fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
     let place = where_shadow_rays_end();
@@ -312,12 +314,12 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     );
     assert_ne!(plain[(3, 36)], dressed[(3, 36)]);
     assert_eq!(of(&["--plain", "--samples", "1"]).0, plain);
-    // With a background of its own, the ground is not there, and so it is from below.
+    // There is no ground if the user sets a background, or if the eye is below the mesh.
     for options in [["--background", "black"], ["--elevation", "-30"]] {
         assert_eq!(of(&options).1["triangles"], 4, "{options:?}");
     }
     assert_eq!(of(&["--background", "black"]).0[(3, 36)].0, [0; 3]);
-    // A light of one's own is all there is.
+    // If the user sets a light, it replaces all of the default surroundings.
     let own = of(&["--set", "light.0.position=[1, 4, 3]", "--set", "light.0.power=100"]).1;
     assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &1.into()));
 }

@@ -56,7 +56,8 @@ fn two_devices_cast_the_pixels_of_one() {
     }
 }
 
-/// Whether two devices that share two cores gain is for the machine to say; what is said of it has to be true.
+/// Whether two devices that share two cores are faster than one depends on the machine; the message about it must be
+/// true.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();
@@ -116,7 +117,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // Whoever measures, the point is the same: nothing is measured again, and the blocks stay, whatever points were found to take.
+    // A point is the same whichever device measures it, so nothing is measured again. The blocks stay too, whatever
+    // times the points were found to take.
     let blocks = place.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
     assert_eq!(place.text("out/blocks.json"), blocks);
@@ -133,7 +135,7 @@ fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
     assert_eq!(caster.cast().expect("a frame").batch, None);
     let times = caster.cast_batch(5).expect("a batch");
     assert_eq!(times.batch, Some(5));
-    // The host's clock went on for five frames, of which one took a fifth.
+    // The elapsed time is that of five frames, and each frame's share is a fifth.
     assert!((times.elapsed_ms() - 5.0 * times.host_ms).abs() < 1e-9 && times.frame_ms <= times.elapsed_ms());
     let parts = times.primary_ms.zip(times.shadow_ms).map(|(primary, shadow)| primary + shadow);
     assert!(parts.is_some_and(|sum| (sum - times.frame_ms).abs() < 1e-9), "{times:?}");

@@ -1,4 +1,4 @@
-//! What becomes of workers that die, hang or refuse: the supervisor with workers that are a script.
+//! What happens to workers that die, hang or refuse: tests of the supervisor with workers that follow a script.
 
 use crate::common::mock::{Act, CONFIG, Mock, POINTS, Scene, count, execute, folder, once, point_of};
 use rand::{RngExt as _, SeedableRng as _};
@@ -94,7 +94,7 @@ fn workers_that_die_at_random_moments_cost_nothing() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut struck = HashMap::new();
         let (records, _) = once(CONFIG, move |scene| {
-            // A point may lose one worker; the second loss is its own.
+            // At most one worker dies per point, since the supervisor blames a second loss on the point.
             let strikes: &mut usize = struck.entry(point_of(scene.request)).or_default();
             if *strikes == 0 && rng.random_bool(0.1) {
                 *strikes += 1;

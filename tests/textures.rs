@@ -1,9 +1,9 @@
-//! Colours from pictures, on every family that takes them.
+//! Colours from pictures, in every family that supports them.
 
 use crate::binary::{Place, apart, device, has};
 use image::{ImageFormat, Rgb, RgbImage};
 
-/// Two quads of one material: a wall that the picture is on once, a floor that it is on nine times and turned.
+/// Two quads of one material: a wall that shows the picture once, and a floor that shows it nine times, rotated.
 const ROOM: &str = "mtllib room.mtl
 v -1 -1 -3
 v 1 -1 -3
@@ -61,7 +61,7 @@ Kd 0 0 0
 map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
 ";
 
-/// Whether more pixels than edges may decide differ in some channel by more than a rounding.
+/// Returns whether more pixels differ in some channel than rounding may change at edges.
 fn differ(a: &RgbImage, b: &RgbImage) -> bool {
     apart(a, b) > 8
 }
@@ -98,7 +98,8 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
     has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
     let (plain, _) = place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
     assert!(!differ(&plain, &place.picture(&["--set", "textures=false"]).0));
-    // The floor's own colour is black, which counts as white where a texture is to be multiplied with it: it has no hue without it.
+    // The floor's own colour is black. It counts as white if a texture is multiplied with it, so that the floor has a
+    // hue only with the texture.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()
@@ -202,7 +203,7 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     let clamp = of(r#"{"wrapS": 33071, "wrapT": 33071}"#, "");
     let mirror = of(r#"{"wrapS": 33648, "wrapT": 33648}"#, "");
     assert!(repeat != clamp && clamp != mirror && repeat != mirror);
-    // Each axis has its own.
+    // Each axis has its own wrap mode.
     let across = of(r#"{"wrapS": 33071, "wrapT": 33648}"#, "");
     let down = of(r#"{"wrapS": 33648, "wrapT": 33071}"#, "");
     assert!(
@@ -214,7 +215,7 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
     assert!(corner[0] > corner[1] && corner[0] > corner[2], "{corner:?}");
     let moved = r#", "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [2, 2]}}"#;
     assert_ne!(of("{}", moved), repeat);
-    // The same coordinates as an OBJ's, whose rows are counted from the bottom.
+    // The same coordinates in an OBJ file, which counts rows from the bottom.
     let obj = "mtllib quad.mtl\nv -1 -1 -3\nv 1 -1 -3\nv 1 1 -3\nv -1 1 -3\nvt -0.5 -0.5\nvt 1.5 -0.5\nvt 1.5 1.5\nvt -0.5 1.5\n\
                usemtl picture\nf 1/1 2/2 3/3 4/4\n";
     std::fs::write(place.path("quad.obj"), obj).expect("a file");

@@ -3,19 +3,19 @@
 
 use std::path::{Path, PathBuf};
 
-/// The files whose triangles are plain enough to be shown, by the number their name begins with.
+/// The numbers at the beginning of the names of those files whose triangles are regular enough to be shown.
 const SHOWN: [u32; 48] = [
     9, 10, 11, 12, 13, 14, 17, 28, 29, 30, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 49, 50, 51,
     52, 56, 57, 58, 59, 60, 61, 62, 63, 64, 66, 67, 69, 72, 73, 74, 78, 79, 80, 81, 82, 83,
 ];
 
-/// What became of a file.
+/// The result of rendering a file.
 enum End {
     Picture,
     Refused(String),
 }
 
-/// Renders a file and judges how that ended; an error is a verdict on raycl.
+/// Renders a file and judges the result; an `Err` means that raycl behaved wrongly.
 fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let picture = folder.join("picture.exr");
     let _ = std::fs::remove_file(&picture);
@@ -43,7 +43,7 @@ fn all_finite(picture: &Path) -> Result<(), String> {
         .ok_or_else(|| "a picture with NaN or infinity".to_owned())
 }
 
-/// Whether an error names a file of the folder and a line, and says something: lines may be broken anywhere.
+/// Returns whether an error names a file of the folder and a line, and has some text; its lines may be broken anywhere.
 fn is_helpful(said: &str) -> bool {
     let text: String = said.chars().filter(|c| !c.is_whitespace() && *c != '│').collect();
     let place = text.match_indices(".obj:").chain(text.match_indices(".mtl:")).next();
@@ -53,7 +53,7 @@ fn is_helpful(said: &str) -> bool {
     })
 }
 
-/// Two files too long to keep.
+/// Makes two files that are too long to be stored in the repository.
 fn generated(folder: &Path) -> Vec<PathBuf> {
     let triangle = "v 0 0 -2\nv 1 0 -2\nv 0 1 -2\n";
     let long_line = format!("#{}\n{triangle}f 1 2 3\n", "x".repeat(1_000_000));

@@ -62,7 +62,7 @@ fn a_png_has_the_colour_of_the_covered_part() {
         let expected = if alpha > 0.0 { shown(red, alpha) } else { 0.0 };
         assert!((expected - shown_red).abs() <= 1.1 / 255.0, "({x}, {y}): {expected}, {shown_red}");
     }
-    // One sample, which a device may show itself.
+    // With a single sample, the device may apply the display transform itself.
     let whole = transparent(&place, &[], "out.png");
     assert!(whole.pixels().all(|pixel| pixel.0[3] == 0.0 || pixel.0[3] == 1.0));
 }

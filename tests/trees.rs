@@ -1,5 +1,5 @@
-//! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes at the ends of
-//! what a mesh can be.
+//! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes of extreme
+//! kinds.
 
 use crate::common::apart::apart;
 use crate::common::{Stand, compiles_soon, is_long};
@@ -22,7 +22,7 @@ fn with_trees() -> impl Iterator<Item = (Strategy, [u32; 2])> {
         .filter(|(strategy, _)| compiles_soon(strategy))
 }
 
-/// A scene of the repository with its first object made of so many triangles.
+/// Returns a scene of the repository whose first object has about `triangles` triangles.
 fn coarse(name: &str, triangles: i64) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     let overrides = [("object.0.triangles".to_owned(), toml::Value::from(triangles))];
@@ -62,7 +62,7 @@ fn rounds_of_lights_of_every_tile() {
         (TileSize::T8x8, Intersector::EDGE_PLANES, 3),
     ];
     for (tile, intersector, rounds) in all.into_iter().take(if is_long() { 3 } else { 1 }) {
-        // Fused ones are among those above, and take a CPU's compiler longer.
+        // Fused strategies are tested above, and take a CPU's compiler longer.
         let strategy = Strategy { tile, passes: Passes::Separate, intersector, ..shared };
         assert_eq!(32_usize.div_ceil(strategy.lights_of_round()), rounds, "{strategy}");
         let verdict = stand.check(&strategy, [32, 1]).expect("a device that holds it");
@@ -104,7 +104,7 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
     apart!();
     agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
-        // Each twelve times, so that no plane tells the copies apart and leaves overflow.
+        // Each triangle occurs twelve times, so that no plane separates the copies and leaves have too many triangles.
         let all = scene.mesh.triangles.clone();
         scene.mesh_mut().triangles =
             all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
@@ -161,7 +161,8 @@ fn the_scene_of_ten_million_is_what_it_says_and_made_anew_each_time() {
     assert!(text.contains("triangles = 10_000_000"), "{text}");
     let [one, other] = [(); 2].map(|()| coarse("terrain-10m.toml", 50_000));
     assert_eq!(one.mesh, other.mesh);
-    // Loading it as it is takes seconds in a test's build; `load_scene` of the smaller hills is the same code.
+    // Loading the scene with all its triangles takes seconds in a test's build; loading the smaller hills runs the
+    // same code.
     let hills = load_scene(&path.with_file_name("terrain.toml")).expect("the hills").scene;
     assert!(hills.mesh.positions.iter().all(|point: &Vec3| point.is_finite()));
 }

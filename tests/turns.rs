@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Barrier, Mutex};
 use std::time::Duration;
 
-/// Three groups, of an image size each, of two points.
+/// Three groups, one per image size, of two points each.
 const CONFIG: &str = r#"
 question = "Do they meet?"
 expectation = "No."
@@ -23,7 +23,7 @@ timing = { launches = 1, warmup = 0, min_samples = 20, max_samples = 20, time_li
 const GROUPS: usize = 3;
 const CASTS_OF_A_GROUP: usize = 2 * 20;
 
-/// Which run cast, in the order of the casts of both.
+/// The run that made each cast, in the order of the casts of both runs.
 type Log = Arc<Mutex<Vec<usize>>>;
 
 struct Noting {
@@ -48,7 +48,7 @@ impl Worker for Noting {
             }
             Request::Cast { .. } => {
                 self.log.lock().expect("no test panicked").push(self.run);
-                // Whoever else may cast now gets the processor.
+                // The other run, if it may cast now, gets the processor.
                 std::thread::yield_now();
                 Reply::Sample(FrameTimes::whole(1.0, 1.0))
             }
@@ -85,7 +85,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
     assert_eq!(records.len(), 2 * GROUPS);
 }
 
-/// How many casts a run made each time before the other's turn.
+/// Returns how many casts a run made each time, until the other run had its turn.
 fn turns(log: &Log) -> Vec<usize> {
     let log = log.lock().expect("no test panicked");
     assert_eq!(log.len(), 2 * GROUPS * CASTS_OF_A_GROUP);

@@ -36,7 +36,7 @@ fn start(place: &Place, server: &Server, options: &[&str]) -> Child {
     view(place, &all).env("DISPLAY", server.display()).spawn().expect("it starts")
 }
 
-/// What `render` writes of the same scene.
+/// Returns the picture that `render` writes of the same scene.
 fn rendered(place: &Place, options: &[&str]) -> RgbImage {
     rendered_in(place, SIZE, options)
 }
@@ -53,7 +53,7 @@ fn differences(a: &RgbImage, b: &RgbImage) -> u8 {
     a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-/// Ends it by its key, and gives what it reports.
+/// Ends the view by its key, and returns its report.
 fn quit(child: Child, server: &Server) -> Value {
     server.user().press(LETTER('q'));
     let output = finish(child);
@@ -163,7 +163,7 @@ fn a_pipe_gets_half_blocks() {
         assert_eq!(line.matches('▀').count(), 80, "{line}");
         assert!(line.starts_with("\x1b[38;2;") && line.ends_with("\x1b[0m"), "{line}");
     }
-    // The report does not belong to the picture.
+    // The report is not written to the same stream as the picture.
     assert!(!text.contains("speed"), "{text}");
     has(&String::from_utf8_lossy(&output.stderr), &["scene     little: 1 triangle\n", "\nspeed     "]);
 }
@@ -227,7 +227,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 
-/// A terminal of tmux's own, in which a command runs; it ends when it is dropped.
+/// A terminal that tmux provides, in which a command runs; the terminal ends when the value is dropped.
 struct Tmux(String);
 
 impl Tmux {
@@ -246,12 +246,12 @@ impl Tmux {
         String::from_utf8_lossy(&output.stdout).into_owned()
     }
 
-    /// What it shows, with colours.
+    /// Returns the text that it shows, with colours.
     fn text(&self) -> String {
         self.run(&["capture-pane", "-p", "-e"])
     }
 
-    /// The colours of half blocks' upper and lower halves; none where something else is written.
+    /// Returns the colours of the upper and lower halves of the half blocks; `None` if any other character is shown.
     fn picture(&self) -> Option<RgbImage> {
         let mut picture = RgbImage::new(80, 46);
         let mut colours = [image::Rgb([0; 3]); 2];

@@ -1,6 +1,6 @@
-//! Rays aimed at edges and vertices: single rays at closed meshes, and frames whose every primary or shadow ray meets a
-//! net. The watertight test leaks none of them under any traversal, nor does the rasteriser; the others' leaks are
-//! counted, so that the rays are known to probe what they should.
+//! Rays aimed at edges and vertices: single rays at closed meshes, and frames whose every primary or shadow ray meets
+//! a net. No ray leaks with the watertight test under any traversal, nor with the rasteriser. The leaks of the other
+//! tests are counted, to show that the rays do meet edges.
 
 use crate::common::apart::apart;
 use crate::common::edges::{
@@ -14,9 +14,9 @@ use raycl::strategy::{
     Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
 };
 
-/// Rays of one traversal in all.
+/// Total number of rays per traversal.
 const RAYS: usize = 60_000;
-/// An image of at least as many pixels, in tiles and work-groups that are not all whole.
+/// The side of an image with at least as many pixels, at whose edges tiles and work-groups lie partly outside.
 const SIDE: u32 = 246;
 const PIXELS: usize = (SIDE * SIDE) as usize;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
@@ -25,7 +25,7 @@ fn of(name: &str) -> Strategy {
     preset(name).expect("a preset").strategy
 }
 
-/// Those that make sense with a test.
+/// Returns the strategies that are allowed with a ray-triangle test.
 fn with(intersector: Intersector, all: Vec<Strategy>) -> Vec<Strategy> {
     let all = all.into_iter().map(|strategy| Strategy { intersector, ..strategy });
     all.filter(|strategy| strategy.contradiction().is_none()).collect()
@@ -62,7 +62,7 @@ fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
     with(intersector, all)
 }
 
-/// Rays at edges and vertices, of [`RAYS`], that go past them.
+/// Returns how many of [`RAYS`] rays at edges and vertices pass between triangles.
 fn leaks_of_rays(stand: &Stand, scene: &Scene, strategy: &Strategy) -> usize {
     let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
     let leaks = |origin| {
@@ -80,7 +80,7 @@ fn meshes() -> (Stand, Scene) {
     (Stand::new(scene.clone(), [64, 64]), scene)
 }
 
-/// Pixels of a frame that are lit, and that hit something.
+/// Returns the number of pixels of a frame that are lit, and the number of those that hit something.
 fn lit_and_hit(scene: Scene, strategy: &Strategy) -> (usize, usize) {
     lit_and_hit_by(&Sources::Embedded, scene, strategy)
 }
@@ -91,7 +91,8 @@ fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usiz
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// Primary rays, of [`PIXELS`], that go past the crumpled net before the eye, or past the flat one.
+/// Returns how many of [`PIXELS`] primary rays pass through the crumpled net in front of the eye, or through the flat
+/// one.
 fn leaks_to(kernels: &Sources, is_flat: bool, strategy: &Strategy) -> usize {
     PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE, is_flat), strategy).1
 }
@@ -101,16 +102,17 @@ fn leaks_to_nets(strategy: &Strategy) -> usize {
     [false, true].map(|is_flat| leaks_to(&Sources::Embedded, is_flat, strategy)).into_iter().sum()
 }
 
-/// Rays that go past nets, and rays that are stopped by a triangle beside them, by some kernels.
+/// Returns the faults of some kernels: primary and shadow rays that pass through nets, and rays that are stopped by a
+/// triangle beside which they pass.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
     let primary = leaks_to(kernels, false, strategy) + leaks_to(kernels, true, strategy);
     let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
     [primary, shadow, stopped_beside_edges(kernels, strategy)]
 }
 
-/// How many of 2,000 rays that pass a triangle's edges at 7e-7 of their way, some roundings, are stopped all the same; where
-/// the test allows each triangle its own rounding, at ten times as much. Tiles and pixel-linear cast no rays but
-/// the camera's.
+/// Returns how many of 2,000 rays that pass a triangle's edges at a distance of 7e-7 of their length, which is a few
+/// roundings, are nevertheless stopped. If the test allows each triangle its own rounding error, the distance is ten
+/// times as large. Tiles and the test `pixel-linear` cast only rays of a camera, so they have none.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;
@@ -124,7 +126,7 @@ fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     built.cast_rays(&rays).expect("a cast").into_iter().flatten().count()
 }
 
-/// Shadow rays, of as many, that go past the net before the light.
+/// Returns how many of as many shadow rays pass through the net in front of the light.
 fn leaks_from(strategy: &Strategy) -> usize {
     lit_and_hit(net_before_the_light(SIDE, true), strategy).0
 }
@@ -148,7 +150,8 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
     }
 }
 
-/// The rasteriser's edge functions are exact opposites as well, and belong to one side where they are zero.
+/// The rasteriser's edge functions are exactly opposite in neighbouring triangles as well, and a pixel on an edge
+/// belongs to both.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();
@@ -172,9 +175,10 @@ fn rays_beside_an_edge_miss() {
     }
 }
 
-/// They are not watertight and promise nothing, but their edges overlap by a few roundings or are shared, which sufficed
-/// wherever it was counted: none leaked. A device that rounds otherwise may let a ten-thousandth through. `RAYCL_TEST_LONG=1
-/// RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
+/// These tests are not watertight and guarantee nothing, but their edges overlap by a few roundings or are shared.
+/// Wherever leaks were counted, this was enough: no ray leaked. On a device that rounds differently, one ray in ten
+/// thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the
+/// table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();
@@ -211,7 +215,7 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let (primary, shadow) = (leaks_to(&Sources::Embedded, false, &wide), leaks_from(&wide));
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
-    // As many as docs/reliability.md says, or half or twice as many on devices that round otherwise.
+    // The numbers of docs/reliability.md; on devices that round differently, between half and twice as many.
     let is_near = |found: usize, told: usize| found > told / 2 && found < 2 * told;
     let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
     assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");

@@ -1,5 +1,5 @@
-//! An X server without a screen (Xvfb), the picture that it would show, and what a user does, by the X11 protocol itself:
-//! numbers are little-endian, and counted in words of four bytes.
+//! An X server without a screen (Xvfb), the picture that it would show, and a user's input, through the X11 protocol
+//! itself: numbers are little-endian, and lengths are counted in words of four bytes.
 
 use crate::binary::until;
 use image::RgbImage;
@@ -16,7 +16,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// With one screen of this size.
+    /// Starts a server with one screen of this size.
     pub fn start([width, height]: [u32; 2]) -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let mut process = Command::new("Xvfb")
@@ -34,7 +34,7 @@ impl Server {
         Self { process, number, folder }
     }
 
-    /// What programs find it by.
+    /// Returns the name by which programs find it.
     pub fn display(&self) -> String {
         format!(":{}", self.number)
     }
@@ -52,7 +52,7 @@ impl Server {
         })
     }
 
-    /// A user of the one window that is there, once it is.
+    /// Returns a user of the only window, as soon as there is one.
     pub fn user(&self) -> User {
         let mut stream =
             UnixStream::connect(format!("/tmp/.X11-unix/X{}", self.number)).expect("the server's socket");
@@ -72,7 +72,7 @@ impl Server {
         user
     }
 
-    /// Waits until the screen shows something.
+    /// Waits until the picture on the screen fulfils a condition.
     pub fn until_shown(&self, what: &str, so: impl Fn(&RgbImage) -> bool) {
         until(what, || so(&self.picture()));
     }
@@ -86,7 +86,7 @@ impl Drop for Server {
     }
 }
 
-/// Somebody at keyboard and pointer.
+/// A user with a keyboard and a pointer.
 pub struct User {
     stream: UnixStream,
     root: u32,
@@ -96,7 +96,7 @@ pub struct User {
 }
 
 impl User {
-    /// Presses and lets go of the key that has this symbol (of a letter its code).
+    /// Presses and releases the key with this symbol (for a letter, its code).
     pub fn press(&mut self, symbol: u32) {
         let code = self.keycode(symbol);
         let mut request = Vec::new();
@@ -113,7 +113,8 @@ impl User {
         self.until_done();
     }
 
-    /// Waits until the server has done what was asked: it forgets what a user asked who is gone. The window may be gone by then.
+    /// Waits until the server has processed all requests, since it drops those of a user that has disconnected. The
+    /// window may be gone by then.
     fn until_done(&mut self) {
         self.send(&[43, 0, 1, 0]);
         while read(&mut self.stream, 32)[0] != 1 {}

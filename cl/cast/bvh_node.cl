@@ -23,8 +23,8 @@ typedef struct {
     float entry;
 } Waiting;
 
-// Puts a child onto the stack, below those children of its node (above `below`) that are entered earlier. Returns the
-// new height of the stack.
+// Puts a child onto the stack. The other children of its node lie above the height `below`; those that are entered
+// earlier stay above it. Returns the new height of the stack.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
     // Insertion sort: children that are entered earlier move up, so that the nearest is on top.
@@ -98,7 +98,7 @@ Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, 
 // Returns the smallest value among the lanes of the mask.
 float least_of(varying values, Mask mask) {
     Lanes lanes;
-    // The packet visits a child at the distance at which its first ray enters.
+    // The packet enters a child at the smallest distance at which one of its rays enters.
     lanes.all = SELECT(mask, values, (varying)(FAR));
     float least = lanes.each[0];
     for (int lane = 1; lane < WIDTH; lane++) least = min(least, lanes.each[lane]);

@@ -63,7 +63,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if CUTOUTS
             hit.lanes = SOLID(&scene->textures, first + k, hit);
 #endif
-            // A lane may pass the edges but hit the plane behind its nearest hit, or before t_min.
+            // A lane's ray may pass the edge tests, but hit the plane behind its nearest hit or before t_min.
             if (!ANY(hit.lanes)) continue;
             nearest->t = SELECT(hit.lanes, hit.t, nearest->t);
             nearest->triangle = SELECT(hit.lanes, (varying_int)(first + k), nearest->triangle);

@@ -144,7 +144,7 @@
 #define search_ray camera_ray
 #endif
 
-// Returns the pixels of this work-item's lanes that are cast.
+// Returns the pixels of this work-item's lanes, of which only those to be cast are inside.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;

@@ -29,12 +29,13 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Planes are scaled so that triangles overlap by 1. This costs nothing, since the chain of multiply-adds starts with
-// that number. A ray in pixel coordinates has a z of 1, so that its planes contain the overlap already; then -0 is
-// added, which changes nothing (-0 + z is z).
+// Planes are scaled so that the overlap of neighbouring triangles, which allows for the rounding error of edges, is
+// 1. This costs nothing, since the chain of multiply-adds starts with that number. A ray in pixel coordinates has a z
+// of 1, so the overlap is already part of the third component of its planes. In this case -0 is added, which changes
+// nothing (-0 + z is z).
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
-// The terms that neighbouring pixels share come first: depth, then down.
+// The terms that neighbouring pixels share come first: that of depth (z), then that of the row (y).
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }

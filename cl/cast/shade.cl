@@ -47,7 +47,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #endif
             lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
-        // Before the loop, a compiler would move this behind any_hit's barriers, and read another work-item's register.
+        // This is inside the loop: if it stood before the loop, a compiler would move it behind any_hit's barriers,
+        // and read another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

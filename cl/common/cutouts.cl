@@ -5,7 +5,8 @@
 #error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// The word of a head that has the wrap modes also has, from bit 16 on, the least alpha of a point of the surface:
+// The word of a texture's head that has the wrap modes (textures.cl) also has, from bit 16 on, the least alpha that a
+// point of the surface has:
 //
 //     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v | wrap u
@@ -25,7 +26,8 @@ int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // Less one step, so that rounding makes no holes where the alpha is the least one everywhere.
+    // One unit is subtracted from the least alpha, so that rounding makes no holes where the alpha is the least one
+    // everywhere.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 

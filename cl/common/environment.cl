@@ -1,6 +1,7 @@
 // A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
-// The numbers of such a sky take the places of zenith and horizon; its texels follow the lights' radii:
+// Such a sky stores its numbers where other skies have the radiance of zenith and horizon. Its texels follow the
+// lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -28,7 +29,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     // Both angles by atan2, which loses no digits near the zenith, where a cosine would.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(way, splat(up)));
-    // Centres of texels lie at half-integers. The left edge is the right one.
+    // Centres of texels lie at half-integers. The left edge of the picture continues at the right one.
     const varying x = around * (float)width - 0.5f;
     const varying y = clamp(below * (float)height - 0.5f, (varying)(0.0f), (varying)((float)(height - 1)));
     const varying left = floor(x), top = floor(y), to_right = x - left, to_bottom = y - top;
@@ -43,8 +44,9 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// Turns `vector`, which is given around the axis (0.36, 0.48, 0.8), by the shortest rotation that takes this axis to the
-// normal. There is none for the opposite normal only; the axis is an unusual one, so that its opposite is unusual too.
+// Turns `vector`, which is given around the axis (0.36, 0.48, 0.8), by the shortest rotation that takes this axis to
+// the normal. Only for the normal opposite to the axis there is no such rotation. The axis is an unusual one, so that
+// this normal is unusual too.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -54,13 +56,13 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
     return along(along(own, -part, both), 2.0f * vector.z, normal);
 }
 
-// Returns the picture's light that a surface with a highlight reflects to the eye, whatever is in between. A half vector
-// is chosen with a probability proportional to (n . h)^s, so that k_G times the radiance from the mirrored direction,
-// and a few cosines, is the estimate.
+// Returns the picture's light that a surface with a highlight reflects to the eye, whatever is in between. A half
+// vector is chosen with a probability proportional to (n . h)^s, so that the estimate is k_G times the radiance from
+// the mirrored direction, times a few cosines.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
-    // cos^2 = u^(2 / (s + 1)); its difference from 1 keeps the digits that a power would lose.
+    // cos^2 = u^(2 / (s + 1)). expm1 computes 1 - cos^2 and keeps the digits that a power would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));

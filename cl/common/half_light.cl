@@ -53,7 +53,7 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // A channel without light has the ratio of all channels. Without any light, nothing is lost.
+    // A channel without light has the ratio of all channels. If there is no light in any channel, the ratio is 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));

@@ -7,15 +7,16 @@
 
 // A few roundings of single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
-// The most that rounding changes a determinant of a direction and two edges, relative to the product of their sizes: twice
-// an edge's own subtraction, three operations for each component of their cross product, three for the dot product, and the
-// direction, half a unit in the last place each. A triangle whose determinant is smaller is seen edge-on, and not hit.
-// A larger bound would miss long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
+// The most that rounding changes a determinant of a direction and two edges, relative to the product of their sizes.
+// Half a unit in the last place is added for each of these: the subtraction for each of the two edges, the three
+// operations for a component of their cross product, the three for the dot product, and the direction. A triangle
+// whose determinant is smaller is seen edge-on, and not hit. A larger bound would miss long, thin triangles that are
+// seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // The largest overlap of triangles whose edges share a plane. Only rays at vertices need it. A larger overlap would
-// darken pixels at an edge that shadow rays graze. Measurements: of 60,516 rays none leaks; with half the overlap up
-// to four leak in exhaustive casting. On terrain, all of 16 million pixels are correct; with twice the overlap up to
-// one is dark.
+// darken pixels at an edge that shadow rays graze. Measurements: of 60,516 rays, none leaks. With half the overlap,
+// up to four leak in exhaustive casting. On terrain, all of 16 million pixels are correct. With twice the overlap, at
+// most one pixel is dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 
 typedef struct {

@@ -61,12 +61,13 @@ typedef struct {
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
 
-// Shows a value to the other lanes, and returns where those of all lanes are. Two rows take turns:
+// Shows a lane's value to the other lanes, and returns where the values of all lanes are. Two rows take turns:
 //
 //     lane 0    writes row 0 | barrier | reads row 0, writes row 1 | barrier | reads row 1, writes row 0 | ...
 //     lane 31   writes row 0 | barrier |   reads row 0, writes row 1 | barrier |   reads row 1, ...
 //
-// A lane writes row 0 again after the second barrier, and by then all lanes have read it: one barrier per operation.
+// A lane writes row 0 again only after the second barrier, when all lanes have read it. One barrier per operation is
+// therefore enough.
 INLINED const __local uint *write_board(Group *group, uint value) {
     __local uint *row = group->board + GROUP_LANES * group->turn;
     group->turn ^= 1;

@@ -12,8 +12,8 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
     return (float4)(shown.xyz, 0.0f);
 }
 
-// Sets how many samples a block wants: `most` if it is rough, which also adds it to the list of rough blocks. The pixels
-// around it count too, since the filter of a pixel's samples reaches into them.
+// Sets how many samples a block wants: `most` if it is rough. It is then also added to the list of rough blocks. The
+// pixels around it count too, since the filter of a pixel's samples reaches into them.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;

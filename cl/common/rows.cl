@@ -15,7 +15,7 @@ typedef struct {
     float u, v, w;
 } Row;
 
-// Four floats each of a and u, b and v, c and w. Rows start at 16 bytes.
+// Three float4: a and u, b and v, c and w. Rows are aligned to 16 bytes.
 #define ROW_UNIT float4
 #define ROW_UNITS 3
 #define LOAD_ROW(row, quads)                                     \

@@ -29,8 +29,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// If soft light is cast at half resolution (half_light.cl), some pictures have unoccluded light, which is denoted by 0
-// samples: lights are points, and the sky has its mean radiance.
+// If soft light is cast at half resolution (half_light.cl), some pictures have unoccluded light. This is denoted by 0
+// samples. Lights are then points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -83,8 +83,8 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. As points of the unit
-// square, the first two are evenly distributed too.
+// Returns three numbers from 0 to 1 for a light, or for the sky, whose number is that after the last light. As points
+// of the unit square, the first two are evenly distributed too.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;

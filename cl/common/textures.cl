@@ -15,14 +15,16 @@
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
-// The floats are the linear light of each 8-bit value (sRGB). A head is a texture's first texel, its width, its height, and a
-// word: how it wraps beyond its edges, u in the lowest 8 bits, v in the next 4; then the number of its last mip level in 4
-// bits; the rest is common/cutouts.cl's. A texel has red in the lowest 8 bits, then green, blue and alpha. Mip levels follow
-// the texels of their texture, each half as large as the one before.
+// The floats are the linear light of each 8-bit value (sRGB). A head has a texture's first texel, its width, its
+// height, and a word with several numbers. The lowest 8 bits say how the texture continues beyond its edges along u,
+// and the next 4 bits say so for v. The next 4 bits have the number of its last mip level. common/cutouts.cl
+// describes the rest. A texel has red in the lowest 8 bits, then green, blue and alpha. Mip levels follow the texels
+// of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
-// Float4s of a triangle's row: u and v of its corners, the texture's number or -1, the mask's; with mip levels, also its unit
-// normal times the side of a texel on it, in the scene's units.
+// Number of float4 in a triangle's row. The row has u and v of the corners, the texture's number or -1, and the
+// mask's number. With mip levels, it also has the triangle's unit normal, times the side of a texel on the triangle
+// in the scene's units.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -117,9 +119,9 @@ Level next_level(Level level) {
     return level;
 }
 
-// Returns for each lane the level whose texels are as large as a pixel, between two levels; less than 0 where those of level 0
-// are larger. Rays from the eye meet the triangles at distance t (Akenine-Moeller et al., "Texture Level of Detail Strategies
-// for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
+// Returns for each lane the level whose texels are as large as a pixel, which may lie between two levels. It is less
+// than 0 where the texels of level 0 are larger than a pixel. Rays from the eye meet the triangles at distance t
+// (Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
 varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
     IntLanes id;
     Lanes x, y, z;
@@ -140,8 +142,8 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, var
 #define levels_for(textures, triangle, way, t) (varying)(0.0f)
 #endif
 
-// Returns the texture's colour at a point of a triangle with these weights, as a mean of the two levels nearest to this one.
-// White without a texture.
+// Returns the texture's colour at a point of a triangle with these weights, as a mean of the two levels nearest to
+// `wanted`. White without a texture.
 Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const __global uint *words = textures->words;
@@ -158,7 +160,7 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
     for (int i = 0; i < finer; i++) level = next_level(level);
     const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
     const float part = between - (float)finer, rest = 1.0f - part;
-    // Most pixels near the eye are in level 0 alone.
+    // Most pixels that show near surfaces need level 0 alone.
     if (finer == last || !(part > 0.0f)) return colour;
     const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);

@@ -90,7 +90,8 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
-// The sign bit of a; and a with its sign flipped by the sign bits of s, which is a * sign without a multiplication.
+// sign_bit(a) has the sign bits of a. flip_sign(a, sign) flips the sign of a where `sign` has a sign bit, which
+// multiplies by a sign without a multiplication.
 #if WIDTH == 1
 #define AS_INT(a) as_int(a)
 #define AS_FLOAT(a) as_float(a)

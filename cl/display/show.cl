@@ -50,7 +50,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }
-    // Four bytes at a time, in which unit memory is written.
+    // Writes four bytes at a time, which is the unit in which memory is written.
     if (begin < count) {
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }

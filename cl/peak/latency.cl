@@ -1,4 +1,4 @@
-// Latencies: a single work-item needs every result before its next step, in each kind of memory.
+// Measures latencies in each kind of memory: a single work-item needs every result before its next step.
 
 #ifndef ENTRIES
 #error "ENTRIES: of the chases in private and __local memory"

@@ -1,5 +1,5 @@
-// Reads __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring addresses. Volatile, since
-// compilers would otherwise read it only once.
+// Reads __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring addresses. The pointer is
+// volatile, since compilers would otherwise read the memory only once.
 
 #include "peak/vector.cl"
 

@@ -1,4 +1,4 @@
-// Tests whether a device supports a set of lane operations: computes results for each lane that the host knows. A wrong
+// Tests whether a device supports a set of lane operations: computes for each lane results that the host knows. A wrong
 // result means that the operation does not work on this device. Lane i of group g uses the number (7 i + g) mod 32, which
 // is a different one in every lane.
 

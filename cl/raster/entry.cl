@@ -96,7 +96,8 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
         const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
-        // The edge ends where it crosses the near plane. If that is the eye's own plane, it may be visible anywhere.
+        // The edge ends where it crosses the near plane. If the near plane passes through the eye, the edge may be
+        // visible at any pixel.
         if ((zp > z_near) == (zq > z_near)) continue;
         if (z_near == 0.0f) {
             coverage->low = (int2)(0, 0);

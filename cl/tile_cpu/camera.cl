@@ -10,7 +10,7 @@ varying_int sample_of_lane(int bits) {
 }
 #endif
 
-// Returns the pixels of a vector of a tile: a block, or its part if pixels have several rays.
+// Returns the pixels of a vector of a tile: a block, or a part of a block if pixels have several rays.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
@@ -80,7 +80,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // Blocks completely outside the image get a reach of zero.
+        // Blocks completely outside the image get a reach of less than zero.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);

@@ -80,10 +80,10 @@ typedef struct {
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
-// With several samples per pixel, a frame casts one of each pixel, or up to 4 or 16 at once: a pixel is then divided
-// into sub-pixels, 2 or 4 across and down, and each of them is a ray. A tile always has 512 rays, so it covers
-// 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than those of neighbouring pixels,
-// so that a tile visits fewer nodes and triangles for each ray.
+// With several samples per pixel, a frame casts one sample of each pixel, or up to 4 or 16 at once. For more than
+// one, a pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A tile always has
+// 512 rays, so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than those
+// of neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3

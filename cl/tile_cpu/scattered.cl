@@ -47,7 +47,7 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns those of some scattered vectors with an unfinished ray that enters a child's box before t = 1.
+// `vectors` are scattered vectors. Returns those with an unfinished ray that enters a child's box before t = 1.
 uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

@@ -105,8 +105,8 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, const Ray *r
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray->direction, hit.t);
 }
 
-// Converts a vector of hits to rays from a light to them, their interval of directions, and the radiance that arrives
-// if nothing is in between. Returns the lanes that the light can reach.
+// Makes the rays from a light to a vector of hits, the interval of their directions, and the radiance that arrives if
+// nothing is in between. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);

@@ -3,7 +3,7 @@
 #include "tile_cpu/single_ray.cl"
 
 #if ENVIRONMENT
-// Adds the picture of the sky as a vector of shiny surfaces mirrors it.
+// Adds the picture of the sky as shiny surfaces mirror it at the hits of one vector.
 void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixels *pixels, Mask hits, Vec3 *sum) {
     const Vec3 mirrored = mirrored_sky(&lighting->soft, lighting->light_count + 1, pixels->x, pixels->y, &shaded->surface,
                                        shaded->normal, shaded->to_eye);

@@ -93,7 +93,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const varying distance = sqrt(squared);
         const Vec3 way = scale(offset, 1.0f / distance);
         const varying cosine = dot3(way, own->normal);
-        // No ray is needed behind the surface, nor to a light that is nearer than the bias.
+        // No ray is needed to a light that is behind the surface or nearer than the bias.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
         if (!ANY(lit)) continue;
         const Vec3 from = along(own->point, (varying)(lighting->bias), way);

@@ -1,6 +1,6 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a
-// group of 32 work-items owns the tile. Lane i has RAYS of its rays, tests child i of a node and prepares triangle i
-// of a leaf. The group's stack, and the triangles that its rays have to test, are in __local memory.
+// group of 32 work-items owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node and prepares
+// triangle i of a leaf. The group's stack, and the triangles that its rays have to test, are in __local memory.
 //
 // A pass consists of rays that run mainly along one axis of the scene, say z. Relative to their origin, a ray then
 // consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z,
@@ -45,8 +45,8 @@
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
-// A ray joins a pass if the pass's axis has more than this fraction of the ray's direction, in the 1-norm. For the
-// leader, the fraction is at least a third.
+// A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
+// direction's 1-norm. For the leader, the fraction is at least a third.
 #define ALONG_AXIS 0.25f
 // If a pass has only close rays: their largest distance from the leader, as a multiple of the distance between
 // neighbouring rays. The value is the width of a tile, which is the largest distance between rays to one surface.

@@ -177,8 +177,9 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
     ways->per_end = 0.0f;
 }
 
-// Each axis has at most one pass per direction: the rays that this pass leaves have a smaller fraction of the axis than
-// any leader has of its own axis. Rays whose direction is not a number (NaN) take part in no pass.
+// Each axis has at most one pass per direction. In the rays that are left after this pass, the component along its
+// axis is a smaller fraction of the direction than a leader's component along its own axis, so none of them can lead
+// another pass along this axis. Rays whose direction is not a number (NaN) take part in no pass.
 #define MOST_PASSES 6
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.

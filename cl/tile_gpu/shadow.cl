@@ -5,14 +5,14 @@
 // time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word has one bit per light of a round and ray of the lane, ordered by light. The size of the word limits the
-// number of lights per round. Every RAYS-th bit of the word belongs to the same pixel. In a pixel's own word, bit 31 is
-// set if some of its shadow rays are leftover.
+// A lane's word has one bit for each pair of a light of the round and a ray of the lane. The bits are ordered by
+// light. The size of the word limits the number of lights per round. Every RAYS-th bit of the word belongs to the
+// same pixel. In a pixel's own word, bit 31 is set if some of its shadow rays are leftover.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
 #define SOME_LEFT_OVER 0x80000000u
-// With two rays per lane and 15 lights, bit RAYS * light + ray of a lane's word is that light at that ray:
+// With two rays per lane and 15 lights, bit RAYS * light + ray of a lane's word stands for that light and that ray:
 //
 //     bit   ...  5  4  3  2  1  0
 //     light      2  2  1  1  0  0
@@ -205,7 +205,7 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // goes on even if no lane has an entry: with barriers, a compiler failed after a return here
-    // One atomic operation per group; each lane finds its entry by its rank among those with one.
+    // One atomic operation per group; a lane with an entry finds its place by its rank among the lanes with entries.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
     if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -240,7 +240,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // One light after the other; its results are shifted to its bits of both words.
+        // Lights are cast one after the other. The results of a light are shifted to its bits in both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);

@@ -1,7 +1,8 @@
 // Rays without a common origin: to points of a light with a radius, and to the sky. All of them are leftover shadow
 // rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
-// The lights of a round, followed by the sky after all lights. Lights are counted from the round's first.
+// The lights of a round. The sky is a source too, which comes after all lights. Lights are counted from the round's
+// first.
 typedef struct {
     Soft soft;
     int light_count, first_light;

@@ -22,7 +22,7 @@ impl<const N: usize> Slicer<N> {
     /// last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
-        // An axis without extent, or with one that overflows, has one slice.
+        // An axis along which the region has no extent, or an extent that overflows, has one slice.
         let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
@@ -40,7 +40,7 @@ impl<const N: usize> Slicer<N> {
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];
         let place = (centre - self.low[AXIS]) * self.scale[AXIS] - 0.5;
-        // Written so that a NaN goes to slice 0, as with the register's max and min.
+        // These comparisons send a NaN to slice 0, as the vector `max` and `min` in `slices` do.
         let place = if place > 0.0 { place } else { 0.0 };
         let place = if place < (N - 1) as f32 { place } else { (N - 1) as f32 };
         (place + ROUND).to_bits() as usize & (N - 1)
@@ -115,8 +115,8 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// Returns the better of `best` and the best cut along one axis. A cut with an empty side has the cost
-    /// infinity times zero, which is NaN and compares as not less than anything.
+    /// Returns the better of `best` and the best cut along one axis. A cut with an empty side has the cost infinity
+    /// times zero. This is NaN, which is not less than any other cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

@@ -1,8 +1,8 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
-//! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut
-//! moves them to the other buffer, so all reads and writes are sequential. Large nodes are binned and moved
-//! in chunks on all cores; for smaller ones, the two halves of a cut are independent tasks.
+//! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut moves them
+//! to the other buffer, so all reads and writes are sequential. The primitives of large nodes are binned and moved in
+//! chunks on all cores; for smaller nodes, the two halves of a cut are independent tasks.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};

@@ -64,11 +64,11 @@ impl Node {
 /// A binary bounding volume hierarchy, stored depth first: the root is node 0, and a left child follows its
 /// parent.
 ///
-/// The triangles of each subtree are contiguous in `order`. The root's begin at 0, a left child's where its
-/// parent's begin, and a right child's after its sibling's.
+/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0. Those of a left
+/// child begin where its parent's triangles begin, and those of a right child follow its sibling's.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
-    /// The nodes; empty without triangles.
+    /// The nodes; empty if there are no triangles.
     pub nodes: Vec<Node>,
     /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,

@@ -36,7 +36,7 @@ fn partition_on<const N: usize, const AXIS: usize>(
     }
 }
 
-/// Writes the primitives of each chunk to both ends, on all cores. `chunks` are pieces of the source with
+/// Moves the primitives of each chunk to their side of the cut, on all cores. `chunks` are pieces of the source with
 /// their bins, which determine the size of each piece's two parts.
 pub(super) fn partition_chunks<const N: usize>(
     chunks: &[(&[Primitive], Bins<N>)],

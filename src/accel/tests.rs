@@ -308,7 +308,7 @@ fn the_fingerprint_is_that_of_this_builder() {
         mesh.normals = vec![Vec3::Y];
         hash_trees(&mut hasher, &mesh);
     }
-    // Nodes with more triangles than this are cut on all cores.
+    // This mesh has so many triangles that its root is cut on all cores.
     let order = Bvh::build(&random_mesh(15, 70_000, 0.01, 1.0), 4).order;
     order.iter().for_each(|number| _ = hasher.update(&number.to_le_bytes()));
     let found = &hasher.finalize().to_hex()[..16];

@@ -102,7 +102,7 @@ impl WideBvh {
                     let is_marked = word == Self::UNUSED && [low, high] == [[f32::MAX; 3]; 2];
                     is_marked
                         .then_some(())
-                        .ok_or(format!("place {place} of node {node} is not marked unused"))?;
+                        .ok_or(format!("child {place} of node {node} is empty but not marked unused"))?;
                     continue;
                 }
                 encloses(bounds, (low, high))?;

@@ -63,7 +63,8 @@ impl WideBvh {
     }
 }
 
-/// Returns where a ray enters a box, or `None` for a miss. Within a few roundings of f64 it reports a hit.
+/// Returns where a ray enters a box, or `None` for a miss. A miss by no more than a few rounding errors of f64 is
+/// taken as a hit.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

@@ -18,7 +18,7 @@ use crate::scene::Mesh;
 /// | 2W .. 3W, 3W .. 4W | 2, 3 | smallest and largest y |
 /// | 4W .. 5W, 5W .. 6W | 4, 5 | smallest and largest z |
 /// | 6W .. 7W | 6 | the child word |
-/// | 7W .. stride | | zeros: up to 8 wide, 8 rows make whole cache lines (64 bytes at W = 2, 256 at W = 8); wider, none |
+/// | 7W .. stride | | zeros, so that nodes of up to 8 children fill whole cache lines; wider nodes have none |
 ///
 /// so the plane of `axis` on `side` (0 low, 1 high) is row `2 * axis + side`. Bounds are the smallest and
 /// largest of the corners' floats, without rounding.
@@ -89,7 +89,7 @@ impl WideBvh {
     pub const MAX_LEAF_SIZE: usize = 63;
     /// The largest number of triangles, and of nodes, that a child word can index.
     pub const MAX_INDEX: usize = 1 << 25;
-    /// The child word of a leaf.
+    /// The bit of a child word that marks a leaf.
     pub const LEAF: u32 = 1 << 31;
     /// The child word of an unused slot: a leaf without triangles.
     pub const UNUSED: u32 = Self::LEAF;
@@ -101,9 +101,9 @@ impl WideBvh {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree in the form that a device reads. Slots that would stay unused in a node are
-    /// filled by splitting its leaves. Trees with 32 children per node are the exception: 32 work-items
-    /// prepare the triangles of a leaf side by side, so smaller leaves would only mean more visits.
+    /// Builds a mesh's tree in the form that a device reads. Slots that would stay unused in a node are filled by
+    /// splitting its leaves. Trees with 32 children per node are the exception: 32 work-items prepare the triangles
+    /// of a leaf in parallel, so smaller leaves would only mean that more leaves are visited.
     ///
     /// # Errors
     ///
@@ -113,11 +113,11 @@ impl WideBvh {
         Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly
-    /// replaced by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles
-    /// come first. Then the others follow, since testing an unused slot costs as much as testing a used one.
-    /// Leaves therefore become as small as the slots allow, but never smaller than those of the binary tree:
-    /// build that with the leaf size that is fastest.
+    /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly replaced
+    /// by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles are replaced
+    /// first. If slots are left, smaller subtrees are replaced too, since testing an unused slot costs as much as
+    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller than those of the
+    /// binary tree. The binary tree should therefore be built with the leaf size that is fastest.
     ///
     /// # Errors
     ///
@@ -148,7 +148,7 @@ impl WideBvh {
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
             return Err(Error::run(
-                "the tree has more than 33,554,432 nodes, more than a child word can index",
+                "the tree has more than 33,554,432 nodes; a node's reference to a child cannot index more",
             )
             .with_help("choose a larger leaf size or a wider node"));
         }
@@ -195,7 +195,7 @@ impl WideBvh {
         }
     }
 
-    /// Writes a node. Its inner children are the nodes appended next.
+    /// Writes a node. The nodes that are appended next become its inner children.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (place, child) in children.iter().enumerate() {
@@ -249,7 +249,7 @@ fn check(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<()> {
     }
     if bvh.order.len() > WideBvh::MAX_INDEX {
         return Err(Error::run(format!(
-            "the scene has {} triangles: a tree's leaves can index {}",
+            "the scene has {} triangles; a tree's leaves can index at most {}",
             bvh.order.len(),
             WideBvh::MAX_INDEX
         ))

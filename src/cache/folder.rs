@@ -1,5 +1,4 @@
-//! The folder of the cache, and who owns it. raycl runs programs from the cache, so nobody but the user may
-//! be able to write there.
+//! The folder of the cache, and who owns it. raycl runs programs from the cache, so only the user may write there.
 
 use std::path::{Path, PathBuf};
 
@@ -7,18 +6,18 @@ use std::path::{Path, PathBuf};
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// Returns the cache's largest size in bytes, from the environment.
+/// Returns the limit of the cache's size in bytes, from the environment.
 pub fn limit_bytes() -> u64 {
     limit_of(std::env::var(LIMIT).ok().as_deref())
 }
 
-/// Returns the limit in bytes that the variable's text means; the default without a number.
+/// Returns the limit in bytes that the variable's text gives, or the default if the text is not a number.
 fn limit_of(text: Option<&str>) -> u64 {
     let told = text.and_then(|text| text.trim().parse::<u64>().ok());
     told.unwrap_or(DEFAULT_LIMIT_MIB).saturating_mul(1 << 20)
 }
 
-/// Returns `raycl` in the user's folder of caches; `None` if the environment names no such folder.
+/// Returns the folder `raycl` in the user's cache folder; `None` if the environment names no such folder.
 pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }

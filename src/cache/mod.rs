@@ -55,7 +55,7 @@ impl Cache {
         self.folder.as_deref()
     }
 
-    /// Returns the largest size of all entries together.
+    /// Returns the limit of the total size of all entries, in bytes.
     pub fn limit_bytes(&self) -> u64 {
         self.limit_bytes
     }
@@ -69,7 +69,8 @@ impl Cache {
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
-        // The entries used last are removed last.
+        // The file's time is set to the time of this use, since entries that were not used for a long time are
+        // removed first.
         let used = std::fs::File::open(&path).and_then(|file| file.set_modified(SystemTime::now()));
         drop(used);
         Some(content)
@@ -106,7 +107,7 @@ impl Cache {
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
 
-    /// Removes the entries that were not used for longest, until the rest is within the limit.
+    /// Removes the least recently used entries, until the rest is within the limit.
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {
@@ -120,7 +121,7 @@ impl Cache {
 
 #[allow(
     clippy::disallowed_methods,
-    reason = "a cache's folder is raycl's, and its entries can be regenerated"
+    reason = "a cache's folder belongs to raycl, and its entries can be regenerated"
 )]
 fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = tempfile::Builder::new().prefix(UNFINISHED).tempfile_in(folder)?;
@@ -239,7 +240,7 @@ mod tests {
             std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).unwrap();
         };
         assert_eq!(folder.metadata().unwrap().permissions().mode() & 0o777, 0o700);
-        // Neither the group nor all others may write; to read is harmless.
+        // Neither the group nor other users may write; reading is harmless.
         for others in [0o777, 0o720, 0o702] {
             mode(&folder, others);
             assert_eq!(cache.get("program", "key"), None, "a folder of {others:o}");

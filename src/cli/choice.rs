@@ -68,8 +68,9 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// Returns the strategy for a task, and its local size: the one in `text`, or the fastest one known, with the
-/// axes in `set` changed. If `set` chooses the watertight test, the fastest strategy with that test is taken.
+/// Returns the strategy for a task, and its local size. The strategy is the one in `text`, or else the fastest one
+/// known, with the axes in `set` changed. If `set` chooses the watertight test, the fastest strategy with that test
+/// is taken.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -88,7 +89,7 @@ pub fn chosen_strategy(
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // A tile is enough work for one work-group.
+    // One work-item casts a whole tile, which is enough work for a work-group.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
 }
@@ -155,7 +156,7 @@ mod tests {
         let set = [("intersector".to_owned(), Intersector::WATERTIGHT.name().to_owned())];
         let chosen = chosen_strategy(None, &set, &limits, Task::default()).unwrap();
         assert_eq!(chosen, of(true));
-        // More than the test differs.
+        // The chosen strategy differs in more than the ray-triangle test.
         assert_ne!(Strategy { intersector: Intersector::WATERTIGHT, ..of(false).0 }, chosen.0);
     }
 

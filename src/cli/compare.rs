@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long)]
     times: bool,
     /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is
-    /// certainly slower by more than this, or if a point fails that did not fail before. At most one in 50
+    /// certainly slower by more than this, or if a point that did not fail before fails now. At most one in 50
     /// comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,

@@ -49,7 +49,7 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel: as a fraction of 255 for 8-bit pictures, as it is for radiance.
+    /// The largest error of a channel: a fraction of 255 for 8-bit pictures, and the difference itself for radiance.
     largest_error: f64,
     largest_error_at: Option<[u32; 2]>,
     largest_relative_difference: f64,

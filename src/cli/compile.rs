@@ -38,7 +38,7 @@ pub struct Args {
     /// one]
     #[arg(long)]
     device: Option<String>,
-    /// Write the source, build log, binary and counts to this folder
+    /// Write the source, build log, binary, and the numbers of registers and instructions to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in DIR even if raycl did not write them or they have been changed since
@@ -110,7 +110,7 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Turns off compilers' caches, since registers are only printed when a program is compiled.
+/// Turns off compilers' caches, since a compiler prints the number of registers only when it compiles a program.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
         // SAFETY: the command has just begun: no driver is loaded and no other thread could read the
@@ -167,7 +167,7 @@ fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: File
     out.write(&files.into_iter().map(named).collect::<Vec<_>>())
 }
 
-/// Returns the page of the source beside the instructions.
+/// Returns the page that shows the source beside the instructions.
 fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;

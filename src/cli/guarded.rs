@@ -11,9 +11,10 @@ use crate::printer;
 use std::ffi::OsString;
 use std::process::ExitStatus;
 
-/// Lets glibc's allocator ask the system for huge pages (since glibc 2.35; others ignore it). In new memory, every page is
-/// an interruption by the system, which took a fifth of the time of a short command. glibc reads the variable only when a
-/// process starts, so the child has it, unless the user has set it.
+/// Lets glibc's allocator ask the system for huge pages (since glibc 2.35; older versions and other C libraries
+/// ignore it). The first access to each page of new memory is a page fault; these faults took a fifth of the time of
+/// a short command. glibc reads the variable only when a process starts, so it is set for the child, unless the user
+/// has set it already.
 const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1");
 
 /// Returns whether this is the child process.
@@ -21,9 +22,9 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process, and ends as the child ends. A command that reads
-/// standard input cannot be run twice. One that shows pictures gets an allocator with huge pages; one that measures does
-/// not, since the workers of a run have none.
+/// Runs this process's command line in a child process, and ends as the child ends. A command that reads standard
+/// input cannot be run twice. A command that shows pictures gets an allocator with huge pages. A command that
+/// measures does not, since the workers of a run do not use huge pages either.
 ///
 /// # Errors
 ///
@@ -47,7 +48,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
         }
     }
     if broken.is_empty() {
-        return Err(Error::run(format!("{cause}, though every driver lists its devices")).with_help(
+        return Err(Error::run(format!("{cause}, although each driver alone lists its devices without failing")).with_help(
             "try another device (`raycl devices` lists them, --device names one), another --strategy or a smaller --local-size",
         ));
     }
@@ -62,7 +63,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
     let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(Error::run(format!("{cause}, with those drivers left out too"))
+        Some(cause) => Err(Error::run(format!("{cause}, even without those drivers"))
             .with_help("remove or update the drivers that are named above")),
     }
 }

@@ -94,7 +94,7 @@ fn on_device(
     preprocess_for(&Queue::open(device.platform, device.device)?, spec)
 }
 
-/// Returns the sizes on which arrays depend.
+/// Returns the sizes on which the lengths of the program's arrays depend.
 fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
     let usual = match strategy.shares_tiles() {
         true => [GROUP_LANES, builtins.lanes.usual_groups()],

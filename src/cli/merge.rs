@@ -29,8 +29,8 @@ pub struct Args {
     /// ended
     #[arg(long)]
     status: bool,
-    /// With --status, seconds between two readings of each process's counter. A network file system may show
-    /// old data for some time; choose an interval longer than that
+    /// With --status, seconds between two readings of the counter that each running process increases. A network file
+    /// system may show old data for some time; choose an interval longer than that
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one per attempt

@@ -166,7 +166,7 @@ impl Cli {
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // The message about a mistake is coloured as the command line says, too.
+        // The command line's choice of colour also applies to the message about a mistake in it.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words)
             .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());

@@ -80,7 +80,7 @@ fn text(noise: &Noise) -> String {
             "  smallest difference that all launches together can show  {}",
             part(noise.between_launches)
         ),
-        format!("  half-width of the interval of a point's own time         {}", part(noise.own_time)),
+        format!("  half-width of the 95% interval of a point's time         {}", part(noise.own_time)),
     ];
     let number = |value: f64| significant(value, 2);
     if let (Some(all), Some(others), Some(stolen)) = (causes.processors, causes.others, causes.stolen) {

@@ -73,8 +73,8 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Returns ", about 12 minutes left", estimated from the timed steps since the run began. Points that do not
-    /// fit take no time, so they would make the rest look short.
+    /// Returns ", about 12 minutes left", estimated from the timed steps since the run began. Points that do not fit
+    /// on the device take no time; if their steps counted, the estimate would be too short.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
         let now_done = self.taken.saturating_sub(before + self.untimed);
@@ -277,7 +277,7 @@ mod tests {
         lines.since = Some((Instant::now().checked_sub(Duration::from_secs(60)).expect("a minute ago"), 6));
         lines.taken = 12;
         assert_eq!(lines.left(), ", about 3m left");
-        // A point that does not fit takes its three steps at once.
+        // A point that does not fit on the device finishes all its three steps at once.
         lines.finished(&Record::default());
         lines.advances(3);
         assert_eq!(lines.left(), ", about 3m left");

@@ -57,7 +57,8 @@ pub struct Args {
     /// scene's name with .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write depth, normals, triangle and object numbers, tests and nodes per pixel: one .exr with all, or a .png of each
+    /// Also write depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes per
+    /// pixel: one .exr with all, or a .png of each
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
     /// Replace a file even if raycl did not write it or it has been changed since
@@ -71,11 +72,13 @@ pub struct Args {
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long (Blackman-Harris filter, 1.5
-    /// pixels wide) [default: for a bare mesh 1, and 6 where neighbouring pixels differ, with soft light at half resolution; else 1]
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long. They are
+    /// weighted by a Blackman-Harris filter, 1.5 pixels wide [default: 1; a bare mesh gets 6 where neighbouring
+    /// pixels differ, and soft light at half resolution]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
-    /// Cast the first sixteenth of the samples of every pixel, and the others only where neighbouring pixels differ [default number: 16]
+    /// Cast the first sixteenth of the samples of every pixel, and the others only where neighbouring pixels differ
+    /// [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
     /// Cast the frame this many times and report medians
@@ -288,7 +291,7 @@ fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
 }
 
-/// Loads the scene. If it is animated and `--animate` is not given, the scene is its first frame.
+/// Loads the scene. If the scene is animated and `--animate` is not given, its first frame is loaded.
 fn load(args: &Args) -> Result<Loaded> {
     let mut loaded = args.subject.load(args.motion.turns(), is_dressed(args))?;
     if !args.motion.animates()
@@ -300,8 +303,8 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns whether a bare mesh gets a ground, soft light and a sky. Not with several devices, which take one
-/// sample per pixel.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. With several devices it does not, since they take
+/// one sample per pixel.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && args.devices.is_none()
 }

@@ -22,7 +22,7 @@ const ROUNDS: u32 = 5;
   raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
-    /// A file of cases
+    /// A file of cases, which are scenes with sizes to measure, such as docs/rule.toml
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
@@ -55,7 +55,7 @@ impl Args {
     }
 }
 
-/// Measures sweeps, shows the rule's choices for stored ones, or fits the rule to them.
+/// Measures the cases, shows the rule's choices for stored measurements (sweeps), or fits the rule to these.
 pub fn run(args: Args) -> Result<()> {
     if !args.fit.is_empty() {
         let text = source(&read_all(&args.fit)?);

@@ -240,8 +240,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
-    // Set before any driver starts: PoCL's compiler and signal-hook both pass signals on to handlers
-    // installed earlier.
+    // The handlers are installed before any driver starts: PoCL's compiler and signal-hook both pass signals on to
+    // handlers installed earlier.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;
@@ -334,7 +334,7 @@ fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
 fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // The order matters: the shutdown is conditional on the flag before it is set.
+        // The order matters: a signal first shuts raycl down if the flag is already set, and only then sets the flag.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
             .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;

@@ -19,8 +19,8 @@ pub struct Args {
     /// Samples per pixel that add up while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, in its size. HOW says how the terminal draws; without HOW, raycl asks
-    /// the terminal
+    /// Show the scene in this terminal, at the terminal's size. HOW says how the terminal draws; without HOW, raycl
+    /// asks the terminal
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
     /// Let the eye go around the scene, one degree per frame

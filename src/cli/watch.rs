@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Extensions of files that may affect the picture even if it has not been read from them. Formats of pictures
-/// are not among them: those that other commands write do not count.
+/// Extensions of files that may affect the picture even if they have not been read. Formats of pictures are not among
+/// them, so that pictures that other commands write do not count.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps; it is complete this long after the last of them.
 const QUIET: Duration = Duration::from_millis(80);
@@ -46,7 +46,8 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        // Events have paths in these folders, which are compared with canonical ones.
+        // The paths in events begin with these folders, and are compared with canonical paths; so the folders are
+        // made canonical.
         let resolved = |folder: &Path| folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let folders: Vec<_> = folders.iter().map(|(folder, depth)| (resolved(folder), *depth)).collect();
         for (folder, depth) in &folders {
@@ -55,7 +56,8 @@ impl Watched {
         Ok(Self { changes, watcher, folders, inputs })
     }
 
-    /// Returns whether a file has changed since the last call. If so, the pause after the change is over too.
+    /// Returns whether a file has changed since the last call. If one has, the function first waits for the pause
+    /// after the change.
     pub fn has_changed(&mut self) -> bool {
         self.follow();
         self.changes.try_recv().is_ok() && quiet(&self.changes)
@@ -85,8 +87,9 @@ pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveM
     std::iter::once(of_scene).chain(of_kernels).collect()
 }
 
-/// Acts once, then again after every change that is watched. A failed action is reported and does not end the
-/// loop, since the next change may correct the mistake. Unless it is `quiet`, it says each time that it waits.
+/// Calls `action` once, and again after every change of a watched file. A failed action is reported and does not end
+/// the loop, since the next change may correct the mistake. Unless `quiet` is set, a line says each time that the
+/// command is waiting.
 pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Result<()>) -> Result<()> {
     loop {
         let done = action();
@@ -214,8 +217,8 @@ mod tests {
             sender.send(()).expect("a change");
         }
         assert!(next_change(&changes));
-        assert!(changes.try_recv().is_err(), "all three belong to it");
+        assert!(changes.try_recv().is_err(), "all three messages belong to one change");
         drop(sender);
-        assert!(!next_change(&changes), "nobody is left who could change anything");
+        assert!(!next_change(&changes), "no sender is left, so no more changes can come");
     }
 }

@@ -173,7 +173,7 @@ fn merge<'i>(below: &mut Spanned<DeValue<'i>>, above: Spanned<DeValue<'i>>) {
     }
 }
 
-/// Returns whether every key of `table` is an index of `array`: `strategy.0.width = 8`.
+/// Returns whether every key of `table` is an index of `array`, as 0 is in `strategy.0.width = 8`.
 fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
     table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
 }

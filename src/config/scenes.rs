@@ -72,7 +72,7 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
     Ok(choices)
 }
 
-/// Returns a choice with one more value; the last part of its key names it.
+/// Returns a choice with one more value. The scene's suffix names the value by the last part of its key.
 fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);

@@ -53,8 +53,8 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on; `None` means all kinds, if the config says so or
-/// the command line names the preset.
+/// Returns the kind of device that a preset is measured on; Returns `None`, which means all kinds, if the config says
+/// so or the command line names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for
@@ -145,7 +145,7 @@ fn vary(
     Ok(varied)
 }
 
-/// Names a draft; `None` if the combination of its values is not allowed.
+/// Names a draft. Fails if the combination of its values is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,
@@ -170,8 +170,8 @@ fn named(
     })
 }
 
-/// Returns the entry's own name and the axes that are lists; without such a name, the preset and every axis
-/// that differs from it.
+/// Returns the entry's own name, followed by the axes that it gives as lists. If it has no name, returns the preset,
+/// followed by every axis that differs from it.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");

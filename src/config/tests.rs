@@ -263,7 +263,7 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     let keys: Vec<_> =
         experiment.scenes[2].overrides.iter().map(|(key, value)| format!("{key} {value}")).collect();
     assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
-    // A `scene` entry alone is enough, and so is one of each form.
+    // `[[scene]]` entries are enough without `scenes`, and a repeated entry adds no scene.
     let only = GOOD.replace("scenes = ", "# ") + entry + entry;
     assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
 }

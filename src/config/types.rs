@@ -145,7 +145,7 @@ pub struct Emulate {
 }
 
 impl Emulate {
-    /// Returns the limits of `device`, lowered to these.
+    /// Returns the limits of `device`, with each of them lowered to the one given here if that is smaller.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower = |own: u64, cap: Option<u64>| cap.map_or(own, |cap| cap.min(own));
         DeviceLimits {
@@ -174,7 +174,7 @@ pub struct Timing {
     pub launches: u32,
     /// Smallest number of samples of a point, unless the time is up.
     pub min_samples: u32,
-    /// Largest number of samples of a point; its group stops then.
+    /// Largest number of samples of a point; its group stops at this number.
     pub max_samples: u32,
     /// Time for the samples of a point, averaged over its group.
     pub time_limit_ms: f64,

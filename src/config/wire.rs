@@ -114,7 +114,7 @@ pub struct Timing {
     /// Smallest number of samples of a point, unless the time is up [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point; its group stops then [default: 100].
+    /// Largest number of samples of a point; its group stops at this number [default: 100].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
     /// Milliseconds for the samples of a point, averaged over its group [default: 5000].

@@ -61,8 +61,8 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
     Ok(survey)
 }
 
-/// Lets one thread at a time list devices. Drivers start when they are listed first, and PoCL 3.1 lists no
-/// device to a second thread meanwhile.
+/// Lets one thread at a time list devices. Drivers start when they are first listed, and while PoCL 3.1 starts, it
+/// lists no device to a second thread.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
@@ -93,7 +93,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let devices =
         namesakes.flat_map(|platform| devices_of(platform).into_iter().map(move |device| (platform, device)));
     let mut inspected = devices.map(|(platform, device)| inspect(platform, device));
-    // In the order in which devices with the same name are numbered.
+    // Devices with the same name are numbered in this order.
     let mut found =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     found.info.limits.lane_operations = known.limits.lane_operations;
@@ -138,8 +138,8 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Assigns a unique label to each device: its name if that is unique, else its slug. Devices must be numbered
-/// before.
+/// Assigns a unique label to each device: its name if that is unique, else its slug. Devices must already be
+/// numbered.
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();
     let mut namesakes: HashMap<String, usize> = HashMap::new();

@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(found(None, folder.path()).len(), 2);
         assert_eq!(found(Some(folder.path()), Path::new("/none")).len(), 2);
         assert_eq!(found(Some(&a), Path::new("/none")), icd(&a));
-        // As ocl-icd does, which looks for a name without a slash in its folder first.
+        // ocl-icd does the same: it first looks for a name without a slash in its folder.
         assert_eq!(found(Some(Path::new("a.icd")), folder.path()), icd(&a));
         assert_eq!(found(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         let library = Driver::Library("libone.so.1".into());

@@ -1,5 +1,5 @@
 //! Properties of a device's hardware that OpenCL's core does not report: compute capability, clock, timer,
-//! PCI bus. Each may be missing; none makes a device unusable.
+//! PCI bus. Any of them may be missing, which does not make the device unusable.
 
 use serde::{Deserialize, Serialize};
 

@@ -28,8 +28,8 @@ pub fn pick_one(
     let key = key(sources)?;
     let known =
         cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
-    // A device that is not in the stored list may be new. All devices are listed then, so that messages refer
-    // to those.
+    // A device that is not in the stored list may be new. In that case all devices are listed anew, and messages
+    // refer to the new list.
     let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
     if found.is_some() {
@@ -70,7 +70,8 @@ fn key(sources: &Sources) -> Result<String> {
     Ok(parts.collect::<Vec<_>>().join("\n"))
 }
 
-/// Returns the drivers that a folder or a file names, and the files that those name.
+/// Returns the path and the text of every file in a folder, or of the one file: the text of an .icd file names the
+/// driver's library.
 fn drivers(path: &Path) -> Vec<String> {
     let in_folder = std::fs::read_dir(path).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
     let mut files: Vec<PathBuf> = in_folder.collect();
@@ -129,7 +130,7 @@ mod tests {
         cache.put(KIND, &key, &serde_json::to_vec(&kept).unwrap());
         assert_eq!(picked(&cache), listed);
         let kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
-        assert!(kept.contains(&listed), "and is kept as it is now");
+        assert!(kept.contains(&listed), "the cache holds the device as it is now");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The limits of a device and its main properties, as its driver reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Bytes of `__local` memory of a work-group. Never exceed it: PoCL 3.1 aborts the process.
+    /// Bytes of `__local` memory of a work-group. Never exceed it: otherwise PoCL 3.1 aborts the process.
     pub local_bytes: u64,
     /// Bytes of `__constant` memory of a kernel.
     pub constant_bytes: u64,

@@ -125,7 +125,7 @@ pub struct DeviceInfo {
     /// Number of cores that the process may use, for devices that run on them.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// Number of threads that it casts with, if known, which it is for PoCL.
+    /// Number of threads that it casts with, if known; it is known for PoCL.
     #[serde(default)]
     pub threads: Option<u32>,
     /// Number of earlier devices with the same platform and name.
@@ -183,8 +183,8 @@ impl DeviceInfo {
         std::iter::once(self.model()).chain(self.settings.iter().cloned()).collect::<Vec<_>>().join(" | ")
     }
 
-    /// Returns the state that affects its times besides its identity, as part of keys: compute units, cores
-    /// and the driver's variables.
+    /// Returns what affects its times in addition to its identity, as part of keys: compute units, cores, threads and
+    /// the driver's variables.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -198,9 +198,10 @@ impl DeviceInfo {
             .join(" | ")
     }
 
-    /// Returns which built-ins its compiler supports, for those that the compiler itself reports.
+    /// Returns which built-ins kernels may use with its compiler. For reductions, the kernel also asks the compiler
+    /// itself (`__has_builtin`).
     pub fn builtins(&self) -> Builtins {
-        // Oclgrind's compiler aborts on both, and NVIDIA's refuses a prefetch of global memory.
+        // Oclgrind's compiler aborts on reductions and on prefetches, and NVIDIA's refuses a prefetch of global memory.
         let simulated = self.platform.to_lowercase().contains("oclgrind");
         Builtins {
             reduce: !simulated,

@@ -12,8 +12,8 @@ const MAX_GROUP_THREADS: u32 = 1024;
 /// Bytes of `__local` memory that a group may have, unless the driver is asked for more, which is impossible
 /// in OpenCL.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
-/// Largest number of registers of a group from capability 3.0 on; before, a group may use all of the
-/// multiprocessor's.
+/// Largest number of registers of a group from capability 3.0 on. Below 3.0, a group may use all registers of the
+/// multiprocessor.
 const MAX_GROUP_REGISTERS: u64 = 64 * 1024;
 
 /// The limit that prevents a multiprocessor from holding one more group.
@@ -27,7 +27,7 @@ pub enum Limiter {
     Registers,
     /// `__local` memory.
     Local,
-    /// Not even one group fits; contains the arithmetic.
+    /// Not even one group fits; contains the arithmetic that shows why.
     CannotLaunch(String),
 }
 
@@ -94,7 +94,7 @@ pub fn occupancy(
 /// A number that fits, or the arithmetic that shows why not even one group does.
 type Fits<T> = std::result::Result<T, String>;
 
-/// Refuses a group that exceeds a limit of its own.
+/// Refuses a group that exceeds a limit for a single group or thread.
 fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) -> Fits<()> {
     if threads == 0 {
         return Err("a group needs threads".into());

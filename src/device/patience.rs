@@ -18,7 +18,7 @@ const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
 /// The time between two checks for an answer.
 const LOOK_UP: Duration = Duration::from_millis(20);
 
-/// Ends the process with [`HUNG`], unless it is dropped within the limit.
+/// Ends the process with [`HUNG`], unless this value is dropped within the limit.
 pub struct Patience {
     answered: Arc<AtomicBool>,
 }

@@ -7,9 +7,9 @@ use rustix::{io::dup, stdio::dup2_stderr};
 #[cfg(unix)]
 use std::{fs::File, os::fd::OwnedFd};
 
-/// Returns a compiler option that stops a device's compiler from printing to the terminal. PoCL's prints the
-/// number of warnings ("2 warnings generated."), including those in its own headers, and does not write them
-/// to a log.
+/// Returns a compiler option that stops a device's compiler from printing to the terminal. PoCL's compiler prints the
+/// number of warnings ("2 warnings generated."), including those in its own headers, to the terminal and not to a
+/// log.
 pub fn quieting(device: Device) -> &'static str {
     let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),
@@ -47,7 +47,7 @@ impl Drop for Hush {
     }
 }
 
-/// Elsewhere messages are shown.
+/// On other systems, messages are shown.
 #[cfg(not(unix))]
 pub struct Hush;
 

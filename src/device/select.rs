@@ -97,8 +97,8 @@ fn no_match(infos: &[&DeviceInfo], pattern: &str) -> Error {
     Error::input(format!("no device matches '{pattern}'")).with_help(format!("{question}{}", listing(infos)))
 }
 
-/// Returns the word most similar to a pattern that matches no device, out of words that match one; `None` for a
-/// kind of device, which is not a misspelling.
+/// For a pattern that matches no device, returns the most similar word that would match one. Returns `None` if the
+/// pattern is a kind of device, which is not a misspelling.
 fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
     let pattern = pattern.trim().to_lowercase();
     if KINDS.contains(&pattern.as_str()) {

@@ -2,7 +2,7 @@
 //! stored.
 
 /// The environment variables of one driver that affect what it compiles, its number of threads or how it
-/// launches kernels. A name that ends in `*` stands for all names that begin so.
+/// launches kernels. A name that ends in `*` stands for all names that begin with the part before it.
 struct Driver {
     /// A word of the platform's name, in lower case.
     platform: &'static str,
@@ -66,7 +66,7 @@ const DRIVERS: [Driver; 3] = [
 /// Variables that match a pattern above, but only increase the driver's output.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
-/// Prefixes of the variables of drivers and loaders, including those for caches, logs and masks of devices.
+/// Prefixes of the variables of drivers and loaders, including those for caches, for logs and for hiding devices.
 /// The environment of a run stores every such variable that is set.
 const FAMILIES: [&str; 9] = [
     "CL_CONFIG_",
@@ -158,8 +158,11 @@ mod tests {
             assert!(of(platform, &recorded).is_empty(), "{platform}");
         }
         let known = |name: &&str| FAMILIES.iter().any(|family| name.starts_with(family));
-        assert!(recorded.iter().all(known), "each is kept in the environment");
+        assert!(recorded.iter().all(known), "each is stored in the environment of a run");
         let deciding = DRIVERS.iter().flat_map(|driver| driver.deciding);
-        assert!(deciding.clone().all(known), "and so is each that decides");
+        assert!(
+            deciding.clone().all(known),
+            "each variable that affects compilation or launches is stored there too"
+        );
     }
 }

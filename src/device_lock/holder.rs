@@ -53,7 +53,7 @@ impl fmt::Display for Holder {
         if self.process == 0 {
             return f.write_str("another process");
         }
-        // Another user's text must not steer this one's terminal.
+        // Text from another user must not control this user's terminal.
         let shown = |text: &str| text.replace(char::is_control, "?");
         let command: String = shown(&self.command).chars().take(LONGEST_COMMAND).collect();
         write!(f, "process {}, `{command}` in {}", self.process, shown(&self.folder))

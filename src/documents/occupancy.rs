@@ -14,7 +14,7 @@ pub fn threads(words: &[&str]) -> Result<Told, String> {
     let sides = words.iter().find_map(|word| word.split_once('x'));
     let items =
         sides.and_then(|(across, down)| Some(across.parse::<u32>().ok()? * down.parse::<u32>().ok()?));
-    let items = items.filter(|items| *items > 0).ok_or("a local size is missing, such as 8x8")?;
+    let items = items.filter(|items| *items > 0).ok_or("expected a local size, such as 8x8")?;
     if let (Some(groups), Some(threads)) = (number("groups"), number("threads")) {
         return Ok(Told::Number(f64::from(groups.min(threads / items) * items), Form::Count));
     }

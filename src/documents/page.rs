@@ -6,7 +6,7 @@ use super::query::Query;
 use super::sheet::Sheet;
 use super::unrecorded::{Fences, unrecorded};
 
-/// Text before the name of a block, at its beginning.
+/// Text at the beginning of a block, before its name.
 const BEGIN: &str = "<!-- figures: ";
 /// Text at the end of a block.
 const END: &str = "<!-- end of figures -->";
@@ -96,7 +96,7 @@ impl Page {
         bare += rest;
         for phrase in unrecorded(&bare, &sheet.facts, fences) {
             let records_say =
-                "nothing: no query follows it, and docs/figures.toml has no such fact".to_owned();
+                "nothing: no query follows it, and docs/figures.toml does not list it as a fact".to_owned();
             self.wrong.push(Difference { line: number, stands: phrase, records_say });
         }
         self.push(&made);

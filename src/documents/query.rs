@@ -125,8 +125,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. For two medians it is the ratio by samples close in time, as in all
-/// reports.
+/// Returns the quotient of two figures. For two medians it is computed from pairs of samples that were taken close in
+/// time, like the ratios in all reports.
 fn quotient(one: &Side, other: &Side) -> Told {
     if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
         let few = || Told::Nothing("not enough samples".into());
@@ -184,7 +184,7 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Returns the exponent with which the best times of some records grow.
+/// Returns the exponent of the power law by which the medians of some records grow with the figure `across`.
 fn grown(records: &[&Record], across: &str) -> Told {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Told::Number(value, _) => Some(value),

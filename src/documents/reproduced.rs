@@ -1,4 +1,5 @@
-//! The paper's claims and the answer in four lines, as `raycl reproduce` finds them.
+//! The paper's claims, and the answer in four lines (best memory strategy, best local size, why, how sure), as `raycl
+//! reproduce` finds them.
 
 use super::sheet::{Device, line};
 use super::sources::Sources;
@@ -58,7 +59,7 @@ pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Formats counts: "Of 35 claims on PoCL 0 held, 13 did not hold, ...".
+/// Formats counts: "- PoCL: of 35 claims 0 held, 13 did not hold, ...".
 fn counted(head: &str, claims: &[Value]) -> String {
     let count = |verdict: &str| claims.iter().filter(|claim| claim["verdict"] == verdict).count();
     let counts = VERDICTS.map(|verdict| format!("{} {verdict}", count(verdict)));

@@ -95,7 +95,7 @@ struct Column {
     of: String,
     /// The text of a cell without a record.
     missing: Option<String>,
-    /// The number of the column that is printed bold: the least or the greatest.
+    /// Which number in the column is printed bold: the least or the greatest.
     bold: Option<Bold>,
 }
 
@@ -110,8 +110,8 @@ enum Bold {
 pub struct Sheet {
     /// The records that answer its queries.
     pub sources: Sources,
-    /// Phrases with numbers that have no record: the paper's, options, versions, arithmetic. The longest come
-    /// first.
+    /// Phrases with numbers that have no record: numbers from the paper, of options and of versions, and results of
+    /// arithmetic. The longest come first.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
     made: RefCell<HashMap<String, Lines>>,

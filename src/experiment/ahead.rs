@@ -18,8 +18,8 @@ use std::time::{Duration, Instant};
 
 /// How often a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// A program, identified by its device and the hash of its source and options. The depth of a tree's stack
-/// follows from the scene.
+/// A program, identified by its device and the hash of its source and options. For a program that uses a tree, the
+/// scene identifies the depth of the tree's stack, which that hash does not contain.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the device's worker.
@@ -118,7 +118,7 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// The programs of a run; `kept[i]` has the stored ones of the device of worker `i`.
+    /// The programs of a run; `kept[i]` contains the stored programs of the device of worker `i`.
     pub fn new(kept: Vec<Kept>) -> Self {
         Self { kept, ..Self::default() }
     }
@@ -154,7 +154,7 @@ impl Ahead {
                 continue;
             }
             if self.is_stored(&order.program) {
-                // Nothing is left to build: each worker takes it from the cache.
+                // Nothing has to be built: each worker takes the program from the cache.
                 self.counted(|tally| tally.kept += 1);
                 state.done.insert(order.program, None);
             } else {

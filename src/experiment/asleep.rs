@@ -46,7 +46,7 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
     }
 }
 
-/// Returns whether a device is such a device.
+/// Returns whether a device is one of those that cast nothing.
 pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }
@@ -66,7 +66,7 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes one for an experiment's plan.
+    /// Makes a value that answers requests about an experiment's plan.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: None }

@@ -83,8 +83,8 @@ impl<'a> Checker<'a> {
         build_kernel(self.session(scene)?, strategy, local_size).ok()
     }
 
-    /// Casts a point once and compares its image with the reference, unless the image has the hash
-    /// `verified`, that of an image compared in an earlier launch. Fills in `record` on the way.
+    /// Casts a point once and compares its image with the reference. The comparison is skipped if the image has the
+    /// hash `verified`, the hash of an image that was compared in an earlier launch. Fills in `record` on the way.
     pub fn check(
         &mut self,
         point: &Point,

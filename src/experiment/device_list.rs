@@ -18,8 +18,8 @@ use std::time::Duration;
 /// Far longer than drivers take to list their devices.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Returns all devices, as listed by a child process. If that process dies, a second one is tried, since the
-/// cause may have been outside.
+/// Returns all devices, as listed by a child process. If that process dies, a second one is tried, since the cause
+/// may have come from outside the process.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,

@@ -38,7 +38,7 @@ impl From<Loaded> for Hashed {
 }
 
 impl Drafter<'_> {
-    /// Returns the record of a point on `device` before it is tried. Equal keys mean that the same is
+    /// Returns the record of a point on `device` before it is tried. If two points have equal keys, the same work is
     /// measured in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;

@@ -16,7 +16,7 @@ pub struct Forecast {
     pub device: String,
     /// The bytes it needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why it does not fit on the device, if so.
+    /// Why it does not fit on the device; `None` if it fits.
     pub refused: Option<String>,
     /// Why it is not measured on the device, if its preset is meant for another kind.
     pub not_for: Option<String>,

@@ -41,8 +41,8 @@ struct Known {
 }
 
 impl Run<'_> {
-    /// Predicts the duration from `earlier` records of points with the same names. For other points the same
-    /// strategy at another size is scaled by the number of pixels. Points whose keys are in `done` are not
+    /// Predicts the duration from `earlier` records of points with the same names. For other points, the time of the
+    /// same strategy at another size is scaled by the number of pixels. Points whose keys are in `done` are not
     /// measured again.
     pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct Before {
     /// For each point, later attempts' records follow earlier ones.
     pub records: Vec<Record>,
-    /// Launches are renumbered so that each number is unique; a sample has its origin.
+    /// Launches are renumbered so that each number is unique; each sample states the attempt and launch that took it.
     pub samples: Vec<Sample>,
 }
 
@@ -27,7 +27,7 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
     let mut next = 0;
     for folder in folders {
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
-        // Samples that an attempt copied itself are also in the folder where they were taken.
+        // Samples that an attempt copied from an earlier attempt are also in the folder where they were taken.
         samples.retain(|sample| sample.origin.is_none());
         let open: HashSet<u32> = samples
             .iter()

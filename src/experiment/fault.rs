@@ -10,7 +10,7 @@ use std::time::Duration;
 /// The file that a hanging worker leaves.
 const HANGS: &str = ".hangs";
 
-/// The way and the time in which a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
+/// How and when a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,

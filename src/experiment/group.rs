@@ -41,7 +41,7 @@ impl OpenGroup {
         Self { points, whole: 0, visits: 0, reason: None, home: None }
     }
 
-    /// Returns a group that was visited this often.
+    /// Returns a group that was visited `visits` times.
     #[cfg(test)]
     pub fn visited(visits: u32, points: Vec<PendingPoint>) -> Self {
         Self { visits, ..Self::new(points) }
@@ -118,8 +118,8 @@ impl OpenGroup {
         if self.whole == launches { self.finish(sink) } else { Ok(()) }
     }
 
-    /// Takes over launches of an earlier session in which every point has enough samples. Incomplete launches
-    /// are dropped, since the rest would be measured by another process.
+    /// Takes over launches of an earlier session in which every point has enough samples. Incomplete launches are
+    /// dropped, since another process would measure the rest of each.
     fn adopt(&mut self, rule: &StoppingRule, launches: usize, sink: &mut impl ResultSink) {
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();

@@ -13,7 +13,7 @@ use std::time::Instant;
 pub struct Identity {
     /// The model of the processor.
     pub device: String,
-    /// Number of cores it may use, and of threads.
+    /// The number of cores that raycl may use, and the number of its threads.
     pub state: String,
     /// The source it is compiled from, and the compiler's options.
     pub program: String,

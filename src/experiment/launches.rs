@@ -16,7 +16,7 @@ pub struct Waiting {
 }
 
 impl Waiting {
-    /// Makes the groups of a run.
+    /// Collects the unfinished groups of a run.
     pub fn new(groups: Vec<OpenGroup>, seed: u64) -> Self {
         let groups = groups.into_iter().filter(|group| !group.is_finished()).collect();
         Self { groups: Mutex::new(groups), seed }

@@ -82,8 +82,8 @@ impl Run<'_> {
         plan.points.get(place).is_some_and(|point| point.device.is_none())
     }
 
-    /// Returns every point on every device or the host, with its names in records: its index in the plan for
-    /// one device, its device, and its draft.
+    /// Returns every point on every device or the host: its index in the plan for one device, its device (`None` is
+    /// the host), and its key and names as in its record.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
@@ -178,8 +178,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point as one of two folders of kernels. It is no longer the preset, since a preset's name stands
-/// for the built-in kernels.
+/// Labels a point with the folder of kernels that it uses, one of two. It is no longer the preset, since a preset's
+/// name stands for the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;

@@ -12,8 +12,7 @@ pub struct Piece {
     pub points: Vec<usize>,
     /// The number of the block that they form, if any.
     pub block: Option<u32>,
-    /// The index of the control point, which all blocks of a group measure. It may be one of the points or
-    /// not.
+    /// The index of the control point, which all blocks of a group measure. It may or may not be one of `points`.
     pub control: Option<usize>,
 }
 

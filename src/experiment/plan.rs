@@ -67,7 +67,8 @@ impl Plan {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
 
-    /// Returns the groups if they are distributed over devices: casters on the host form their own groups.
+    /// Returns the groups of points for a run that is distributed over devices: each device, and the host, has its
+    /// own groups.
     pub fn groups_by_device(&self) -> impl Iterator<Item = &[Point]> {
         self.points.chunk_by(|one, other| self.compares(one, other) && one.device == other.device)
     }

@@ -83,7 +83,7 @@ pub enum Request {
         /// The point.
         point: usize,
     },
-    /// Cast one frame of a point that has passed its check; the first time, warm up before.
+    /// Cast one frame of a point that has passed its check, and warm up before the first one.
     Cast {
         /// The point.
         point: usize,

@@ -162,7 +162,7 @@ impl<'a> RequestHandler<'a> {
 
 /// Casts frames that are not recorded. The check has cast one already, so fewer are cast if frames are long
 /// compared with the time limit. A frame that fails here will fail again when it is timed, and is reported
-/// then. Returns the shortest part of the fastest frame; infinite if there was no frame.
+/// then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,
@@ -198,7 +198,8 @@ mod tests {
     use crate::program::Sources;
     use std::path::Path;
 
-    /// Has a new worker check a caster on the host, under this key or else its own.
+    /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's own key if that is
+    /// `None`.
     fn checked(key: Option<&str>, verified: Option<&str>) -> Result<Reply> {
         let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
             baselines = ['serial']\nimage_sizes = [[24, 15]]\n";

@@ -65,7 +65,7 @@ impl Results {
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("--resume continues them; or choose another folder with --out"));
+            return Err(error.with_help("--resume continues the run; or choose another folder with --out"));
         }
         Self::open(folder, environment)
     }
@@ -224,7 +224,7 @@ impl Past {
     }
 }
 
-/// Writes the environment; the previous run's is renamed and kept.
+/// Writes the environment; the file of the previous run is renamed and kept.
 fn keep_environment(folder: &Path, environment: &Environment) -> Result<()> {
     let path = folder.join("environment.json");
     if path.exists() {

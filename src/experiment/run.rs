@@ -67,8 +67,8 @@ impl Run<'_> {
         self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
-    /// Returns the jobs of its workers, one per device, or one for the host without devices. The jobs for the
-    /// other kernels follow.
+    /// Returns the jobs of its workers: one per device, or a single one for the host if there are no devices. If
+    /// other kernels are compared with these, their jobs follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }

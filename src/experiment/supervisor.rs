@@ -30,7 +30,7 @@ pub trait Worker {
     fn send(&mut self, request: &Request);
     /// Waits for the reply.
     fn wait(&mut self, limit: Duration) -> Wait;
-    /// Tells the worker that no request will follow, so that it can end while others do.
+    /// Tells the worker that no request will follow, so that several workers can end at the same time.
     fn dismiss(&mut self) {}
 }
 
@@ -161,7 +161,7 @@ impl<'a> Supervisor<'a> {
         dismiss(free.into_iter().map(|(_, post)| post.worker).collect());
     }
 
-    /// Starts the workers of points beside each other: most of a start is waiting for a driver.
+    /// Starts the workers of points at the same time, since most of a start is waiting for a driver.
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
@@ -228,7 +228,7 @@ impl<'a> Supervisor<'a> {
         if let Ok(Reply::Sample(times)) = self.ask(task, &Request::Anchor)? {
             return Ok(Some(times));
         }
-        // If it has ended its worker, that is noticed at the next cast.
+        // If the anchor has killed the worker, that is noticed at the next cast.
         self.without_anchor.insert(task.device);
         Ok(None)
     }

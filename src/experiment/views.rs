@@ -54,8 +54,8 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     picture
 }
 
-/// Saves pictures of what each pixel's rays cost: the number of triangles tested, which is all of them or
-/// those found by a tree. A rasteriser casts no primary rays and has no such picture.
+/// Saves pictures of what each pixel's rays cost: how many triangles they test (all triangles, or those that a tree
+/// finds) and, with a tree, how many nodes. A rasteriser casts no primary rays and has no such picture.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

@@ -94,7 +94,8 @@ impl Damaged {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
 
-    /// Marks an error as caused by a damaged packed file, unless it comes from the operating system or is lack of memory.
+    /// Marks an error as caused by a damaged packed file, unless it comes from the operating system or means that
+    /// memory ran out.
     fn mark(error: io::Error) -> io::Error {
         if error.raw_os_error().is_some() || error.kind() == io::ErrorKind::OutOfMemory {
             return error;
@@ -108,10 +109,10 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
     Ok(Opened::held(bytes, path))
 }
 
-/// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles
-/// and is cut off. Whole binary STL is recognised by a length that matches its count of triangles. The reader of
-/// STL reports the error. JSON in a file named `.gltf` is glTF, unless all of it
-/// was seen and has none of the keys of glTF.
+/// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles and is
+/// cut off; the reader of STL then reports the error. Whole binary STL is recognised by a length that matches its
+/// count of triangles. JSON in a file named `.gltf` is glTF, unless all of it was seen and has none of the keys of
+/// glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };

@@ -12,8 +12,9 @@ pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
     whole_length(head) == Some(length)
 }
 
-/// Returns whether a file is shorter than its count of triangles demands, but begins with triangles. Other
-/// files almost never have unit or zero vectors at the places of the normals, and different corners.
+/// Returns whether a file is shorter than its count of triangles demands, but begins with triangles. Files of other
+/// types almost never have both: unit or zero vectors at the places of the normals, and triangles whose three corners
+/// differ.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;
@@ -47,7 +48,8 @@ fn is_triangle([normal, corners @ ..]: [Vec3; 4]) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns a file that says that it has so many triangles, and has those with these normals.
+    /// Returns a file whose header states this count of triangles, and which contains one triangle for each of these
+    /// normals.
     fn file(said: u32, normals: &[Vec3]) -> Vec<u8> {
         let mut bytes = vec![0; HEADER_BYTES - 4];
         bytes.extend(said.to_le_bytes());
@@ -82,6 +84,6 @@ mod tests {
         assert!(!is_cut(&odd), "a corner is not finite");
         let mut zeros = file(9, &[Vec3::Z]);
         zeros[HEADER_BYTES..].fill(0);
-        assert!(!is_cut(&zeros) && !is_cut(&[0; 50]), "no triangle has three corners");
+        assert!(!is_cut(&zeros) && !is_cut(&[0; 50]), "no triangle has three different corners");
     }
 }

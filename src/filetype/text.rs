@@ -3,7 +3,7 @@
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, JSON, MTL, MeshFormat, UNKNOWN};
 
-/// The first words of OBJ statements, including those that may fill the beginning of a file.
+/// The first words of OBJ statements, including statements that may stand before all others in a file.
 const OBJ_WORDS: &[&str] = &[
     "v",
     "vn",

@@ -7,9 +7,9 @@ use image::{Rgb, RgbImage};
 /// Two radiances count as equal if their relative difference is below this.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// Returns the radiance of a pixel below which its differences are divided by this value instead of its own
-/// radiance. It is a thousandth of the image's brightest channel, or of the radiance that is displayed as
-/// white if that is less.
+/// Returns the smallest radiance by which differences are divided: those of a darker pixel are divided by this value
+/// instead of the pixel's own radiance. It is a thousandth of the image's brightest channel, or of the radiance that
+/// is displayed as white if that is less.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
@@ -50,9 +50,9 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
 }
 
-/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below.
-/// Each decade of [`relative_difference`] has its colour, from 1e-6 (dark) over 1e-3 (the limit) to 1
-/// (bright); equal pixels are black. Pixels that are not a number, or outside the other picture, are red.
+/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. Each
+/// decade of [`relative_difference`] has its colour, from 1e-6 (dark) through 1e-3 (the limit) to 1 (bright); equal
+/// pixels are black. Pixels that are not a number, or outside the other picture, are red.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));

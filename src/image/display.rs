@@ -75,7 +75,8 @@ fn transform(radiance: f32, display: Display) -> u8 {
 /// The transform as tables. A power or a binary search for every channel would take longer than writing the
 /// file.
 struct Thresholds {
-    /// The smallest radiance that is shown as 1, 2, ... 255, and an upper bound that none reaches.
+    /// For each value from 1 to 255, the smallest radiance that is shown as this value; then an upper bound that no
+    /// radiance reaches.
     smallest: [f32; Shown::VALUES],
     /// A lower bound of the value, by the upper 16 bits of the radiance. It is at most one or two too low.
     at_least: Vec<u8>,

@@ -30,8 +30,9 @@ const EXTENSIONS: [(&str, Format); 5] = [
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
-/// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it,
-/// EXR and HDR as linear radiance. The file is written whole or not at all, and a file that raycl did not make stays.
+/// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it, EXR and HDR as
+/// linear radiance. The file is written completely or not at all, and a file that raycl did not make is never
+/// replaced.
 ///
 /// Another extension or a missing folder is a user error; a file that cannot be written is a failed run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {

@@ -97,7 +97,7 @@ impl Cut {
         (3 * self.width as usize * self.rows()).max(1)
     }
 
-    /// Joins the bands' files to one.
+    /// Joins the bands' files into one.
     fn joined(self, mut bands: Vec<Vec<u8>>, height: u32) -> ImageResult<Vec<u8>> {
         if bands.len() == 1 {
             return Ok(bands.remove(0));

@@ -50,7 +50,7 @@ impl Radiance {
         self.coverage.iter_mut().zip(&other.coverage).for_each(|(sum, value)| *sum += value);
     }
 
-    /// Divides the image by a number, which makes the mean of a sum.
+    /// Divides the image by a number, which turns a sum of that many images into their mean.
     #[must_use]
     pub fn part(mut self, parts: usize) -> Self {
         let part = 1.0 / parts.max(1) as f32;

@@ -24,7 +24,7 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
         }
         let answers = ask(queue, &spec.options, &asked).map_err(|message| {
             Error::run(format!("the device's compiler could not be asked for its macros: {message}"))
-                .with_help("without --device, raycl takes the macros as undefined")
+                .with_help("without --device, these macros count as undefined")
         })?;
         for (name, answer) in asked.into_iter().zip(answers) {
             match answer {

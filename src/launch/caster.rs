@@ -161,8 +161,8 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Takes from a scene its background, the distance at which shadow rays start, and the exposure that decides which
-    /// blocks are rough, starting with the next frame.
+    /// Sets the background, the shadow bias and the exposure to those of a scene, starting with the next frame. The
+    /// exposure decides which blocks of pixels are rough and get more samples.
     pub(super) fn show_background(&self, scene: &Scene) -> Result<(), LaunchError> {
         if let Some(samples) = &self.samples {
             samples.show(scene.display.exposure)?;

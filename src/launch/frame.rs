@@ -28,8 +28,8 @@ pub struct FrameTimes {
     pub primary_ms: Option<f64>,
     /// Time for shadow rays, if the strategy separates them.
     pub shadow_ms: Option<f64>,
-    /// Time for shading, if it is separate from shadow rays. For shared tiles with fused passes it includes
-    /// the leftover shadow rays.
+    /// Time for shading, if it is separate from shadow rays. If work-items share tiles and the passes are fused, it
+    /// includes the leftover shadow rays.
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
@@ -49,7 +49,7 @@ pub(crate) fn duration_ms(event: &Event) -> ocl::Result<f64> {
 }
 
 impl FrameTimes {
-    /// Returns the times of a frame that has no passes.
+    /// Returns the times of a frame that has no separate passes.
     pub fn whole(frame_ms: f64, host_ms: f64) -> Self {
         Self { frame_ms, host_ms, ..Self::default() }
     }

@@ -48,7 +48,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
-    /// The whole picture's size. At odd sizes, the half pictures' shape differs slightly.
+    /// The whole picture's size. If its width or height is odd, the half pictures have a slightly different aspect
+    /// ratio.
     whole_size: [u32; 2],
 }
 
@@ -108,7 +109,7 @@ impl HalfLight {
         self.unoccluded.show_background(scene)
     }
 
-    /// Reads the share of each pixel of the half pictures that hit something.
+    /// Reads, for each pixel of the half pictures, the share of its samples that hit something.
     pub fn read_hit_shares(&self) -> Result<Vec<f32>, LaunchError> {
         self.unoccluded.read_hit_shares()
     }
@@ -135,8 +136,8 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Even sizes have a quicker way from a vector of pixels to the half picture. Vectors of 16 do not fill their rows, or
-    /// just fill them.
+    /// For even sizes, the kernel reads the half-picture pixels of a vector in a quicker way. Some rows are filled
+    /// exactly by vectors of 16 pixels, and some are not.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
     /// Compares the device's filter with the one in double precision, in every kernel family that casts soft light.
@@ -165,7 +166,7 @@ mod tests {
                 let pixels = picture.pixels.iter().zip(&expected.pixels);
                 let largest = pixels.map(|(a, b)| relative_difference(*a, *b, 1e-4)).fold(0.0, f64::max);
                 assert!(largest < 1e-4, "{name}, {size:?}: {largest}");
-                // Something is in shadow, if there are enough pixels.
+                // If there is more than one pixel, some pixels are in shadow.
                 let darker =
                     parts.whole.pixels.iter().zip(&picture.pixels).filter(|(a, b)| b[1] < 0.9 * a[1]);
                 assert!(darker.count() * 50 > picture.pixels.len() || size == [1, 1], "{name}, {size:?}");

@@ -16,7 +16,8 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Returns the bytes of all frames, and those of the parts of the scene that `strategy` does not share.
+    /// Returns the bytes of all frames, and those of the parts of the scene that are on the device but that
+    /// `strategy` does not use.
     pub fn beside(&self, strategy: &Strategy) -> u64 {
         let own = Kind::of(strategy);
         let layouts =
@@ -33,7 +34,7 @@ impl Held {
         }
     }
 
-    /// Counts a strategy's scene without its tree, which is now on the device.
+    /// Counts a strategy's layout of the scene, without the tree. It is now on the device.
     pub fn share_layout(&mut self, strategy: &Strategy, workload: &Workload) {
         let all_bytes = Requirements::scene_bytes(strategy, workload);
         let own_bytes = all_bytes - Requirements::tree_bytes(strategy, workload);

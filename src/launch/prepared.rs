@@ -66,8 +66,8 @@ impl Prepared {
     }
 
     /// Changes lights, sky, background and shadow bias to those of another scene, starting with the caster's next
-    /// frame, for which the camera is an argument anyway. Returns `false` if the scene needs other buffers or
-    /// kernels: it has another mesh or another number of lights, for example.
+    /// frame. The camera is not changed here, since it is an argument of each cast anyway. Returns `false` if the
+    /// scene needs other buffers or kernels: it has another mesh or another number of lights, for example.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -78,7 +78,7 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns whether the program and all buffers have the right sizes for a scene, and the same mesh.
+    /// Returns whether the program and all buffers suit a scene: it has the same mesh, and all sizes are the same.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);

@@ -27,9 +27,9 @@ pub struct Ray {
 impl Prepared {
     /// Returns the nearest triangle that each ray hits.
     ///
-    /// With the common-origin test all rays must start at the first one's origin; the pixel-linear test
-    /// supports a camera's rays only. Working vectors must be private or local: their buffers are sized for
-    /// images.
+    /// With the common-origin test all rays must start at the first one's origin; the pixel-linear test supports a
+    /// camera's rays only. Working vectors must be in private or local memory, since the buffers for working vectors
+    /// in other memories have sizes that suit only images.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let Self { queue, program, strategy, uploaded: scene, .. } = self;
         let kernel = self.kernel_for_rays()?;
@@ -68,11 +68,13 @@ impl Prepared {
     fn kernel_for_rays(&self) -> Result<&'static manifest::Kernel, LaunchError> {
         if !matches!(self.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
             return Err(LaunchError::OpenCl(
-                "rays are cast with private or local working vectors".to_owned(),
+                "arbitrary rays can only be cast with private or local working vectors".to_owned(),
             ));
         }
         if self.strategy.intersector.counts_in_pixels() {
-            return Err(LaunchError::OpenCl("pixel-linear planes are for a camera's rays".to_owned()));
+            return Err(LaunchError::OpenCl(
+                "a test with pixel-linear planes only works for a camera's rays".to_owned(),
+            ));
         }
         let family = self.strategy.family();
         family

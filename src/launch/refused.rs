@@ -10,7 +10,7 @@ use crate::strategy::Infeasible;
 pub enum Refused {
     /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.
     Mistake(Error),
-    /// It needs more than the device has, or lacks something that the scene has.
+    /// The strategy needs more than the device has, or does not support something that the scene has.
     Device(Infeasible),
     /// It needs more memory than the host has.
     Host(Infeasible),
@@ -25,10 +25,10 @@ pub enum Refused {
     },
 }
 
-/// The remedy if a device or the host cannot hold a point.
+/// The remedy if a point does not fit into the memory of a device or the host.
 const SMALLER: &str =
     "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
-/// The remedy if the strategy lacks something that the scene has.
+/// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str = "choose another --strategy: `raycl strategies` lists them, with their traversals";
 
 impl Refused {

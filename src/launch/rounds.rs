@@ -20,8 +20,9 @@ pub(super) struct Rounds<'p, 'a> {
     arguments: Arguments<'a>,
     /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays. It then stores a pixel as soon as the pixel's
-    /// one ray is decided, so this is impossible if frames cast several samples of a pixel.
+    /// True if the shading kernel also casts the leftover shadow rays. It then stores each pixel as soon as the
+    /// shadow rays of the pixel's only primary ray are decided. This is impossible if frames cast several samples of
+    /// a pixel.
     shades_left_over: bool,
 }
 
@@ -99,8 +100,8 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok(steps)
     }
 
-    /// Returns the number of work-group rows, as wide as the image, that contain enough groups for the
-    /// leftover shadow rays.
+    /// Returns how many rows of work-groups contain enough groups for the leftover shadow rays. Each row is as wide
+    /// as the image.
     fn queue_rows(&self) -> usize {
         let [across, down] = self.parts.setup.workload.local_size.map(|n| n as usize);
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))

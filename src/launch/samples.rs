@@ -1,5 +1,5 @@
 //! Several samples per pixel: device buffers with the number of samples of each block of pixels, and the kernel that
-//! marks rough blocks.
+//! marks rough blocks, which get more samples because neighbouring pixels differ visibly after the first ones.
 
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
@@ -21,12 +21,12 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
-    /// The blocks that get more samples than the first ones, and their number.
+    /// The rough blocks, which also get the samples after the first round, and their number.
     rough: Buffer<u32>,
     rough_counter: Buffer<u32>,
     /// Where each sample of a frame lies in its pixel.
     places: Buffer<f32>,
-    /// Number of samples of each pixel that hit something, if a picture of the sky is behind everything.
+    /// For each pixel, the number of its samples that hit something; only if a picture of the sky is behind everything.
     hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
     mark: Option<Step>,
@@ -99,8 +99,8 @@ impl Samples {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
 
-    /// Lets only rough blocks get more than the first samples. Returns the number of rough blocks, and the time for
-    /// finding them.
+    /// Lets only rough blocks get the samples that follow the first round. Returns the number of rough blocks, and
+    /// the time for finding them.
     pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<(usize, FrameTimes), LaunchError> {
         let Some(step) = &self.mark else { return Ok(Default::default()) };
         let start = Instant::now();
@@ -140,14 +140,14 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Sides that are not multiples of a block's.
+    /// A width and a height that are not multiples of a block's side.
     const SIZE: [u32; 2] = [75, 61];
 
     fn cast(sampling: Sampling) -> (Radiance, SampleCounts, f32) {
         cast_in_turn(sampling, &[sampling])
     }
 
-    /// Casts a picture for each of some samplings with one caster; returns the last.
+    /// Casts one picture for each sampling, all with the same caster; returns the last picture.
     fn cast_in_turn(prepared_for: Sampling, samplings: &[Sampling]) -> (Radiance, SampleCounts, f32) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
@@ -190,7 +190,7 @@ mod tests {
         }
     }
 
-    /// A picture of 13 x 9 pixels, marked by the kernel alone.
+    /// A picture of 13 x 9 pixels. The kernel that marks its rough blocks runs alone, without the rest of a frame.
     struct Marking {
         device: Alone,
     }
@@ -246,8 +246,8 @@ mod tests {
         }
     }
 
-    /// An edge lies between a pixel and the one before it, across or down. A block is rough if it contains or touches
-    /// both pixels.
+    /// The edge lies between a pixel and the one to its left, or the one above it. A block is rough if it contains at
+    /// least one of these two pixels.
     #[test]
     fn an_edge_is_in_the_blocks_on_both_its_sides() {
         let marking = Marking::new();
@@ -274,7 +274,8 @@ mod tests {
         }
     }
 
-    /// Differences count as displayed: there are none beyond white, and a gamma of 2 enlarges those near black.
+    /// Displayed values are compared: values beyond white do not differ, and a gamma of 2 enlarges differences near
+    /// black.
     #[test]
     fn a_block_is_rough_where_its_pixels_are_shown_more_than_some_steps_apart() {
         let marking = Marking::new();

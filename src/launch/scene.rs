@@ -59,8 +59,8 @@ pub(super) struct DeviceScene {
 }
 
 impl DeviceScene {
-    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the tree's rows contain
-    /// all of them.
+    /// Uploads the parts of `scene` that `strategy` reads. Triangles are left out if the strategy's kernels read them
+    /// only from the tree.
     pub fn upload(queue: &Queue, scene: &Scene, strategy: &Strategy) -> Result<Self, LaunchError> {
         let start = Instant::now();
         let mesh = &scene.mesh;

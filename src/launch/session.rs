@@ -14,9 +14,9 @@ use crate::scene::{Sampling, Scene};
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// A scene on an open device. For a strategy and sizes it checks that they are valid and fit into the memory
-/// of device and host, builds the tree and the program, uploads both, and returns a `Prepared`, which makes
-/// casters. Its strategies share the scene.
+/// A scene on an open device. For a strategy and sizes it checks that they are valid and fit into the memory of
+/// device and host, builds the tree and the program, uploads the scene and the tree, and returns a `Prepared`, which
+/// makes casters. Its strategies share the scene.
 pub struct Session {
     queue: Queue,
     scene: Arc<Scene>,
@@ -94,13 +94,13 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Without soft light,
-    /// or with a picture of the sky, none is cast at half resolution.
+    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. If the scene has
+    /// no soft light, or a picture of the sky, nothing is cast at half resolution.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let Scene { sky, lights, .. } = &*self.scene;
         let is_soft = sky.is_some() || lights.iter().any(|light| light.radius > 0.0);
-        // A picture of the sky has mirrored parts, which have no unoccluded counterpart.
+        // Surfaces with highlights mirror a picture of the sky, and this mirrored light has no unoccluded counterpart.
         let has_picture = sky.as_ref().is_some_and(|sky| sky.picture.is_some());
         let can = is_soft && !has_picture && sampling.most > 1;
         let half_light = if can { sampling.half_light } else { 0 };

@@ -95,7 +95,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-/// Adds the sky and the lights' radii, if they are sampled, for a picture with one sample.
+/// If the workload has soft light, adds the sky, the lights' radii, and the arguments of a picture with one sample.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,

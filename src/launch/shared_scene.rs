@@ -87,7 +87,7 @@ mod tests {
         let upload = |name| Kind::of(&preset(name).unwrap().strategy).layout;
         assert_eq!(upload("bvh"), upload("deferred"));
         assert_eq!(upload("tile"), upload("tile-group"));
-        // Tiles leave the triangles out.
+        // For tiles, the upload leaves the triangles out.
         assert_ne!(upload("tile"), upload("deferred"));
         assert_ne!(upload("split-vertices"), upload("deferred"));
     }

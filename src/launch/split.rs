@@ -11,7 +11,7 @@ use crate::strategy::{Strategy, Workload};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Number of parts of the trial frame whose costs are measured.
+/// Number of parts into which a trial frame is divided, to measure the cost of each.
 const PARTS: usize = 32;
 /// Pixel rows of the first trial frame; each later one has twice as many, until it takes long enough.
 const TRIAL_ROWS: u32 = 256;
@@ -156,7 +156,7 @@ impl Team<'_> {
         rows(&balance(&self.costs).0, height, &groups)
     }
 
-    /// Returns the time of the fastest device for the frame alone.
+    /// Returns the time that the fastest device alone takes for the frame.
     fn alone_ms(&self) -> f64 {
         self.costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min)
     }
@@ -239,7 +239,7 @@ impl Split<'_> {
             if team.ready.len() == 1 {
                 return Ok(trial);
             }
-            // One after another, since devices of one machine may share its cores.
+            // The devices cast one after another, since devices of one machine may share its cores.
             for (ready, cost) in team.ready.iter().zip(&mut team.costs) {
                 cost.whole_ms = ready.whole_ms(trial)?;
             }
@@ -309,8 +309,8 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Does the first cast, which may compile, for one device at a time. PoCL 3.1 miscounts the users of a kernel
-/// if two devices of one process compile it at once, and aborts when they release it.
+/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1 miscounts the users of a
+/// kernel if two devices of one process compile it at once, and aborts when they release it.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, only the order, so a panic of its holder is harmless.
@@ -318,7 +318,7 @@ fn cast_first(caster: &Caster) -> Result<()> {
     caster.cast().map(drop).map_err(failed)
 }
 
-/// Returns the fastest of a few casts; an earlier cast may compile.
+/// Returns the time of the fastest of a few casts; one more cast precedes them, in which the driver may compile.
 fn fastest_ms(caster: &Caster) -> Result<f64> {
     cast_first(caster)?;
     Ok(cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))

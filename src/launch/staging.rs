@@ -30,7 +30,7 @@ impl Staging {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
 
-    /// Returns whether a transfer of this many bytes is worth pinned memory.
+    /// Returns whether pinned memory pays off for a transfer of this many bytes.
     pub fn pays(&self, bytes: usize) -> bool {
         bytes > 2 * self.piece_bytes
     }
@@ -60,7 +60,7 @@ impl Staging {
                 let values = pieces.values(half, rows.len() * row);
                 fill(rows.clone(), values);
                 let mut event = Event::empty();
-                // SAFETY: the values stay in place until the event; this function or `with` waits for it.
+                // SAFETY: the values stay in place until the event has completed; this function or `with` waits for it.
                 unsafe {
                     enqueue_write_buffer(
                         commands,
@@ -95,7 +95,7 @@ impl Staging {
                 let (buffer, place) = enqueue(rows.clone())?;
                 let values: &mut [T] = pieces.values(number % 2, rows.len() * row);
                 let mut event = Event::empty();
-                // SAFETY: nobody reads the values before the event, and they stay in place until then.
+                // SAFETY: nobody reads the values before the event has completed, and they stay in place until then.
                 unsafe {
                     enqueue_read_buffer(
                         commands,

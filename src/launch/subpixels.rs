@@ -43,8 +43,9 @@ pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
     fits.then(|| tile.iter().map(|rays| side / rays).product())
 }
 
-/// Distributes a round's samples over frames that divide pixels at most as finely as `most_bits`. Most sub-pixels of a
-/// frame have a sample; the remaining samples are cast one by one.
+/// Distributes the samples of one round (the first samples of every pixel, or the others) over frames that divide
+/// pixels at most as finely as `most_bits`. Most sub-pixels of a frame have a sample; the remaining samples are cast
+/// one by one.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;
@@ -54,8 +55,8 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
     })
 }
 
-/// Sets which samples a frame casts, all of one round, and returns how finely it divides pixels. A single sample is at
-/// the centre of pixels, since the camera is shifted for it.
+/// Sets which samples a frame casts, all of one round, and returns how finely it divides pixels. A single sample is
+/// at the centre of its pixel; the camera is shifted instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let place = |axis: usize| {
@@ -78,7 +79,8 @@ pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
 }
 
-/// Returns the number in the frame of the sample that a lane casts. cl/tile_cpu/camera.cl has the same.
+/// Returns the number of the sample that a lane casts, counted within the frame. cl/tile_cpu/camera.cl has the same
+/// function.
 fn number_of_lane(bits: u32, lane: usize) -> usize {
     let last = (1 << bits) - 1;
     ((lane % SIDE) & last) | ((lane / SIDE) & last) << bits
@@ -97,7 +99,7 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Sides that are not multiples of a block's.
+    /// A width and a height that are not multiples of a block's side.
     const SIZE: [u32; 2] = [75, 61];
 
     #[test]

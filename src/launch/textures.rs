@@ -16,7 +16,7 @@ pub(super) struct DeviceTextures {
     pub words: Buffer<u32>,
     /// One row per triangle, in the mesh's order.
     pub rows: Buffer<f32>,
-    /// True if some of them make holes in triangles.
+    /// True if some textures make holes in triangles.
     cut_outs: bool,
 }
 
@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(words(&mesh.textures)[256..], [260, 2, 1, 0x8000_1201, 7, 8, 9]);
         let mut row = vec![f32::NAN; Mapped::floats(true)];
         write_row(&mut row, &mesh, 0);
-        // 4 x 2 units of length on 2 x 1 texels.
+        // The triangle covers 4 x 2 units of length, and 2 x 1 texels.
         assert_eq!(row[..6], [0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
         assert_eq!((row[6].to_bits(), row[7].to_bits()), (0, 1));
         assert_eq!(row[8..11], [0.0, 0.0, 2.0]);

@@ -1,6 +1,6 @@
 //! Measures core-to-core latency: how long a cache line takes from one processor to another. A virtual machine's
 //! processors are threads on its host, which may move them: two of them may share a core, or lie on distant ones.
-//! All kernels that share data between work-groups change speed with it.
+//! All kernels that share data between work-groups become faster or slower with this latency.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -13,7 +13,7 @@ const ROUND_TRIPS: u32 = 100;
 const PIECES: u32 = 5;
 /// After this time, the processors are taken to be busy with other programs.
 const PATIENCE: Duration = Duration::from_millis(5);
-/// Number of reads of the word between two reads of the clock.
+/// Number of reads of the shared word between two reads of the clock.
 const LOOKS: u32 = 64;
 
 /// The word that is passed on, alone on its cache lines (some processors fetch two at once).
@@ -46,7 +46,7 @@ pub fn core_to_core_ns() -> Option<f64> {
     })
 }
 
-/// Returns the time of half a round trip, as a mean.
+/// Returns the mean time of half a round trip.
 fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     let start = Instant::now();
     for _ in 0..ROUND_TRIPS {
@@ -58,7 +58,7 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
 }
 
 /// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange
-/// is over, or if nothing comes until `end`.
+/// is over, or if the other side does not give the turn back before `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {
@@ -95,7 +95,7 @@ mod tests {
     fn a_cache_line_takes_some_nanoseconds_and_this_thread_stays_where_it_was() {
         let processors = || sched_getaffinity(None).map(|own| own.count()).ok();
         let before = processors();
-        // Beside other work it may find no moment in which both processors are free.
+        // While other programs run, this function may find no moment in which both processors are free.
         if let Some(ns) = core_to_core_ns() {
             assert!(ns > 1.0 && ns < 1e6, "{ns} ns");
         }

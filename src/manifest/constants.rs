@@ -5,7 +5,8 @@ use crate::scene::Material;
 
 /// The triangle number of a ray that hits nothing.
 pub const NO_HIT: i32 = i32::MAX;
-/// Number of floats in a row: a triangle of a leaf, or the planes prepared for a triangle and an origin.
+/// Number of floats in a row. A row contains a triangle of a leaf, or the planes that are prepared for a triangle and a
+/// common origin of rays.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
 /// Number of working vectors of a ray, with three floats each: the paper's arrays.
 pub const WORKING_VECTORS: usize = 9;
@@ -13,19 +14,19 @@ pub const WORKING_VECTORS: usize = 9;
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
 /// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
-/// Number of floats of the sky, which precede the lights' radii: its radiance at zenith and horizon, the
-/// upward direction, its reach.
+/// Number of floats of the sky, which precede the lights' radii: its radiance at zenith and horizon, the upward
+/// direction, and its reach (surfaces farther away do not block it).
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// Side in pixels of the blocks whose pixels get equally many samples. Vectors of tiles are such blocks.
+/// Side in pixels of the blocks whose pixels get equally many samples. The vectors of a tile cover such blocks.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// The difference of neighbouring pixels as displayed, in 8-bit steps, from which they get more samples.
+/// Neighbouring pixels get more samples if they differ by more than this many 8-bit steps, as displayed.
 pub const ROUGH_STEPS: u32 = 30;
-/// Number of pixels of the half picture, across and down, after which the points of lights and the directions of the sky
-/// repeat. The filter covers as many.
+/// The points of lights and the directions of the sky repeat after this many pixels of the half picture, across and
+/// down. The filter covers the same number of pixels.
 pub const INTERLEAVED: u32 = 4;
-/// How fast a pixel counts less for that filter as its unoccluded light differs.
+/// How fast a pixel's weight in that filter falls as its unoccluded light differs from that of the filtered pixel.
 pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;

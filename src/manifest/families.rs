@@ -42,7 +42,7 @@ pub static BVH: Family = Family {
         rule(
             "intersector",
             FilesIn("cast/intersect/", Some(Planes)),
-            "tests few of the triangles, so it does not prepare all of them for an origin",
+            "tests few of the triangles, so it does not prepare all of them for the common origin of rays",
         ),
     ],
 };
@@ -289,7 +289,7 @@ const SHOW_SKY: Kernel = Kernel {
     parameters: &[SOFT, CAMERA, SIZE, IMAGE, SAMPLES, HITS_BEFORE],
 };
 
-/// The kernels for rays that are cast one by one or side by side.
+/// The kernels for rays that are cast one by one, or several at once in the lanes of a vector.
 const CAST_KERNELS: &[Kernel] = &[
     Kernel {
         name: "prepare_records",
@@ -349,7 +349,7 @@ const CAST_KERNELS: &[Kernel] = &[
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 
-/// The kernels that filter soft light cast at half resolution, and bring it to the whole picture.
+/// The kernels that filter soft light cast at half resolution, and apply it to the whole picture.
 const FILTER_KERNEL: Kernel = Kernel {
     name: "filter_half_light",
     role: FilterLight,

@@ -1,5 +1,5 @@
-//! Tests that every label stands for its own code, without a device: which hashes change with a file, and
-//! that two values never result in the same program.
+//! Tests, without a device, that every label stands for its own code: that a change to a file changes the hashes of
+//! the programs that include it, and no other hashes, and that two values never result in the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};
@@ -43,8 +43,8 @@ fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     assert!(changes > 10 * PRESETS.len(), "only {changes}");
 }
 
-/// Returns everything that a value can change without a scene: the preprocessed source, the options, and the
-/// launch.
+/// Returns everything that a value of an axis can change in a program without a scene: the preprocessed source, the
+/// options, and the kernels of a frame.
 fn decided(strategy: &Strategy) -> String {
     let spec = spec(strategy);
     let text =
@@ -84,7 +84,8 @@ fn values_of_another_name_are_another_program_or_another_tree() {
         for axis in AXES {
             let values = taken(&base, axis);
             let known = seen.entry((family, axis.name)).or_default();
-            // The base strategy that accepts the most values covers all of them.
+            // The base strategy that accepts the most values of an axis covers all of them, so one that accepts no
+            // more than an earlier one is skipped.
             if values.len() <= *known.max(&mut 1) {
                 continue;
             }

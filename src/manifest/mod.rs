@@ -44,7 +44,7 @@ pub enum Fact {
     Heap,
     /// The scene has textures: a property of the scene, not of the strategy.
     Textured,
-    /// The scene has sampled lights with a radius or a sky: a property of the scene, too.
+    /// The scene has a sky, or lights with a radius that are sampled: a property of the scene, too.
     Soft,
     /// Pixels get several samples: a property of the picture.
     Sampled,
@@ -83,7 +83,7 @@ pub enum Role {
     Mark,
     /// Filters the soft light of a half picture; runs after a picture's frames.
     FilterLight,
-    /// Brings that light to the whole picture.
+    /// Applies that light to the whole picture.
     ApplyLight,
 }
 
@@ -147,7 +147,7 @@ impl Values {
 pub struct Rule {
     /// The axis.
     pub axis: &'static str,
-    /// The supported values. An axis that the family ignores has one value, which means none.
+    /// The supported values. An axis that the family ignores has a single supported value, which stands for "none".
     pub takes: Values,
     /// The reason, to follow the family's label: "walks no tree".
     pub because: &'static str,

@@ -26,7 +26,7 @@ const FLOATS: &str = "const __global float *restrict";
 const QUADS: &str = "const __global float4 *restrict";
 const INTS: &str = "const __global int *restrict";
 
-/// Triangles in a layout.
+/// The triangles, in the strategy's layout.
 pub const GEOMETRY: &[Parameter] = &[
     p(Soup, SOURCE_FLOATS, "soup"),
     p(Indexed, SOURCE_FLOATS, "position_set"),
@@ -40,7 +40,7 @@ pub const GEOMETRY: &[Parameter] = &[
 /// The lights, and the distance from a surface at which shadow rays start.
 pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
-/// The planes prepared for the eye and each light.
+/// The planes of triangles that are prepared for the eye and for each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
 /// The records of triangles, prepared once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
@@ -56,7 +56,8 @@ pub const TEXTURES: &[Parameter] = &[
     p(Textured, "const __global uint *restrict", "texture_words"),
     p(Textured, "const float4", "cone"),
 ];
-/// The first two for kernels of tiles that cast rays through the holes of cut-outs.
+/// The texture coordinates and the textures once more, for kernels of tiles that cast rays through the holes of
+/// cut-outs.
 pub const MASKS: &[Parameter] =
     &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
@@ -71,8 +72,8 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// The same for tiles that groups share: `places` has x and y of each sample in its pixel. The frame casts only rough
-/// blocks of pixels, unless their number is 0.
+/// The same for tiles that groups share: `places` has x and y of each sample in its pixel. The frame casts only the
+/// rough blocks of pixels; it casts all blocks if the number of rough ones is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -82,8 +83,8 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
 ];
 /// How many of a pixel's earlier samples hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
-/// The image after the first samples, the display's exposure, and how many samples a block gets if nothing in
-/// it is rough, and if something is. Rough blocks are listed.
+/// The image after the first samples, the display's exposure, and the numbers of samples that a block gets if it is
+/// not rough and if it is. Rough blocks are listed.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),
@@ -96,12 +97,13 @@ pub const MARK_ROUGH: &[Parameter] = &[
 /// The unoccluded light of the half picture, and that picture's size.
 pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
-/// All light of the half picture.
+/// The light that arrives in the half picture, with shadows.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 /// Which part of the unoccluded light arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
-/// The planes prepared for the eye and a round's lights, and the triangle of each row.
+/// The planes of triangles that are prepared for the eye and for the lights of one round (lights are processed in
+/// rounds), and the triangle of each row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
 /// The camera; functions called by kernels have these parameters too.

@@ -1,4 +1,4 @@
-//! Computes how many frames a sample needs for the resolution of the device's timer.
+//! Computes how many frames a sample needs, given the resolution of the device's timer.
 
 /// Start and end are each rounded to the timer's resolution, so the error of a time of this many steps is at
 /// most a few per cent. A batch takes at least this many steps.
@@ -6,8 +6,9 @@ const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since event objects and queues have limits.
 const MOST: u32 = 256;
 
-/// Returns the number of frames per sample, for a frame whose shortest part takes `shortest_ms` and a timer
-/// with steps of `resolution_ns`. It is 1 if a single frame is long enough, or if the resolution is unknown.
+/// Returns the number of frames per sample. `shortest_ms` is the time of the shortest pass of a frame, and
+/// `resolution_ns` is one step of the timer. The number is 1 if a single frame is long enough, or if the resolution is
+/// unknown.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };
     let wanted_ms = STEPS * resolution_ns as f64 * 1e-6;

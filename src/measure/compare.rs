@@ -11,7 +11,7 @@ pub enum Verdict {
     Slower,
     /// Certainly different by less than the threshold.
     Same,
-    /// The interval includes both equal and different times.
+    /// The interval includes both ratios that count as equal and ratios that count as different.
     Unclear,
     /// There is no earlier result to compare with.
     CannotTell,

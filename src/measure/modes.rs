@@ -1,10 +1,10 @@
 //! Detects times that cluster around two values, as on a machine, or in a launch, that has two speeds.
 
-/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] less
-/// [`FEWER`] over the square root of n. For a uniform distribution, which is the worst case of a single mode,
-/// 99.9% of samples of 10 to 200 times stay below it (simulated; J. and P. Hartigan, *The Dip Test of
-/// Unimodality*, Annals of Statistics 13, 1985). So at most one point in a thousand is a false alarm; fewer
-/// in practice, since distributions of times have tails.
+/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`]
+/// / sqrt(n). For a uniform distribution, which is the worst case of a single mode, 99.9% of samples of 10 to 200
+/// times stay below this threshold (simulated; J. and P. Hartigan, *The Dip Test of Unimodality*, Annals of
+/// Statistics 13, 1985). So at most one point in a thousand is a false alarm; fewer in practice, since distributions
+/// of times have tails.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
 /// Samples with fewer times are not tested.

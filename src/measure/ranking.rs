@@ -1,4 +1,4 @@
-//! Ranks points; all views name winners by this one rule.
+//! Ranks points; everything that shows winners uses this one rule.
 
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 
 use super::MIN_SAMPLES;
 
-/// Number of last noise values that must agree.
+/// Number of latest noise values that must agree.
 const SETTLING: usize = 16;
 /// Largest relative variation of those values.
 const SETTLED: f64 = 0.05;
@@ -17,8 +17,8 @@ pub struct StoppingRule {
     pub max_samples: usize,
     /// Samples are precise if the standard deviation divided by the mean is below this.
     pub relative_sigma: f64,
-    /// Time per point, averaged over the group. At least [`MIN_SAMPLES`] rounds are measured even if they
-    /// take longer.
+    /// The limit of the time per point, as a mean over the group. At least [`MIN_SAMPLES`] rounds are measured even
+    /// if they take longer.
     pub time_limit_ms: f64,
 }
 
@@ -80,7 +80,7 @@ impl StoppingRule {
         (rounds >= self.max_samples).then_some(StopReason::MaxSamples)
     }
 
-    /// Returns the reason if more samples of any point would not improve the result.
+    /// Returns the reason to stop if more samples would not improve the result of any point.
     fn known(&self, points_ms: &[Vec<f64>]) -> Option<StopReason> {
         let noise: Vec<_> = points_ms.iter().map(|samples| running_noise(samples)).collect();
         let precise = |noise: &Vec<f64>| noise.last().is_some_and(|&last| last < self.relative_sigma);

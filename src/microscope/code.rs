@@ -11,10 +11,10 @@ pub struct Instruction {
     pub text: String,
     /// Its line in the source, by the compiler's line table.
     pub line: Option<u32>,
-    /// The part of the kernel to which it belongs: the label before it, empty before the first label, or its
-    /// function.
+    /// The part of the kernel to which it belongs. In PTX and SASS this is the label before it, or empty before the
+    /// first label; on a CPU it is its function.
     pub part: String,
-    /// What it does. Empty for fillers, and for instructions of a processor that is not known here.
+    /// What it does. Empty for instructions that do nothing, and for those of a processor that is not known here.
     pub kinds: Vec<Kind>,
 }
 
@@ -25,7 +25,7 @@ impl Instruction {
     }
 }
 
-/// Returns the first word of an instruction's text that is no predicate, such as `@%p1`.
+/// Returns the first word of an instruction's text that is not a predicate (such as `@%p1`).
 pub(super) fn opcode(text: &str) -> &str {
     text.split_whitespace().find(|word| !word.starts_with('@')).unwrap_or_default()
 }

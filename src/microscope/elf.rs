@@ -1,5 +1,5 @@
-//! Finds the compiled files within a program's binary. A driver for a CPU stores them whole: PoCL's binary is
-//! its folder of files, joined.
+//! Finds the compiled files within a program's binary. A driver for a CPU stores them whole: PoCL's binary consists
+//! of the files of a folder, one after another.
 
 /// The bytes with which an ELF file begins: a 64-bit one with little-endian numbers.
 const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];

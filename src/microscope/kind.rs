@@ -17,8 +17,8 @@ pub enum Memory {
     Private,
     /// The kernel's arguments.
     Argument,
-    /// Known only when it runs. On a CPU all of OpenCL's memories are the same, and this is every access that
-    /// is neither to the stack nor to a constant of the program.
+    /// A memory that is known only when the instruction runs. On a CPU all of OpenCL's memories are the same, and
+    /// this stands for every access that is neither to the stack nor to a constant of the program.
     Generic,
 }
 

@@ -1,9 +1,10 @@
 //! The microscope: what a compiler made of each line of a kernel.
 //!
 //! The program is compiled once more, from the text that `raycl kernel` prints, with a line table. Each line of that
-//! text is unique: conditions are decided, macros expanded, and a file that is included twice is there twice. The
-//! instructions are then read from the binary: PTX text, or the machine code of a CPU by `objdump`, and for PTX also
-//! the SASS of an installed `ptxas`. Instructions without a line table are counted by parts of the kernel.
+//! text stands for one place in the program: conditions are decided, macros expanded, and a file that is included
+//! twice is there twice. The instructions are then read from the binary: PTX text, or the machine code of a CPU by
+//! `objdump`, and for PTX also the SASS of an installed `ptxas`. Instructions without a line table are counted by
+//! parts of the kernel.
 
 mod code;
 mod elf;
@@ -27,8 +28,8 @@ use serde::Serialize;
 /// The name of the source in line tables.
 const FILE: &str = "kernel.cl";
 
-/// Makes compilers add a line table: the first makes NVIDIA's do so, which with `-g` would also compile without
-/// optimisation; the second makes all others do so.
+/// Options that make compilers add a line table. The first is for NVIDIA's compiler, which with `-g` would also
+/// compile without optimisation; the second is for all others.
 const LINE_TABLE: [&str; 2] = ["-nv-line-info", "-g"];
 
 /// The instructions of a program's kernels, by source line.
@@ -39,7 +40,7 @@ pub struct Microscope {
     pub source: String,
     /// What a reader must know, for example that a disassembler is missing.
     pub notes: Vec<String>,
-    /// The kernels, each as every assembler wrote it.
+    /// The listings: one for each kernel and each assembler that wrote it.
     pub listings: Vec<Listing>,
 }
 
@@ -50,7 +51,8 @@ pub struct Listing {
     pub kernel: String,
     /// The kind of its instructions, and the compiler that made them.
     pub made_by: &'static str,
-    /// Whether the driver made them, so that spills and occupancy are theirs too.
+    /// Whether the driver made these instructions. If it did, the spills and the occupancy of its kernel are those of
+    /// this listing.
     #[serde(skip)]
     pub is_drivers: bool,
     /// The meaning of a row of `rows`.
@@ -96,7 +98,7 @@ impl Microscope {
         let names: Vec<&str> = kernels.iter().map(|kernel| kernel.name.as_str()).collect();
         let text = match prepared.preprocessed() {
             Ok(text) => read(&text.lines, Some(&names)).text,
-            // Own kernels may use what only the driver's compiler understands.
+            // A user's own kernels may use what only the driver's compiler understands.
             Err(error) => {
                 return Self {
                     notes: vec![format!("There are no instructions: {error}")],
@@ -125,11 +127,11 @@ impl Microscope {
     /// Returns the binary of the same program with a line table; `None`, and a note, if it cannot be compiled.
     fn with_lines(&mut self, prepared: &Prepared, is_ptx: bool) -> Option<Vec<u8>> {
         let option = LINE_TABLE[usize::from(!is_ptx)];
-        // All defines are expanded in the text.
+        // All defines are already expanded in the text, so their options are left out.
         let options = prepared.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
         let options: Vec<&str> = options.chain([option]).collect();
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
-        // PoCL's cache takes texts that differ only in comments and line numbers for the same program.
+        // PoCL's cache treats texts that differ only in comments and line numbers as the same program.
         let hash = &blake3::hash(source.as_bytes()).to_hex()[..8];
         let options = format!("{} -D LINES_OF=0x{hash}", options.join(" "));
         let spec = ProgramSpec { source, options, files: Vec::new() };

@@ -20,7 +20,7 @@ pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, Stri
 /// The functions of an ELF file, and its line table.
 struct Listing<'a> {
     is_x86: bool,
-    /// The line from each address on; `None` where there is none.
+    /// The source line of the instructions from each address on; `None` if they have no line.
     lines: BTreeMap<u64, Option<u32>>,
     /// Names and bodies.
     functions: Vec<(&'a str, &'a str)>,
@@ -38,7 +38,7 @@ impl<'a> Listing<'a> {
     /// Returns each kernel: its own function, then those that it calls.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function of a kernel casts a whole work-group. Two more of its functions contain a copy of it,
+            // PoCL's function for a kernel runs a whole work-group. Two more of its functions contain a copy of it,
             // after the code that reads the arguments; copies have no lines and are left out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let mut reached = vec![names.iter().find_map(|name| self.function(name))?];

@@ -46,7 +46,7 @@ struct Reader {
     file: Option<u32>,
     line: Option<u32>,
     part: String,
-    /// The statement that has begun.
+    /// The text so far of the statement that is being read.
     statement: String,
     instructions: Vec<Instruction>,
 }

@@ -148,6 +148,10 @@ mod tests {
         ] {
             assert_eq!(kinds(text, &["%rbp"]), expected, "{text}");
         }
-        assert_eq!(kinds("mov    -0x8(%rbp),%eax", &[]), [Load(Generic)], "%rbp is like any register there");
+        assert_eq!(
+            kinds("mov    -0x8(%rbp),%eax", &[]),
+            [Load(Generic)],
+            "if no frame register is given, %rbp is like any other register"
+        );
     }
 }

@@ -77,7 +77,7 @@ impl OutFolder {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
         // The list is written before the files, so that it includes them even if the command is killed.
-        // Afterwards it is written again without the replaced ones.
+        // Afterwards it is written again without the entries of the replaced files.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;

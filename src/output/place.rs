@@ -24,7 +24,7 @@ impl Choice {
     }
 }
 
-/// True if a file name is in use.
+/// Whether a file name is free, or in use by a file that may be replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Name {
     Free,

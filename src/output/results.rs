@@ -5,17 +5,17 @@ use crate::error::{Error, Result};
 use crate::record::TEMPORARY_PREFIX;
 use std::path::Path;
 
-/// The files that an interrupted run may leave: a folder of results without records.
+/// The files that a run may leave if it is interrupted before its first record.
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
 /// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
 /// with them, and replace some. `known` is true if raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // If records.jsonl is not a file, opening it returns the error.
+    // If records.jsonl is not a file, the error is returned when it is opened.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
-    // If the folder cannot be listed, it does not exist, or opening it returns the error.
+    // If the folder cannot be listed, either it does not exist, or the error is returned when it is opened.
     let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };
@@ -28,8 +28,8 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     Err(Error::input(message).with_help(help))
 }
 
-/// Returns whether an entry is one of the files that a run writes before its first record. A folder that also
-/// contains pictures is not raycl's.
+/// Returns whether an entry is one of the files that a run writes before its first record. A folder `images` with
+/// pictures in it counts only if there is a `.lock` beside it.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());
@@ -52,7 +52,7 @@ mod tests {
         let refused = |known| refuse_other_folders(&out, KEEP, known).is_err();
         assert!(!refused(false), "it is not there");
         std::fs::create_dir_all(out.join("images")).unwrap();
-        assert!(!refused(false), "a run was ended at once");
+        assert!(!refused(false), "a run that ended at once left an empty folder `images`");
         std::fs::write(out.join("images/holiday.png"), "").unwrap();
         assert!(refused(false), "pictures of somebody's");
         std::fs::write(out.join(".lock"), "1").unwrap();

@@ -46,7 +46,7 @@ impl Target {
         &self.path
     }
 
-    /// Returns whether both are the same file of an existing folder, even if written differently.
+    /// Returns whether both paths lead to the same file of an existing folder, even if they are written differently.
     pub fn is_same_file(&self, other: &Self) -> bool {
         in_canonical_folder(&self.path).is_some_and(|path| in_canonical_folder(&other.path) == Some(path))
     }
@@ -89,7 +89,7 @@ impl Target {
     }
 }
 
-/// Writes to standard output. The file is written to a temporary file first, since the mark is completed at
+/// Writes to standard output. The output is written to a temporary file first, since the mark is completed at
 /// the end and a pipe cannot seek.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
     let written = || -> IoResult<()> {

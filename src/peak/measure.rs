@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
 use std::time::Instant;
 
-/// CHAINS in cl/peak/fma.cl, and STEPS there.
+/// The values of CHAINS and STEPS in cl/peak/fma.cl.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
 /// STEPS in cl/peak/latency.cl.
@@ -25,7 +25,7 @@ const LINE_BYTES: usize = 128;
 /// Number of entries of the pointer chases in private and `__local` memory; a prime, so that the end of a
 /// chase shows that it ran.
 const ENTRIES: u64 = 61;
-/// Number of launches in a batch.
+/// Number of kernel launches in a batch.
 const BATCH: u32 = 500;
 
 /// Measures all peak rates of a device, in about a second on a GPU.
@@ -86,7 +86,7 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     Ok(rates((items as u64 * chains * FMA_STEPS) as f64, &seconds))
 }
 
-/// Returns the size of a large buffer that fits easily, in whole cache lines.
+/// Returns the size of a large buffer, a multiple of a cache line, that fits easily into the device's memory.
 fn large_bytes(rig: &Rig<'_>) -> usize {
     let limits = &rig.device.info.limits;
     let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
@@ -100,7 +100,7 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let floats = large_bytes(rig) / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
-    // A mebibyte is a multiple of any group's vectors.
+    // The buffer has whole mebibytes, so its vectors fill whole work-groups.
     let mut kernel = rig.kernel(&program, "copy", floats / width as usize, group);
     kernel.arg(&from).arg(&to);
     let kernel = kernel.build().map_err(failed)?;
@@ -136,7 +136,8 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     Ok(rates((items as u64 * SLOTS * width * 4) as f64, &seconds))
 }
 
-/// Measures a launch on the device's clock and on the host's, then one of many; in microseconds.
+/// Measures the time of a single kernel launch on the device's clock and on the host's, and then the time per launch
+/// of many; in microseconds.
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;

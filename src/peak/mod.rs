@@ -19,7 +19,7 @@ use std::path::Path;
 
 /// The file with the peak rates of a result folder's devices.
 pub const FILE: &str = "peak.json";
-/// The remedy for a file that is not one.
+/// The remedy for a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
 /// The name of that file in older folders.
 const OLD_FILE: &str = "limits.json";

@@ -119,8 +119,8 @@ impl<'a> Rig<'a> {
         Ok((ns as f64 * 1e-6, host_ms))
     }
 
-    /// Returns the seconds per loop, one value per repeat, of a kernel whose argument 0 is the number of
-    /// loops; and the number of loops. `before` is called with the number before each launch.
+    /// Returns the seconds per loop of a kernel, one value per repeat, and the number of loops. The kernel's argument
+    /// 0 is the number of loops. `before` is called with this number before each launch.
     pub fn per_loop(
         &self,
         kernel: &Kernel,

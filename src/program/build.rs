@@ -36,7 +36,7 @@ pub struct BuiltProgram {
     pub from_cache: bool,
     device: Device,
     verbose: bool,
-    /// The messages from when the stored program was compiled.
+    /// The compiler's messages, which were stored with the program.
     kept_log: Option<String>,
     kept: Kept,
     key: String,
@@ -96,7 +96,7 @@ impl BuiltProgram {
     }
 
     /// Loads the stored program once, so that the driver's cache has its machine code for the next process. A driver
-    /// that returns PTX compiles that again when it is loaded, apart from the source's compilation.
+    /// that returns PTX compiles the PTX again when it is loaded, in addition to the compilation of the source.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -147,7 +147,8 @@ fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -
     Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
-/// Is [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) for a device's handle.
+/// Returns the same as [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), for a device's
+/// handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions

@@ -5,8 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of these cache entries.
 const KIND: &str = "program";
-/// The kind of entries that lead from a name, which is known before a program's tree is built, to the
-/// program's key.
+/// The kind of entries that lead from a program's name to its key; the name is known before the tree that the program
+/// uses is built.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.
@@ -37,7 +37,7 @@ impl Kept {
         format!("{}\n{options}\n{}", self.compiler, blake3::hash(source.as_bytes()).to_hex())
     }
 
-    /// Returns whether anything is stored.
+    /// Returns whether the cache stores anything.
     pub fn keeps(&self) -> bool {
         self.cache.keeps()
     }
@@ -52,7 +52,7 @@ impl Kept {
         KeptProgram::from_bytes(&self.cache.get(KIND, key)?)
     }
 
-    /// Stores a name for the program under a key.
+    /// Stores a name for the program that is stored under `key`.
     pub fn name(&self, name: &str, key: &str) {
         self.cache.put(NAME_KIND, &self.name_key(name), key.as_bytes());
     }

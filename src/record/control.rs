@@ -1,5 +1,5 @@
-//! Compares points of one group that were measured in different blocks, possibly on different machines. All
-//! blocks of a group measure the same control point, and points are compared through it.
+//! Compares points of one group that was cut into several blocks, which may have been measured on different machines.
+//! All blocks of a group measure the same control point, and points are compared through it.
 
 use super::place::Place;
 use super::types::Record;
@@ -33,7 +33,7 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl Place {
-    /// Returns the level by which a record is ranked. If blocks share a control point, it is scaled as if all
+    /// Returns the level by which a record is ranked. If blocks share a control point, the level is scaled as if all
     /// blocks had measured the control point's mean time.
     pub(super) fn level(&self) -> f64 {
         let shift =

@@ -10,7 +10,7 @@ use super::whole::write_whole;
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// Everything besides a record that may affect a result.
+/// Everything that may affect a result and is not in a record.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// raycl's version.
@@ -105,7 +105,7 @@ pub struct DeviceEnvironment {
     /// Number of compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
-    /// Number of threads that it casts with, if known, which it is for PoCL.
+    /// Number of threads that it casts with, if known (PoCL reports it).
     #[serde(default)]
     pub threads: Option<u32>,
     /// Compute capability, if the driver reports it.
@@ -157,7 +157,7 @@ impl DeviceEnvironment {
 }
 
 /// Returns whether `shown` is the name of this device in records: the name itself or, in a run merged from machines
-/// with devices of the same name, the name with a distinction in brackets.
+/// with devices of the same name, the name with an addition in brackets that distinguishes them.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     shown
         .strip_prefix(name)

@@ -1,5 +1,5 @@
-//! Reads folders of results. All views read results through [`Folder`], which shows only records of the
-//! folder's current plan.
+//! Reads folders of results. Everything that shows results reads them through [`Folder`], which shows only records of
+//! the folder's current plan.
 
 use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;

@@ -26,8 +26,8 @@ fn git_of(folder: &Path, arguments: &[&str], path: &OsStr) -> Option<String> {
     answer(Command::new("git").arg("-C").arg(folder).args(arguments).arg("--").arg(path))
 }
 
-/// Returns the output of a command, if it exists and succeeds. It only reads, and takes no lock in the
-/// repository.
+/// Returns the output of a command, if it exists and succeeds. The command only reads the repository, and takes no
+/// lock in it.
 fn answer(command: &mut Command) -> Option<String> {
     let command = command.env("GIT_OPTIONAL_LOCKS", "0").stdin(Stdio::null());
     let output = command.output().ok().filter(|output| output.status.success())?;

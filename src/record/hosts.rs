@@ -1,4 +1,4 @@
-//! Compares the machines of an experiment by control points, which blocks on all of them measured.
+//! Compares the machines of an experiment by control points, which were measured in blocks on all of them.
 
 use super::numbers::{by, duration, significant};
 use super::together::{interval, median, ratio_apart};
@@ -40,7 +40,7 @@ impl AtHost {
 }
 
 /// Returns the control points that several blocks measured; `borrowed` are those from `controls.jsonl`.
-/// Devices of one kind have equal keys.
+/// The same point has equal keys on devices of one kind.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control =
         |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
@@ -56,7 +56,7 @@ pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
 fn control(records: &[&Record]) -> Control {
     let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records {
-        // With `--spread`, the devices of one machine are distinguished in the same way.
+        // With `--spread`, the devices of one machine are distinguished like machines.
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }
@@ -99,7 +99,7 @@ pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<
             let Some([middle, low, high]) = host.slower else { continue };
             let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
             let text = format!(
-                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long ({low} to {high}); points of different blocks are therefore compared by their ratios to this point.",
+                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long ({low} to {high}); points that were not measured in the same rounds are therefore compared by their ratios to this point.",
                 control.point,
                 duration(fastest.median_ms),
                 fastest.host,
@@ -153,7 +153,7 @@ mod tests {
             let [control] = &controls(&judged(records), &[])[..] else { panic!("one point") };
             control.hosts.iter().map(|at| at.host.clone()).collect()
         };
-        // Two machines may each call their device the first.
+        // Each of two machines may have a device that it calls `gpu 1`.
         let both = [with(Some("n1"), Some("gpu 1"), 0), with(Some("n2"), Some("gpu 1"), 1)];
         assert_eq!(hosts(&both), ["n1", "n2"]);
         assert_eq!(hosts(&[with(None, Some("gpu 1"), 0), with(None, Some("gpu 2"), 1)]), ["gpu 1", "gpu 2"]);

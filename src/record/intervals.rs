@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Copies to the records of a journal the intervals of `records`, which were read from it. A record is stored
+/// Copies the intervals of `records` to the records of the journal from which they were read. A record is stored
 /// when its group ends. Later groups also show how much launches differ, so the final interval is only known
 /// when the whole run has ended.
 ///
@@ -54,7 +54,7 @@ mod tests {
     use super::super::{Lines, read_lines};
     use super::*;
 
-    /// Returns a record of three launches that lie apart by `apart`.
+    /// Returns a record of three launches, each slower than the one before by the fraction `apart` of the first.
     fn launches(key: &str, first: u32, apart: f64) -> Record {
         let sample = |place: u32| (first + place / 10, 10.0 * (1.0 + apart * f64::from(place / 10)));
         Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }

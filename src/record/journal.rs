@@ -1,4 +1,4 @@
-//! Journals in JSON lines. Each line is appended and on the disk before the next one. If a crash interrupts a
+//! Journals in JSON lines. Each line is on the disk before the next one is appended. If a crash interrupts a
 //! write, only that line is lost.
 
 use std::fs::{File, OpenOptions};
@@ -108,7 +108,7 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     match (&read.lines[..], &read.damaged[..]) {
         ([], [.., last]) => {
             let message = format!(
-                "{}:{last}: this line is not a record, and no other line is: {reason}",
+                "{}:{last}: this line is not a record, nor is any other line of the file: {reason}",
                 path.display()
             );
             Err(Error::input(message)

@@ -31,7 +31,7 @@ const LEFT: [usize; 2] = [0, 10];
 /// Columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
-/// Returns the summary as Markdown. It is made only from the records and from the reader's notes.
+/// Returns the summary as Markdown. It is made only from the records and from the notes on reading them.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
@@ -86,7 +86,7 @@ fn told_apart(group: &Group<'_>) -> String {
     })
 }
 
-/// Returns how many times as fast the best point is as the host's baselines and as the best naive point.
+/// Returns the speed-up of the best point over each of the host's baselines and over the best naive point.
 fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     let host = groups.iter().find(|other| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
@@ -165,7 +165,7 @@ fn outcome(record: &Record) -> String {
     format!("{}{modes}", record.outcome.name())
 }
 
-/// Formats as "10", or "15 in 3" launches.
+/// Formats as "10", or as "15 in 3" (15 samples in 3 launches).
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),

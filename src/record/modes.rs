@@ -59,7 +59,8 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// If the slowest of the fast samples counted as slow, it would be more than an outlier in a launch of seven.
+    /// If the slowest fast sample counted as slow, it would be more than a tenth of a launch of seven samples, and
+    /// that launch would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

@@ -21,7 +21,7 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// Joins the parameters' values to a key, in their order.
+/// Joins the parameters' values into one key, in the order of `names`.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

@@ -28,7 +28,7 @@ pub struct PlannedPoint {
     pub scene: String,
     /// The scene's file.
     pub scene_file: Option<String>,
-    /// The values changed in it.
+    /// The values changed in the scene.
     #[serde(default)]
     pub scene_values: Vec<String>,
     /// The device's name.
@@ -55,7 +55,7 @@ impl PlannedPoint {
 }
 
 impl CurrentPlan {
-    /// Makes the plan whose points have these drafts.
+    /// Makes the plan from the drafts of its points: their records before they are measured.
     pub fn of<'a>(drafts: impl IntoIterator<Item = &'a Record>) -> Self {
         let mut seen = HashSet::new();
         let drafts = drafts.into_iter().filter(|record| seen.insert(record.key.clone()));
@@ -85,8 +85,8 @@ impl CurrentPlan {
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
-    /// Picks the plan's records, in its order and with its names, from records by key. Also returns the
-    /// number of points without a record.
+    /// Picks the plan's records from a map of records by key; returns them in the plan's order and with its names.
+    /// Also returns the number of points without a record.
     pub fn pick(&self, mut records: HashMap<String, Record>) -> (Vec<Record>, usize) {
         let named = |point: &PlannedPoint| {
             let mut record = records.remove(&point.key)?;

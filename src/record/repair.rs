@@ -58,7 +58,7 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     Ok(Some(Repaired { file: path.to_owned(), copy, damaged: damaged.len(), kept: kept.len() }))
 }
 
-/// Writes a copy of a file under an unused name in the same folder, to the disk.
+/// Writes a copy of a file to the disk, in the same folder and under an unused name.
 fn keep_copy(path: &Path, bytes: &[u8]) -> std::io::Result<PathBuf> {
     let named = |number: usize| path.with_extension(format!("jsonl.damaged-{number}"));
     let mut number = 1;

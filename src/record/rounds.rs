@@ -28,7 +28,7 @@ pub struct RoundLoad {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// Fewer readings of the core-to-core latency have no percentiles.
+/// With fewer readings of the core-to-core latency, no percentiles are computed.
 const LEAST_READINGS: usize = 10;
 /// If the core-to-core latency differs by more than this factor between rounds, processors were moved.
 const MOVED: f64 = 1.5;

@@ -1,4 +1,5 @@
-//! Distinguishes scenes by content. Scenes with the same name get the shortest path that differs.
+//! Distinguishes scenes by content. Different scenes with the same name are named by the ends of their paths, as
+//! short as possible.
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};
@@ -6,7 +7,7 @@ use std::path::Path;
 
 /// The possible names of a scene.
 struct Names {
-    /// From its path: the file's name, then the name after one folder, after two, and so on.
+    /// From its path: the file's name alone, then with one folder in front of it, with two, and so on.
     paths: Vec<String>,
     /// If no path is unique: with the file's extension, with the values changed in the scene, with its hash.
     others: [String; 3],
@@ -68,7 +69,8 @@ impl Names {
         }
     }
 
-    /// Returns the name of a kind; for paths, with `depth` parts. A path with fewer parts is used completely.
+    /// Returns the name of the kind with this number: the first `depth` kinds are ends of the path, and the others
+    /// follow. A path with fewer parts is used completely.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),

@@ -1,4 +1,4 @@
-//! `summary.csv`: one row per record, with lists in several columns.
+//! `summary.csv`: one row per record; each element of a list has a column of its own.
 
 use serde::Serialize;
 

@@ -142,7 +142,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several marked points tie: the samples do not show that any of them takes more than 1% longer\n");
+        text.push_str("* fastest; several marked points tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");

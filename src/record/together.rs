@@ -1,5 +1,5 @@
-//! Compares records that were measured together. All views decide by this rule whether two times differ;
-//! docs/methodology.md explains it.
+//! Compares records that were measured together. All views use the rule in this file to decide whether two times
+//! differ; docs/methodology.md explains the rule.
 
 use super::anchors::AnchorSample;
 use super::control::find_controls;
@@ -139,8 +139,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
     record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
 }
 
-/// Returns the ratio of two records' times, by samples close in time if they were measured together. `None`
-/// if one has too few samples.
+/// Returns the ratio of two records' times. If the records were measured together, samples that were taken close in
+/// time are compared. `None` if one has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
     if slow.together == fast.together {
@@ -167,7 +167,7 @@ pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     Some((name, place.standing.ratio(anchor)))
 }
 
-/// Returns the ratio to the anchor's time for the mean of records that were measured together.
+/// Returns the ratio of the mean time of some records to the anchor's time; the records were measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
     let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.ratio(anchor))
@@ -195,7 +195,7 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks the measured records among some by their times. The winners are the fastest, and every other that
+/// Ranks those of some records that were measured, by their times. The winners are the fastest, and every other that
 /// ties with it: the samples do not show that it takes more than 1% longer. A record with too few samples has
 /// no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
@@ -207,8 +207,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns the smallest difference that can be shown between two of these records of typical spread, as a
-/// fraction: its smallest and its largest value among groups that were measured together.
+/// Returns the smallest difference, as a fraction, that can be shown between two of these records if their spread is
+/// typical. It differs between groups that were measured together; the result is its least and its greatest value.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
@@ -219,7 +219,7 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
 }
 
 /// Returns the smallest difference between two of these records that a single launch can show, as a fraction:
-/// the median over launches. All of them must have been measured together.
+/// the median over launches. All of these records must have been measured together.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();

@@ -24,7 +24,8 @@ pub enum Outcome {
     BuildFailed,
     /// The device refused or failed to run the kernel.
     LaunchFailed,
-    /// The image differs from the reference on certain pixels; such points are never timed.
+    /// The image differs from the reference on pixels that are certain (that do not depend on rounding); such points
+    /// are never timed.
     WrongImage,
     /// One step took longer than the limit.
     TimedOut,
@@ -48,8 +49,8 @@ impl Outcome {
         }
     }
 
-    /// Returns whether a run with this outcome succeeded: the point was measured, or it was known beforehand
-    /// that it cannot or need not be.
+    /// Returns whether a run with this outcome succeeded: the point was measured, or it was known beforehand that it
+    /// cannot be measured, or need not be.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
@@ -70,7 +71,7 @@ pub struct Record {
     /// The scene's file, as named in the config.
     #[serde(default)]
     pub scene_file: Option<String>,
-    /// The values changed in it, each as a line of TOML.
+    /// The values changed in the scene, each as a line of TOML.
     #[serde(default)]
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
@@ -154,8 +155,9 @@ pub struct Record {
     pub shade_ms: Option<f64>,
     /// The median time of the same frames on the host's clock.
     pub host_median_ms: Option<f64>,
-    /// Time for building the program. If it was built ahead, this includes the driver's compilation at the
-    /// first launch. If an earlier point had the same program, this is the time for taking it from the cache.
+    /// Time for building the program. If it was built ahead of its point, this includes the driver's compilation at
+    /// the first launch of a kernel. If an earlier point had the same program, this is the time for taking it from
+    /// the cache.
     pub build_ms: Option<f64>,
     /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
@@ -167,8 +169,8 @@ pub struct Record {
     /// and is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since these
-    /// are different quantities, no view shows it. See [`Self::primary_rays_per_s`] and
+    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since these are
+    /// different quantities, no view shows this field. See [`Self::primary_rays_per_s`] and
     /// [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every pixel that hits something.
@@ -177,7 +179,7 @@ pub struct Record {
     pub shadow_rays_per_s: Option<f64>,
     /// Primary ray-triangle tests per second; shadow tests are not counted.
     pub tests_per_s: Option<f64>,
-    /// The largest relative difference from the reference on certain pixels.
+    /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
     /// The pixel with that difference: column, row.
     pub worst_pixel: Option<[u32; 2]>,
@@ -197,7 +199,7 @@ pub struct Record {
     pub private_bytes: Option<u64>,
     /// The picture's path, relative to the folder of results.
     pub image: Option<String>,
-    /// The hash of the picture's values; later launches must cast the same.
+    /// The hash of the picture's values; later launches must cast the same picture.
     #[serde(default)]
     pub image_hash: Option<String>,
     /// The picture of the differences from the reference.
@@ -303,8 +305,8 @@ fn positive(ms: Option<f64>) -> Option<f64> {
 /// The values of axes that did not exist when a strategy's text was written.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// Returns the axes in a strategy's text and their values, then those that did not exist then; none for a
-/// baseline.
+/// Returns the axes in a strategy's text and their values, and then the axes that did not exist when the text was
+/// written; none for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_untold = move |(axis, _): &(&str, &str)| {

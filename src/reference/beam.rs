@@ -38,8 +38,8 @@ impl Beam {
         Self { origin, direction, angle: angle.max(NARROWEST) }
     }
 
-    /// Tests on which side of the planes through the origin and the triangle's edges the beam's rays lie. The
-    /// distance of a direction from such a plane changes by at most the angle.
+    /// Tests on which side of the planes through the origin and the triangle's edges the beam's rays lie. Within the
+    /// beam, the distance of a unit direction from such a plane changes by at most the beam's angle.
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
@@ -53,7 +53,7 @@ impl Beam {
         let (height, slope) = (normal.dot(a), normal.dot(self.direction));
         let slack = self.angle * normal.length();
         match self.side(normal) {
-            // Seen edge-on, or so small that nothing is certain.
+            // The triangle is seen edge-on, or is so small that nothing is certain.
             Side::Between => BeamHit::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
             Side::Above if culling == Culling::Back => BeamHit::None, // seen from behind
             face => {
@@ -90,8 +90,8 @@ impl Beam {
         }
     }
 
-    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. No other
-    /// triangle may lie behind it by less than the fraction `rival` of its distance. `None` if the result is
+    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. Every other
+    /// triangle must lie farther behind it than the fraction `rival` of its distance. `None` if the result is
     /// uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.angle * tree.reach(self.origin);
@@ -121,8 +121,8 @@ impl Beam {
     }
 
     /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. They are
-    /// stopped if all of them hit a triangle within `sure`, and not stopped if none can hit one within `may`.
-    /// Otherwise the result is uncertain.
+    /// stopped if all of them hit a triangle at a distance in the range `sure`, and not stopped if none can hit one
+    /// at a distance in the range `may`. Otherwise the result is uncertain.
     pub fn is_stopped_on_the_way_here(
         &self,
         tree: &Tree,
@@ -190,7 +190,7 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // Aims at the triangle, often at its edge; from far away, and from within its plane.
+            // The beam aims at the triangle, often at its edge. It starts far away or in the triangle's plane.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
@@ -250,7 +250,11 @@ mod tests {
         assert_eq!(first(&[1.0], 1.0), None, "it lies in the near plane");
         assert_eq!(first(&[1.0, 1.1], 0.5), Some(Some(0)));
         assert_eq!(first(&[1.1, 1.0], 0.5), Some(Some(2)));
-        assert_eq!(first(&[1.0, 1.000_000_5], 0.5), None, "half of what makes a rival behind it");
+        assert_eq!(
+            first(&[1.0, 1.000_000_5], 0.5),
+            None,
+            "the second square is a rival: it lies only half of `rival` behind the first"
+        );
     }
 
     #[test]
@@ -263,6 +267,6 @@ mod tests {
         assert_eq!(stopped(2, 1.9), Some(true));
         assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
         assert_eq!(stopped(0, 0.5), Some(false));
-        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first square ends where it may or may not count");
+        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first square lies in `may` but not in `sure`");
     }
 }

@@ -12,7 +12,7 @@ use crate::scene::{Sample, Scene, Sky};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
-/// A triangle with lights that graze it.
+/// A triangle that light grazes.
 #[derive(Clone, Copy, Debug)]
 pub struct Grazing<R: Real> {
     normal: R::Vector,
@@ -21,7 +21,7 @@ pub struct Grazing<R: Real> {
 }
 
 impl<R: Real> Grazing<R> {
-    /// Returns whether a shadow ray in this direction rises no higher above the triangle than rounding
+    /// Returns whether a shadow ray in this direction starts no farther from the triangle's plane than rounding
     /// errors.
     fn is_of(&self, w_i: R::Vector) -> bool {
         self.is_less(self.bias * w_i.dot(self.normal))
@@ -142,8 +142,8 @@ impl<'a, R: Real> Caster<'a, R> {
         (b - a).cross(c - a).normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part)
     }
 
-    /// Returns the hit's triangle if lights are so low above it that rounding, which moves the hit off the triangle's
-    /// plane ([`Self::off_plane`]), decides what their shadow rays hit first.
+    /// Returns the hit's triangle if lights are very low above it. Rounding then decides what their shadow rays hit
+    /// first, since it moves the hit off the triangle's plane ([`Self::off_plane`]).
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -158,16 +158,16 @@ impl<'a, R: Real> Caster<'a, R> {
         sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
     }
 
-    /// Returns the possible values of the radiance at a hit that light grazes: with the hit in its plane,
-    /// above and below it; with shadow rays that start on the wrong side of the triangle; and, if a light
-    /// lies in the plane, so that its rays run along the surface, with and without that light.
+    /// Returns the possible values of the radiance at a hit that light grazes. They are computed with the hit in its
+    /// plane, above it and below it, and with shadow rays that start on the wrong side of the triangle. If a light
+    /// lies in the plane, so that its rays run along the surface, they are also computed with and without that light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
         let wrong_side = |sight: &Sight<R>| {
             self.reaches(sight, if grazing.is_of(sight.w_i) { R::ZERO - bias } else { bias })
         };
-        // This test also allows for a hit that rounding has moved.
+        // The factor 0.5 also allows for a hit that rounding has moved.
         let in_plane =
             |sight: &Sight<R>| grazing.is_less(R::from(0.5) * sight.w_i.dot(normal) * sight.distance);
         let with = |sight: &Sight<R>| in_plane(sight) || usual(sight);
@@ -246,7 +246,7 @@ mod tests {
         for (behind, count) in [(0.0, 1), (5e-7, 1), (1e-5, 0)] {
             let mut scene = fixtures::single_triangle();
             let mut other = (*fixtures::single_triangle().mesh).clone();
-            // Straight down the camera's axis, so that a ray's length and a depth grow alike.
+            // Every corner moves straight away from the eye, so that a ray's length and a depth grow alike.
             other.positions.iter_mut().for_each(|position| *position *= 1.0 + behind);
             scene.mesh_mut().append(other);
             let caster = exhaustive::<f64>(&scene, [80, 50]);

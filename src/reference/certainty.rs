@@ -15,9 +15,9 @@ use glam::DVec3;
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
 /// agree on a pixel that does not change under them.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: up to twice the angle by which rounding can turn a ray, which is 16 roundings of single
-/// precision (a direction has four, cross and dot products six). Pixels that change only under wide nudges are verified
-/// too.
+/// The angle of narrow nudges: 16 times the rounding error of single precision. It is up to twice the angle by which
+/// rounding can turn a ray (a direction has four roundings, cross and dot products six). Pixels that change only
+/// under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
 /// rounding.
@@ -34,7 +34,8 @@ const SKY_NUDGE: f64 = 1e-6;
 /// picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
-/// A surface this close to a light may or may not occlude it, relative to the light's distance or to its coordinates.
+/// A surface may or may not occlude a light if it is this close to it, relative to the light's distance or to its
+/// coordinates.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs for one sample of a pixel.
@@ -80,10 +81,11 @@ impl Asked<'_> {
     }
 }
 
-/// Casts the pixel. Then casts it again with its ray nudged in each direction along the image's axes, with half and
-/// twice the shadow bias, with shadow rays from a little above and below its hit's plane, with surfaces near lights
-/// counted as occluders or not, with the edges of holes moved by rounding, and with the possible roundings of grazing
-/// light. If two surfaces coincide, either one is correct, so surfaces just behind the hit are included too.
+/// Casts the pixel. Then casts it again with changes: its ray is nudged in each direction along the image's axes; the
+/// shadow bias is halved and doubled; shadow rays start a little above and below the plane of its hit; surfaces near
+/// lights count as occluders or not; the edges of holes are moved by rounding; for grazing light, every result that
+/// rounding allows is included. If two surfaces coincide, either one is correct, so surfaces just behind the hit are
+/// included too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);

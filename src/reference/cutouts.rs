@@ -9,8 +9,8 @@ use super::traverse::Finder;
 use crate::scene::{Mapped, Texture, Textures};
 use std::sync::Arc;
 
-/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of weights,
-/// products and sums in single precision, which is eight roundings.
+/// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of
+/// weights, products and sums in single precision. That error is eight roundings.
 const ROUNDING: f64 = 1e-6;
 
 /// A finder that passes on only those hits of another finder that lie on surfaces, and not in holes.
@@ -44,8 +44,8 @@ impl<'a, R: Real> Solid<'a, R> {
     }
 }
 
-/// Returns an upper bound of the change of a mask's alpha, in steps of an 8-bit channel, if each coordinate changes by
-/// its largest value. Alpha changes by at most 255 from texel to texel.
+/// Returns by how much a mask's alpha can change at most, in steps of an 8-bit channel, if the change of each texture
+/// coordinate is as large as the coordinate's largest value. Alpha changes by at most 255 from texel to texel.
 fn steepness(mask: &Texture, row: &Mapped) -> f64 {
     let along = |axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);
@@ -66,7 +66,7 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         });
     }
 
-    /// Without holes, the finder may know a faster way.
+    /// Without holes, the inner finder searches, which may have a faster way.
     fn any(&self, ray: &Ray<R>) -> bool {
         if self.textures.is_none() {
             return self.finder.any(ray);

@@ -26,7 +26,7 @@ pub(crate) fn pyramid_upper() -> Scene {
     pyramid("pyramid upper", vec3(1.0, 3.0, 1.0))
 }
 
-/// Figure 3, lower, with the larger bias it needs.
+/// Figure 3, the lower picture, with the larger bias that it needs.
 pub(crate) fn pyramid_lower() -> Scene {
     Scene { shadow_bias: 1e-2, ..pyramid("pyramid lower", vec3(3.0, 0.95, -1.5)) }
 }

@@ -81,7 +81,7 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the weight of one pixel for another, given the unoccluded light of both.
+/// Returns the weight with which one pixel counts for another, given the unoccluded light of both.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)
@@ -145,7 +145,7 @@ mod tests {
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
         let found = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
-        // Only the `least` weight mixes the sides, at the border.
+        // At the border, the sides are mixed only by `least`, the small weight that every pixel gets.
         assert!(close(found.pixels[6], DVec3::splat(0.9)) && close(found.pixels[9], DVec3::ZERO));
         assert!(found.pixels[7][0] > 0.89 && found.pixels[8][0] < 0.01, "{:?}", &found.pixels[6..10]);
     }

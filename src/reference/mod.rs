@@ -126,8 +126,8 @@ pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
     (0..count(size)).collect()
 }
 
-/// Returns the indices of `some` pixels, chosen at random but the same each time, or of all if there are no
-/// more.
+/// Returns the indices of `some` pixels, or of all if the image does not have more. They are chosen at random but are
+/// the same each time.
 pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();

@@ -108,7 +108,8 @@ mod tests {
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // Of several samples one that certainly hits is enough; one that may hit leaves it open.
+        // One sample that certainly hits makes the pixel a certain hit; with only one that may hit, it stays open
+        // whether the pixel hits.
         let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
         for (samples, hit, turns) in [
             ([(true, false), (false, true)], true, false),

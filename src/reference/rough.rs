@@ -4,8 +4,8 @@
 use crate::image::Radiance;
 use crate::manifest::SAMPLED_BLOCK;
 
-/// Returns, for each block of an image row by row, the largest difference of neighbouring pixels in it and
-/// around it, nearly as displayed: with a gamma of 2, in 8-bit steps.
+/// Returns the largest difference of neighbouring pixels in and around each block of an image; blocks are in order,
+/// row by row. Differences are computed with a gamma of 2, in 8-bit steps, so they are nearly those that are displayed.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));
@@ -23,7 +23,7 @@ fn steps_of_block(means: &Radiance, exposure: f32, start: [u32; 2]) -> f64 {
     steps.fold(0.0, f64::max)
 }
 
-/// Returns a pixel from 0 to 255; pixels beyond the image repeat the last ones.
+/// Returns a pixel's channels as displayed, from 0 to 255; pixels beyond the image repeat those at its border.
 fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 3] {
     let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
     let pixel = means.pixels[inside(y, means.height) * means.width as usize + inside(x, means.width)];

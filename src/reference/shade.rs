@@ -89,7 +89,7 @@ pub fn shade<R: Real>(
 }
 
 /// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, regardless of occluders.
-/// This is an estimate by one half vector, whose probability is that of the highlight.
+/// This is an estimate from one half vector, which is chosen with a probability proportional to the highlight.
 fn mirrored_sky<R: Real>(
     seen: &Seen<'_>,
     material: &Material,

@@ -7,7 +7,7 @@ use super::tree::Tree;
 use glam::DVec3;
 use std::cell::RefCell;
 
-/// Which lights reach all points near a hit, or none of them; computed when first needed.
+/// Which lights reach all points near a hit, and which reach none of them; computed when first needed.
 #[derive(Debug)]
 pub struct Shadows<'a> {
     seen: &'a Seen<'a>,
@@ -17,7 +17,7 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle around one of them.
+/// Points of a triangle around a centre, which is one of them.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle.
@@ -103,7 +103,7 @@ mod tests {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
             Shadows::new(&seen, &tree, Points { triangle, centre, spread }, 1e-3).find(0)
         };
-        // Over the ground, through the triangle's shadow.
+        // The points lie on the ground, from far outside the triangle's shadow to its centre.
         let light = scene.lights[0].position.as_dvec3();
         let corners = scene.mesh.corners(&scene.mesh.triangles[0]).map(|corner| corner.as_dvec3());
         let off = (corners[0] + corners[1] + corners[2]) / 3.0 - light;

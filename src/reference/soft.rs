@@ -61,7 +61,7 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// The axes around which half vectors are given; the last is turned to the normal.
+/// The axes in which a half vector is computed; the last axis is then turned to the normal.
 const AXES: [[f64; 3]; 3] = [[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]];
 
 /// Returns a unit vector around a normal, with a probability proportional to its cosine.
@@ -109,8 +109,8 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
 }
 
-/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. As points of the unit
-/// square, the first two are evenly distributed too.
+/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two numbers,
+/// taken as a point of the unit square, are evenly distributed too.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
@@ -174,8 +174,8 @@ mod tests {
                 })
                 .collect();
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
-                // A concentric disc whose radius is a fraction of the disc's contains the square of that
-                // fraction of its area.
+                // The ball looks like a disc. A smaller concentric disc, with a fraction of its radius, has the
+                // square of that fraction of its area.
                 for part in [0.25_f32, 0.5, 0.75, 1.0] {
                     let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
                     let expected = part * part * 1024.0;

@@ -15,7 +15,7 @@ fn assert_near(found: Vec3, expected: Vec3) {
 
 #[test]
 fn the_single_triangle_seen_straight_on() {
-    // The ray along -z hits it at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The rest
+    // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The rest
     // follows the shading formulas, evaluated outside this program.
     let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
     assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
@@ -105,7 +105,8 @@ fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
 
 #[test]
 fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
-    // A strip half a microradian to five microradians beside the ray; wide nudges of ten pass it.
+    // The strip lies from half a microradian to five microradians beside the ray; wide nudges, of ten microradians,
+    // go past it.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(1e-6, 9.0, -2.0), vec3(1e-6, -9.0, -2.0), vec3(1e-5, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);
@@ -115,7 +116,7 @@ fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
 
 #[test]
 fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
-    // The triangle is so small that a ray from far below its plane misses it.
+    // The triangle is so small that a shadow ray that starts far below its plane passes beside it.
     let uncertain = |height: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh_mut().positions =

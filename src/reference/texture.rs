@@ -10,8 +10,8 @@ use std::sync::LazyLock;
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
 
 /// Returns the texture's colour, in linear light, where a pixel's cone of this direction and width meets a triangle.
-/// The mip level is the one whose texels are as large as the pixel, and the colour is a mean of the two nearest levels.
-/// `None` without a texture.
+/// The mip level at which texels are as large as the pixel usually lies between two levels; the colour is a mean of
+/// these two. `None` without a texture.
 pub fn texture_colour<R: Real>(
     mesh: &Mesh,
     hit: &Hit<R>,

@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// Knows a mesh's triangles and finds those that a ray hits.
 pub trait Finder<R: Real>: Send + Sync {
     /// Passes the hits along `ray` to `visitor`, in any order. The visitor returns the distance beyond which
-    /// hits no longer matter; `ray.near` ends the search.
+    /// hits no longer matter; if it returns `ray.near`, the search ends.
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
 
     /// Returns the hit nearest to the ray's origin; of several equally near ones, the hit on the triangle

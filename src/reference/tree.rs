@@ -94,9 +94,9 @@ impl Tree {
         })
     }
 
-    /// Passes every triangle whose box, grown by `around`, the ray hits before `far` to `visitor`,
-    /// approximately in the order of distance. The visitor returns the distance up to which further triangles
-    /// matter; a value not above `ray.near` ends the traversal.
+    /// Passes triangles to `visitor`, approximately in the order of distance: those whose boxes, grown by `around`,
+    /// the ray hits before `far`. The visitor returns the distance up to which further triangles matter; a value not
+    /// above `ray.near` ends the traversal.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
@@ -174,7 +174,7 @@ fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     nodes
 }
 
-/// Returns the largest `f32` that is not greater.
+/// Returns the largest `f32` that is not greater than `value`.
 fn below(value: f64) -> f32 {
     let nearest = value as f32;
     if f64::from(nearest) > value { nearest.next_down() } else { nearest }

@@ -169,7 +169,8 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns whether a point that is not ranked may be faster: its median is not above the best one's interval.
+/// Returns whether an unranked point may be faster than the winner, because its median is not above the winner's
+/// interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))

@@ -48,8 +48,8 @@ pub struct Pictures<'a> {
     read: HashMap<String, Option<Vec<u8>>>,
 }
 
-/// Reads a file of a folder; `None` if the path, also after following links, leads out of the folder or is
-/// not an ordinary file.
+/// Reads a file of a folder; `None` if the path, after links are followed, leads out of the folder or is not an
+/// ordinary file.
 fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
     let found = folder.join(path).canonicalize().ok()?;
     let inside = found.starts_with(folder.canonicalize().ok()?);

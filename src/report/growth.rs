@@ -9,7 +9,7 @@ use super::plot::scale::Kind;
 use super::words::Looks;
 use crate::record::{Group, by};
 
-/// Returns, for every device, a plot over triangles if its records have several counts, and a plot over
+/// Returns, for every device, a plot over triangles if its records have several numbers of triangles, and a plot over
 /// pixels if they have several image sizes.
 pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let of_device = |(place, device): (usize, &str)| {
@@ -209,7 +209,7 @@ mod tests {
         assert_eq!(Fit::of(&marks(&[[1.0, 1.0], [2.0, 2.0], [2.0, 3.0]])), None, "two places");
         let mut few = marks(&exact);
         few[2].interval = None;
-        assert_eq!(Fit::of(&few), None, "two places of enough samples");
+        assert_eq!(Fit::of(&few), None, "only two values on the x axis have enough samples");
     }
 
     /// Returns a record of a scene with this number of triangles.
@@ -243,6 +243,9 @@ mod tests {
         }
         assert!(pixels.caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", pixels.caption);
         assert!(triangles.svg.contains("naive: ^1.00"), "the legend has the exponent");
-        assert!(growth(&groups[..1], &Looks::of(&groups)).is_empty(), "one place is no growth");
+        assert!(
+            growth(&groups[..1], &Looks::of(&groups)).is_empty(),
+            "a single scene and size show no growth"
+        );
     }
 }

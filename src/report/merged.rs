@@ -3,10 +3,10 @@
 use crate::record::{Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 
-/// Returns the records of all folders. If two folders measured the same point differently (another driver,
-/// machine, program or timing, so that the keys differ), the folder's label is added to the names of devices
-/// and baselines, so that they are shown separately. The label is also added to scenes that have the same
-/// name but different content. If a point was measured twice, the later folder's record is used.
+/// Returns the records of all folders. If two folders measured the same point differently (another driver, machine,
+/// program or timing, so that the keys differ), each folder's label is added to its names of devices and baselines,
+/// so that they are shown separately. The label is also added to scenes that have the same name but different
+/// content. If a point was measured twice, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);

@@ -30,7 +30,7 @@ struct Page<'a> {
     views: Vec<View>,
 }
 
-/// A kernel as one assembler wrote it.
+/// A kernel's instructions, as one compiler or assembler made them.
 struct View {
     id: String,
     name: String,
@@ -40,7 +40,7 @@ struct View {
     note: String,
     source: Vec<SourceLine>,
     steps: Vec<Step>,
-    /// The kinds that occur, which are the columns of the table.
+    /// The kinds of instructions that occur, which are the columns of the table.
     kinds: Vec<String>,
     table: Vec<TableRow>,
 }
@@ -67,7 +67,7 @@ struct TableRow {
     place: String,
     text: String,
     instructions: u32,
-    /// The number of each kind; empty for 0.
+    /// The number of instructions of each kind; empty for 0.
     counts: Vec<String>,
 }
 
@@ -96,8 +96,9 @@ pub fn microscope_page(
     page.render().map_err(|error| Error::fault(format!("{MICROSCOPE} could not be written: {error}")))
 }
 
-/// Returns the command that makes the page of a record on the device with this name; `None` if the record does not name the scene's file, or the
-/// run changed values of it or compared kernels, whose folders records do not name.
+/// Returns the command that makes the page of a record on the device with this name; `None` if the record does not
+/// name the scene's file, if the run changed values of the scene, or if it compared kernels, since records do not
+/// name the folders of kernels.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;
@@ -134,7 +135,7 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     if listing.counts.iter().next().is_some() {
         facts.insert(2, ("by kind", listing.counts.to_string()));
     }
-    // Those of another assembler's code are not known.
+    // These facts are not known for the code of another assembler.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
         facts.push(("bytes of __local memory per work-group", kernel.group_local_bytes().to_string()));
@@ -143,7 +144,8 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     facts
 }
 
-/// Describes how rows follow from the line table, and whether the code is the timed one's.
+/// Describes how instructions are assigned to rows, and whether they are the same as those of the program that is
+/// timed.
 fn note(listing: &Listing) -> String {
     let rows = match listing.rows_are {
         RowsAre::Lines => {

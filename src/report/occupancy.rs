@@ -102,7 +102,7 @@ fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
     Some(Mark { x: percent, y: 100.0 * best / median(record)?, interval: None, tip })
 }
 
-/// Returns the registers that the compiler reported, and the bytes of `__local` memory of a group.
+/// Returns the number of registers that the compiler reported, and the bytes of `__local` memory of a work-group.
 fn known(record: &Record) -> (Option<u32>, u64) {
     let kernel = record.main_kernel().filter(|kernel| kernel.resources.registers.is_some());
     let registers = kernel.and_then(|kernel| kernel.resources.registers);
@@ -110,8 +110,7 @@ fn known(record: &Record) -> (Option<u32>, u64) {
     (registers, bytes.or(record.local_bytes).unwrap_or(0))
 }
 
-/// Returns Spearman's rank correlation of x and y; `None` for fewer than four marks, or if one of them is
-/// constant.
+/// Returns Spearman's rank correlation of x and y; `None` for fewer than four marks, or if x or y is constant.
 fn spearman(marks: &[Mark]) -> Option<f64> {
     if marks.len() < 4 {
         return None;

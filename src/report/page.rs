@@ -146,8 +146,8 @@ impl Page {
     }
 }
 
-/// Returns a nonce, so that only the page's own script is allowed to run: 128 bits that the standard library
-/// derives from the system's random numbers, so that no data in the page can contain them.
+/// Returns a nonce, so that only the page's own script is allowed to run. It has 128 bits, which the standard library
+/// derives from the system's random numbers, so no data in the page can contain it.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())

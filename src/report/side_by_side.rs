@@ -20,7 +20,8 @@ pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     vec![strategies(groups, &devices), losses(groups, &devices)]
 }
 
-/// For each strategy, shows the mean ratio of its best time to the best time of the scene, size and device.
+/// Shows, for each strategy and device, the mean ratio of the strategy's best time to the best time of all strategies
+/// for the same scene and size.
 fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let mut names: Vec<&str> = Vec::new();
     for record in groups.iter().filter(|group| group.device != HOST).flat_map(|group| &group.records) {

@@ -10,7 +10,7 @@ use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};
 use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, word};
 
-/// The image size in the paper's figures; its times are only shown at this size.
+/// The image size in the paper's figures; the paper's times are only shown at this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
 /// Number of rows in the plot of samples.
 const STRIPS: usize = 14;

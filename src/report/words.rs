@@ -10,7 +10,7 @@ use crate::record::{
 pub struct Looks(Vec<String>);
 
 impl Looks {
-    /// Assigns one to every strategy of the groups in their order, then to the baselines.
+    /// Assigns a colour and a marker to every strategy, in the order of the groups, then to the baselines.
     pub fn of(groups: &[Group<'_>]) -> Self {
         let mut names: Vec<String> = Vec::new();
         let (baselines, kernels): (Vec<_>, Vec<_>) = groups.iter().partition(|group| group.device == HOST);

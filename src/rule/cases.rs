@@ -16,7 +16,7 @@ const DENSE: usize = 4;
 
 /// Kinds of devices.
 const DEVICES: [&str; 2] = ["cpu", "gpu"];
-/// Pixels across, or down, as `render` takes them.
+/// The numbers of pixels across, or down, that `render` accepts.
 const SIZES: RangeInclusive<u32> = 1..=65536;
 
 /// The kinds of scene that make a choice hard.

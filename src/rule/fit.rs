@@ -1,12 +1,13 @@
-//! Fits the rule's constants to sweeps. Each constant in turn is set to the value at which the choices lose
-//! the least time to the best candidates, until none changes.
+//! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the rule's choices lose
+//! the least time compared with the best candidates, until no constant changes.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
 /// The assumed time of a strategy that a device refused, as a multiple of the best time.
 const REFUSED: f64 = 100.0;
-/// The least gain for which a constant is changed: in the sum of the logarithms of all ratios to the best.
+/// The least gain for which a constant is changed; a gain is a decrease of the sum of the logarithms of all ratios to
+/// the best time.
 const GAIN: f64 = 1e-3;
 /// Two cases whose values differ by a smaller factor count as equal; no constant is placed between them.
 const ALIKE: f64 = 1.01;
@@ -37,7 +38,7 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// Returns how much longer than the best the choices take: the sum of the logarithms of the ratios.
+/// Returns how much longer the choices take than the best candidates: the sum of the logarithms of the ratios.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -46,8 +47,8 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the candidate values of a constant: values between two neighbouring cases, rounded to two digits,
-/// and one beyond all cases.
+/// Returns the candidate values of a constant: one value between every two neighbouring cases, with few digits, and 0
+/// and infinity, which lie beyond all cases.
 fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for sweep in sweeps {
@@ -97,8 +98,8 @@ pub fn source(sweeps: &[Sweep]) -> String {
 
 const HEAD: &str = "\
 //! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
-//! stored sweeps; do not edit it. A limit between two cases of the sweeps is their geometric mean. A constant without
-//! a sweep keeps its former value.
+//! stored sweeps; do not edit it. A constant that lies between two cases of the sweeps is the geometric mean of their
+//! values. A constant without a sweep keeps its former value.
 
 use super::fastest::Constants;
 ";
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
-        // So many triangles are never tested one by one unless a sweep asks for it.
+        // The rule never chooses exhaustive casting for so many triangles, unless the times of a sweep require it.
         let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
         let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
         for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {
@@ -165,9 +166,8 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts like one that takes a hundred times as long, and not as
-    /// infinite: otherwise a case in which every choice is refused would hide the differences between
-    /// constants.
+    /// A choice that a device refused counts like one that takes a hundred times as long, and not like one that takes
+    /// forever: otherwise a case in which every choice is refused would hide the differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

@@ -12,10 +12,10 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A sample has as many frames as take this long, since a single frame on a GPU is shorter than disturbances.
+/// A sample has enough frames to take this long, since a single frame on a GPU is shorter than disturbances.
 const SAMPLE_MS: f64 = 10.0;
-/// Scenes with more triangles are not tested exhaustively, which would take minutes and which no rule would
-/// choose.
+/// For scenes with more triangles, exhaustive casting is not timed: it would take minutes, and no rule would choose
+/// it.
 const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample.
 const MOST_FRAMES: f64 = 200.0;
@@ -94,7 +94,7 @@ impl Measured {
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
                 Ok(caster) => casters.push((way, caster, f64::INFINITY)),
-                // A missing time shows that it cannot be chosen.
+                // A missing time shows that this candidate cannot be chosen.
                 Err(Refused::Device(_) | Refused::Host(_)) => {}
                 Err(refused) => return Err(refused.into_error(&device.info.name)),
             }
@@ -119,7 +119,7 @@ impl Measured {
     }
 }
 
-/// Returns how many frames take long enough, measured after warming up.
+/// Returns how many frames a sample needs to take long enough, measured after warming up.
 fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
     let one_ms = caster.cast()?.frame_ms.max(1e-6);
     Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)

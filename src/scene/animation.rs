@@ -20,8 +20,8 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// A scene's values over time. It builds the scene of each frame and reuses what was loaded for the last one:
-/// no file is read twice, and a mesh that stays the same is shared.
+/// A scene's values over time. It builds the scene of each frame and reuses what was loaded for the previous one: no
+/// file is read twice, and a mesh that stays the same is shared.
 pub struct Animation {
     /// The number of frames; the first is 1.
     pub frames: u32,
@@ -83,7 +83,7 @@ impl Animation {
         })
     }
 
-    /// Returns the scene of a frame. If its mesh is the last frame's, they share it.
+    /// Returns the scene of a frame. If its mesh equals that of the scene `last`, the two share it.
     ///
     /// # Errors
     ///
@@ -157,7 +157,7 @@ impl Animation {
         let Some((track, document, found)) = wrong else {
             // The document was a valid scene before any track was applied.
             let message = format!(
-                "{} at frame {frame} is not a valid scene, although no track made it so",
+                "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
             );
             return Error::fault(message);

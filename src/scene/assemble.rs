@@ -53,8 +53,8 @@ pub(super) fn assemble(
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
     match wire.two_sided.unwrap_or(document.bare) {
-        // A scene that is seen from all sides is turned as a whole; otherwise parts of it would be dark from
-        // behind.
+        // If a scene is seen from all sides, its normals are reversed all together or not at all; otherwise parts of
+        // it would be dark from behind.
         true if shot.turns => normals::turn_outwards(Arc::make_mut(&mut mesh)),
         true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
@@ -113,8 +113,8 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
-        // This is added to the surfaces' radiance, which is multiplied by the share of the pixel that they
-        // cover.
+        // The background's radiance is added to that of the surfaces, which is multiplied by the share of the pixel
+        // that they cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }

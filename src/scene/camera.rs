@@ -21,13 +21,13 @@ pub struct Camera {
     pub fov_is_vertical: bool,
     /// Hits whose depth along `forward` is not larger than this are ignored.
     pub z_near: f32,
-    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero except for one
-    /// of several samples.
+    /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero unless the ray is one
+    /// of several samples of the pixel.
     pub shift: [f32; 2],
-    /// The width of a pixel's cone as a share of the pixel's: less than 1 if the pixel gets several samples.
+    /// The width of a pixel's cone as a share of the pixel's width; less than 1 if the pixel gets several samples.
     pub cone_share: f32,
-    /// The size of the image whose field of view this one shows, if the two have slightly different shapes; otherwise the
-    /// image's own size counts.
+    /// The size of another image whose field of view the camera's image shows, although their shapes may differ
+    /// slightly. Without it, the image's own size determines the field of view.
     pub covers: Option<[u32; 2]>,
 }
 

@@ -82,8 +82,8 @@ impl Document {
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// Returns the error for a file that is not TOML and does not have the extension .toml, so that its
-    /// format is probably unsupported.
+    /// Returns the error for a file that is not TOML and does not have the extension .toml: its format is probably
+    /// unsupported.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;
@@ -105,7 +105,8 @@ impl Document {
         Ok(())
     }
 
-    /// Returns the document of one frame, with this text. An open bare mesh moves to it, to be read there.
+    /// Returns the document of one frame, with this text. If a bare mesh is open, the new document takes it over and
+    /// reads it.
     pub fn at_frame(&self, frame: u32, text: String) -> Self {
         Self {
             name: format!("{} at frame {frame}", self.name),

@@ -6,12 +6,12 @@ use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of samples across a picture; enough to distinguish most of a surface from little of it.
+/// Number of samples across a picture; enough to tell whether most of a surface or little of it faces away.
 const ACROSS: usize = 48;
 /// A note is added if at least this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its distance in lengths of the sample's ray, and whether it faces
+/// The nearest surface at each sample: its distance as a multiple of the sample's direction, and whether it faces
 /// away.
 type Nearest = Vec<(f64, bool)>;
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Field of view across the height, like that of a portrait lens, which has little distortion.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's height, and at most of its width.
+/// The mesh fills this fraction of the picture's width or height, and at most this fraction of the other one.
 const FILL: f64 = 0.92;
 /// The direction towards the camera: from the right, above and in front, for meshes with y up and their front
 /// towards +z.
@@ -108,8 +108,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Returns how far a corner extends beyond each of the four planes through the centre that bound the view,
-    // perpendicular to the view.
+    // Four planes through the centre are parallel to the sides of the view. Returns how far a corner is beyond each
+    // of them, measured to the right, left, up or down.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -153,8 +153,8 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
 }
 
 /// Returns a key light from the viewer's upper left and a weaker fill light from the right. Their power is
-/// proportional to the square of the size, so that a k_L of 0.8 facing the key light is displayed as 80 to
-/// 88% grey at any scale.
+/// proportional to the square of the mesh's size, so that a surface with a k_L of 0.8 that faces the key light is
+/// displayed as 80 to 88% grey at any scale.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {
@@ -170,8 +170,8 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     }
 }
 
-/// Returns the power with which a k_L of 0.8 facing the light at `distance` is displayed as 88%: from `15 L =
-/// 0.88^2.2` and `L = power / (4 pi distance^2) * 0.8 / pi`.
+/// Returns the power with which a surface with a k_L of 0.8 that faces the light at `distance` is displayed as 88%:
+/// from `15 L = 0.88^2.2` and `L = power / (4 pi distance^2) * 0.8 / pi`.
 fn key_power(distance: f64) -> f64 {
     let radiance = 0.88_f64.powf(2.2) / 15.0;
     radiance * 4.0 * std::f64::consts::PI.powi(2) * distance * distance / 0.8

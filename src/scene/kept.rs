@@ -36,7 +36,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Begins a frame of this document, some of whose objects change if `objects_change`. Meshes that the last
+    /// Begins a frame of this document; `objects_change` says whether some of its objects change. Meshes that the last
     /// frame did not use are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =

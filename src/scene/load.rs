@@ -77,7 +77,7 @@ pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) ->
     load(path, overrides, shot, true)
 }
 
-/// Loads a scene like [`load_scene_for`] that is named in a file. Messages quote the scene only if it lies in
+/// Loads a scene that a file names, in the same way as [`load_scene_with`]. Messages quote the scene only if it lies in
 /// that file's folder.
 ///
 /// # Errors

@@ -24,11 +24,11 @@ static BETWEEN: LazyLock<[f32; 255]> =
 type Light = [f32; 4];
 
 impl Textures {
-    /// Adds mip levels to all pictures that are colours. Where a picture is a mask too, texels count by their
+    /// Adds mip levels to all pictures that are colours. If a picture is a mask too, its texels are weighted by their
     /// alpha.
     pub(super) fn add_levels(&mut self) {
         let picture = |number: u32| Arc::as_ptr(&self.list[number as usize].texels);
-        // Whether each picture's texels count by alpha.
+        // Whether each picture's texels are weighted by alpha.
         let mut pictures: HashMap<_, bool> =
             self.mapped.iter().filter_map(|row| row.texture).map(|number| (picture(number), false)).collect();
         for mask in self.mapped.iter().filter_map(|row| row.mask) {
@@ -49,8 +49,8 @@ impl Textures {
     }
 }
 
-/// Returns a triangle's unit normal, times the side of a texel on it in the scene's units. A cone of this width that
-/// meets the triangle at a right angle covers a texel. Zero if the triangle has no area.
+/// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A cone
+/// of this width that meets the triangle at a right angle covers a texel. Zero if the triangle has no area.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -68,7 +68,7 @@ fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]>
     let mut levels = Vec::new();
     let mut lights = Vec::new();
     while size != [1, 1] {
-        // Levels are made of unrounded ones, so that roundings do not add up.
+        // Each level is made from the unrounded values of the previous one, so that rounding errors do not add up.
         lights = match lights.is_empty() {
             true => halved(size, |place| light_of(texels[place], by_alpha)),
             false => halved(size, |place: usize| lights[place]),
@@ -103,7 +103,7 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     rows.flat_map_iter(|down| columns.iter().map(move |across| mean((&down, across)))).collect()
 }
 
-/// The texels that one of the next level covers along an axis: the first one, and the share of each.
+/// The texels that a texel of the next level covers along an axis: the first of them, and the share of each.
 struct Covered {
     first: usize,
     shares: [f32; 3],

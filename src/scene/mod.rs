@@ -131,7 +131,7 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// A hash of everything that determines the picture; the scene's name does not.
+    /// A hash of everything that determines the picture; the scene's name is not part of it.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;

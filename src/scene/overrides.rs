@@ -6,13 +6,13 @@ use toml::{Table, Value};
 /// The remedy for a path that does not exist.
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
-/// The camera's keys that show the whole scene from an angle.
+/// The camera's keys for views of the whole scene from an angle.
 const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after
-/// the last one adds an element, as in `light.0.power`. An angle of the camera asks for the whole scene, so the
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after the last
+/// one adds an element, as in `light.0.power`. If an angle of the camera is set, the whole scene is shown, so the
 /// document's own position, direction and field of view are removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {

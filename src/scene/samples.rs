@@ -9,7 +9,7 @@ use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 const WIDTH: f64 = 1.5;
 /// Its cosine series (Harris, "On the Use of Windows for Harmonic Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
-/// Number of bisections when a position in the filter is searched; more than double precision needs.
+/// Number of bisections of the search for a position in the filter; more than double precision needs.
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel gets 1 / `FIRST_OF` of the samples, rounded up.
 const FIRST_OF: u32 = 16;
@@ -40,7 +40,8 @@ pub enum SampleLight {
     /// single sample per pixel, lights are points.
     #[default]
     Own,
-    /// The same in a half picture for soft light, where these points and directions repeat after `INTERLEAVED` pixels.
+    /// As with `Own`, but in a half picture for soft light, where these points and directions repeat after
+    /// `INTERLEAVED` pixels.
     Interleaved,
     /// From the lights' centres and with the sky's mean radiance, whatever is in between.
     Unoccluded,
@@ -163,11 +164,11 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
     offsets.map(sample).collect()
 }
 
-/// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several
-/// samples are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most
-/// central sample comes first, since with adaptive sampling it may be a pixel's only one. An exclusive or of all
-/// indices with its index brings it to the front. This keeps aligned blocks of the sequence together, which matters
-/// because only such blocks are evenly distributed.
+/// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
+/// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
+/// sample comes first, since with adaptive sampling it may be a pixel's only one. To bring it to the front, each
+/// index is combined with the most central sample's index by exclusive or. This keeps aligned blocks of the sequence
+/// together, which matters because only such blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -186,8 +187,8 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns a number of the first two dimensions of Sobol's sequence: van der Corput's, and that of the
-/// polynomial x + 1.
+/// Returns a number of one of the first two dimensions of Sobol's sequence: van der Corput's sequence, and that of
+/// the polynomial x + 1.
 pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();

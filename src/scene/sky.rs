@@ -54,7 +54,7 @@ impl PartialEq for SkyPicture {
 pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
 
 impl SkyPicture {
-    /// Reads a picture (Radiance HDR or OpenEXR). The words of an error follow the file's name in a message.
+    /// Reads a picture (Radiance HDR or OpenEXR). An error's text is meant to follow the file's name in a message.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         INPUTS.add(path);
         let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
@@ -87,8 +87,8 @@ impl SkyPicture {
         Ok(([size.0, size.1], texels.collect()))
     }
 
-    /// Returns the texels of a file multiplied by `strength`. The words of an error follow the file's name in
-    /// a message.
+    /// Returns the texels of a file multiplied by `strength`. An error's text is meant to follow the file's name in a
+    /// message.
     pub(super) fn strengthened(
         (size, texels): &FileTexels,
         strength: f32,
@@ -109,8 +109,9 @@ impl SkyPicture {
         }
     }
 
-    /// Returns the direction of the picture's middle: that of a camera without a `look_at` or, where that is up
-    /// or down, the y axis; turned counter-clockwise as seen from the zenith.
+    /// Returns the direction of the picture's middle: that in which a camera without a `look_at` looks, or the y axis
+    /// if that direction points up or down. It is made perpendicular to the zenith, then turned by an angle,
+    /// counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();

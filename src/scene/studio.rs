@@ -13,7 +13,7 @@ const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
 /// Radius of the key light, in radii of the mesh's ball. At a distance of ten radii it has an apparent
 /// diameter of nine degrees. A larger light would need more samples.
 const KEY_RADII: f64 = 0.8;
-/// The sky's radiance; white is 1/15.
+/// The sky's radiance; a radiance of 1/15 is displayed as white.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces farther away than this many radii do not occlude the sky.
@@ -21,10 +21,9 @@ const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's k_L: darker than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square within frames. These are the distances of their edges from the middle, in radii;
-/// the last one is beyond the end of a usual view. Rounding errors of a ray-triangle test grow with the
-/// triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which they
-/// start.
+/// The ground is a square that is surrounded by square frames. These are the distances of their edges from the
+/// middle, in radii; the last one is beyond the end of a usual view. Rounding errors of a ray-triangle test grow with
+/// the triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
 const GAP_RADII: f64 = 1e-3;
@@ -56,8 +55,8 @@ impl Studio {
         let reach = (reach * radius) as f32;
         let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach, picture: None };
         let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
-        // A horizontal surface receives the mean of the sky, weighted by the cosine. The radiance grows with
-        // the sine of the height.
+        // A horizontal surface receives the mean of the sky, weighted by the cosine. The sky's radiance grows with
+        // the sine of the angle above the horizon.
         let background = GROUND * HORIZON.lerp(ZENITH, 2.0 / 3.0);
         Self { lights, sky, ground, background }
     }

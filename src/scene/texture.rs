@@ -15,7 +15,7 @@ pub enum Wrap {
     Mirror = 2,
 }
 
-/// Parts of [`Texture::least_alpha`] per step of an 8-bit channel.
+/// The number of units of [`Texture::least_alpha`] in a step of an 8-bit channel.
 pub const LEAST_ALPHA_UNIT: u16 = u16::MAX / 255;
 
 /// A picture with 8 bits per channel, as displayed (sRGB), row by row from the top.
@@ -32,8 +32,8 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is no hole, in steps of an 8-bit channel. It is less by a
-    /// small part of a step, so that rounding makes no holes where the alpha is the least one everywhere.
+    /// Returns the least alpha of a point that is no hole, in steps of an 8-bit channel. It is reduced by a small
+    /// part of a step, so that rounding makes no holes where all texels have exactly the least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
@@ -74,13 +74,13 @@ pub struct Mapped {
 }
 
 impl Mapped {
-    /// Number of floats on a device, without what mip levels need.
+    /// Number of floats per triangle on a device, except those for mip levels.
     const FLOATS: usize = 8;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
 
-    /// Returns a triangle's coordinates in textures with these wrap modes, shifted close to the beginning,
-    /// where single precision is finest.
+    /// Returns a triangle's coordinates in textures with these wrap modes, shifted close to 0, where single precision
+    /// is finest.
     pub fn new(corners: [[f32; 2]; 3], texture: Option<u32>, mask: Option<u32>, wrap: [Wrap; 2]) -> Self {
         let mut corners = corners;
         for (axis, wrap) in wrap.into_iter().enumerate() {
@@ -95,7 +95,7 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats on a device; with mip levels, the triangle's normal and size follow.
+    /// Returns the number of floats per triangle on a device; with mip levels, the triangle's normal and size follow.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }

@@ -64,7 +64,7 @@ mod tests {
         let transform =
             Transform { scale: Vec3::splat(2.0), rotation_degrees: quarter, translation: Vec3::ONE };
         transform.apply(&mut mesh, DVec3::ZERO);
-        // About x, y turns to z and z to -y.
+        // The rotation about x turns y to z, and z to -y.
         assert!(mesh.positions[0].distance(Vec3::new(3.0, 1.0, 1.0)) < 1e-6);
         assert!(mesh.normals[0].distance(Vec3::X) < 1e-6);
     }

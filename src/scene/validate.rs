@@ -144,8 +144,9 @@ impl Brightness {
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
-                "a light's power {}, {nearest:e} from a surface, whose reflectance is up to {reflectance:e}, gives \
-                 {product:e}; expected at most {MAX_PRODUCT:e}, which single precision holds",
+                "a light with the power {} is {nearest:e} away from a surface with a reflectance of up to \
+                 {reflectance:e}, which gives the product {product:e}; expected at most {MAX_PRODUCT:e}, so that it \
+                 fits into single precision",
                 light.power
             )
         })

@@ -67,8 +67,8 @@ impl About {
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(|name| variable(name));
-        // Slurm's virtual nodes share a machine, so the node's name is used. The name of a Kubernetes pod is
-        // the host name in it.
+        // Slurm's virtual nodes share a machine, so the node's name is used. Inside a Kubernetes pod, the host name
+        // is the pod's name.
         let host = first(&["SLURMD_NODENAME"]).or(Host::read().name);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {

@@ -182,10 +182,10 @@ mod tests {
         assert!(most < 1.5 * costs.concat().iter().sum::<f64>() / 8.0, "{loads:?}");
         let six: Vec<Vec<f64>> = vec![vec![1.0; 10]; 6];
         let most = self::loads(&six, &cut(&groups(&six), 4), 4).into_iter().fold(0.0, f64::max);
-        assert!(most <= 18.0, "whole groups would be 20: {most}");
+        assert!(most <= 18.0, "with undivided groups, the largest load would be 20: {most}");
         let three = [vec![1.0], vec![1.0], vec![2.0]];
         let loads = self::loads(&three, &cut(&groups(&three), 2), 2);
-        assert_eq!(loads, [2.0, 2.0], "the longest is dealt first");
+        assert_eq!(loads, [2.0, 2.0], "the longest group is assigned first");
         let whole = cut(&groups(&vec![vec![1.0; 8]; 4]), 4);
         assert!(whole.len() == 4 && whole.iter().all(|block| block.control.is_none()), "{whole:?}");
         assert_eq!(whole.iter().map(|block| block.shard).collect::<Vec<_>>(), [1, 2, 3, 4]);
@@ -199,14 +199,18 @@ mod tests {
         groups[0][0].may_control = false;
         assert_eq!(control(&groups), Some(2));
         groups[0].iter_mut().for_each(|cost| cost.may_control = false);
-        assert_eq!(control(&groups), Some(0), "one that some devices cannot measure is better than none");
+        assert_eq!(
+            control(&groups),
+            Some(0),
+            "a control point that some devices cannot measure is better than none"
+        );
     }
 
     #[test]
     fn more_shards_than_points_leave_some_with_nothing() {
         let blocks = cut(&groups(&[vec![1.0; 3]]), 16);
         assert_eq!(blocks.iter().map(|block| block.points.len()).sum::<usize>(), 3);
-        assert!(blocks.len() <= 2, "a piece of one point would measure two: {blocks:?}");
+        assert!(blocks.len() <= 2, "a block of one point would also measure the control point: {blocks:?}");
         assert!(cut(&[], 4).is_empty());
     }
 
@@ -216,7 +220,7 @@ mod tests {
         let found = pieces(group, 5.0);
         let points: Vec<_> = found.iter().map(|(_, block)| block.points.clone()).collect();
         assert_eq!(points, [vec![0], vec![1, 2]]);
-        // The control point, of cost 3, is one of the first piece's own.
+        // The control point, of cost 3, is one of the first piece's own points.
         assert_eq!(found.iter().map(|(cost, _)| *cost).collect::<Vec<_>>(), [3.0, 10.0]);
     }
 

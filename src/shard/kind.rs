@@ -53,8 +53,8 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder, sorted by file name, the host first. If several have the same name,
-    /// their differences are added to it.
+    /// Returns all kinds in a folder, sorted by file name, the host first. Of several kinds with the same points,
+    /// only the first is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
             .into_iter()
@@ -67,8 +67,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Another build of the same program, or another name of the device on its machine, still measures the
-        // same.
+        // A kind measures the same points as another if only the build of the program differs, or the device's name
+        // on its machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)

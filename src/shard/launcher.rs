@@ -1,6 +1,6 @@
-//! Reads the number that a launcher assigned to this process. Every launcher that starts several processes
-//! sets environment variables, but the variables' names differ, and numbers start at 0 or at 1. The table is
-//! in this file.
+//! Reads the number that a launcher assigned to this process. Every launcher that starts several processes sets
+//! environment variables, but the variables' names differ, and numbers start at 0 or at 1. This file has the table of
+//! these variables.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -88,8 +88,8 @@ pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process did not number it: an element of an array may be a step with
-    // one task.
+    // A launcher that started a single process does not decide its shard: the process may be an element of an array
+    // that runs as a step with one task.
     let numbered = inner.into_iter().find(|told| told.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -224,7 +224,7 @@ fn nobody() -> Error {
 mod tests {
     use super::*;
 
-    /// Returns the shard, or the beginning of the message.
+    /// Returns the number of the shard and that of all shards, or the beginning of the error's message.
     fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))

@@ -95,7 +95,7 @@ fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
     (0..plan.points.len()).filter(|point| !hosts.contains(point)).collect()
 }
 
-/// Describes a kind of device without records for these points, of `of` points in all.
+/// Describes a kind of device that has no records for the points `lacks`, out of `of` points in all.
 fn lacking(
     plan: &ShardPlan,
     device: String,

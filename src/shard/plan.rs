@@ -40,7 +40,7 @@ pub struct ShardPlan {
     pub cases: Vec<usize>,
     /// The points in blocks, and the shard that measures each block.
     pub blocks: Vec<Block>,
-    /// The expected time of each shard in milliseconds; an estimate without earlier measurements.
+    /// The expected time of each shard in milliseconds; an estimate if there are no earlier measurements.
     pub expected_ms: Vec<f64>,
 }
 

@@ -37,7 +37,7 @@ pub fn scripts(wishes: &Wishes) -> String {
     let how = if wishes.is_known { "based on earlier times" } else { "a guess: nothing was measured before" };
     let seconds = wishes.longest.as_secs();
     let mut text = format!(
-        "# {n} shards; the longest takes about {seconds} s ({how}). The limit is twice that and ten minutes.\n\
+        "# {n} shards; the longest takes about {seconds} s ({how}). The time limit is twice this time plus ten minutes.\n\
          cat >shards.sh <<'END'\n#!/bin/bash\n#SBATCH --job-name={name}\n"
     );
     let tasks = if is_array {
@@ -116,7 +116,7 @@ mod tests {
         assert!(short.ends_with(
             "job=$(sbatch --parsable shards.sh)\nsbatch --dependency=afterany:${job%%;*} merge.sh\n"
         ));
-        assert!(scripts(&wishes(1, false)).contains("--array"), "what is not known may be long");
+        assert!(scripts(&wishes(1, false)).contains("--array"), "a shard of unknown duration may take long");
         assert!(
             scripts(&Wishes { on_gpu: Some(false), ..wishes(1, true) }).contains("#SBATCH --exclusive\n")
         );

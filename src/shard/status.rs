@@ -1,4 +1,4 @@
-//! The state of each attempt in a folder: running, hung, lost, or ended. Each attempt counts in its own
+//! The state of each attempt in a folder: running, hung, lost, or ended. Each attempt increases a counter in its own
 //! folder; two readings show which counters increase.
 
 use super::{Attempt, Beat, End};
@@ -11,8 +11,8 @@ use std::time::Duration;
 pub enum State {
     /// Its counter increases, and it makes progress.
     Going,
-    /// Its counter increases, but it has made no progress for longer than the limit of a step; has the
-    /// seconds without progress.
+    /// Its counter increases, but it has made no progress for longer than the time limit of a step. The value is the
+    /// number of seconds without progress.
     Hung(u64),
     /// Its counter does not increase, and it did not report its end: it was killed, or its machine is down.
     Lost,
@@ -23,7 +23,7 @@ pub enum State {
 /// An attempt and its state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// Its name: shard, machine, job, restart.
+    /// Its name, which consists of the shard, the machine, the job and the restart.
     pub name: String,
     /// Its state.
     pub state: State,

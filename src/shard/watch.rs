@@ -1,6 +1,6 @@
-//! Checks whether the launcher of this process is still alive. A scheduler that lost a step does not look for
-//! its processes again. A process that continued would measure at the same time as its successor, and its
-//! results would not be used.
+//! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look
+//! for the step's processes again. If such a process continued, it would measure at the same time as its successor,
+//! and its results would not be used.
 
 use super::{Asked, Attempt, End};
 use std::time::Duration;
@@ -28,9 +28,9 @@ const LAUNCHERS: [&str; 12] = [
 /// before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Checks in a thread for as long as the process runs. If the launcher is lost, that is recorded in the
-/// attempt's folder, and the process ends with exit code 1. Its workers end with it, and the current point
-/// stays unmeasured. If the shard's number was given explicitly by a shell, the shell is not checked.
+/// Checks in a thread for as long as the process runs. If the launcher is lost, that is recorded in the attempt's
+/// folder, and the process ends with exit code 1. Its workers end with it, and the current point stays unmeasured. If
+/// a shell started the process and the shard's number was given explicitly, the shell is not checked.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
@@ -93,7 +93,7 @@ impl Chain {
         self.0.is_empty()
     }
 
-    /// Returns the one that has ended, if any.
+    /// Describes the first process of the chain that has ended, if any has.
     fn lost(&self) -> Option<String> {
         self.lost_by(&read)
     }
@@ -115,8 +115,8 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux. A process that has ended but was not waited for counts as ended. Other systems
-/// return nothing.
+/// Reads a process from Linux. A process that has ended but was not waited for counts as ended. On other systems,
+/// returns `None`.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }
@@ -153,7 +153,10 @@ mod tests {
         let names =
             |id, asked| Chain::from(id, asked, &read).0.into_iter().map(|p| p.name).collect::<Vec<_>>();
         assert_eq!(names(9, given), ["bash", "slurmstepd"]);
-        assert!(names(20, given).is_empty(), "a shell that gave the number may end");
+        assert!(
+            names(20, given).is_empty(),
+            "a shell that started a process with an explicit number may end before it"
+        );
         assert_eq!(
             names(20, Asked::Auto(None)),
             ["bash"],
@@ -166,7 +169,7 @@ mod tests {
         let without = |id: u32| read(id).filter(|process| process.id != 7);
         assert_eq!(chain.lost_by(&without).as_deref(), Some("slurmstepd (process 7) has ended"));
         let another = |id: u32| read(id).map(|process| Process { began: "99".into(), ..process });
-        assert!(chain.lost_by(&another).is_some(), "a number that was given again");
+        assert!(chain.lost_by(&another).is_some(), "another process has the same ID now");
     }
 
     #[test]

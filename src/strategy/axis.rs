@@ -6,7 +6,7 @@ use super::header::Header;
 use super::values::{header_of, values_of};
 use crate::error::{Error, Result, nearest};
 
-/// An axis, by its name at run time.
+/// An axis as data: its name, its meaning, and its values that are not files.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisInfo {
     /// The axis's name in configs.
@@ -166,7 +166,7 @@ file_axis! {
 axis! {
     /// The number of kernels per frame.
     Passes "passes" "how many kernels a frame takes" {
-        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (tiles that work-items share are shaded after it)",
+        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (afterwards, another kernel shades tiles that work-items share)",
         Separate "separate" "one kernel finds the nearest hits, another shades them; they are timed separately",
     }
 }
@@ -182,8 +182,8 @@ file_axis! {
     }
 }
 axis! {
-    /// When the data of a triangle that the ray-triangle test reads is computed.
-    Records "records" "when the data of a triangle that a test reads is computed" {
+    /// The time at which a triangle's data for the ray-triangle test is computed.
+    Records "records" "when a triangle's data for the tests is computed" {
         EachTest "each-test" "at each test, or once per tile of triangles; memory holds only the scene's corners",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
@@ -196,8 +196,8 @@ axis! {
     }
 }
 axis! {
-    /// When a test counts as parallel or outside.
-    Epsilons "epsilons" "when a test counts as parallel or outside" {
+    /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
+    Epsilons "epsilons" "when a test counts a ray as parallel to a triangle, or as passing outside it" {
         Paper "paper" "the paper's absolute numbers: |a| <= 1e-7, weights < -1e-10",
         Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",
     }

@@ -72,8 +72,8 @@ impl Triangles {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
     }
 
-    /// Returns whether the data for the test can come from a table in global memory, at once or one tile at a
-    /// time.
+    /// Returns whether the test can read its data from a table in global memory, either directly or copied one tile
+    /// at a time.
     pub fn take_tables(self) -> bool {
         !self.are_constant() && !self.are_staged()
     }
@@ -104,8 +104,8 @@ impl Intersector {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns whether primary rays have pixel coordinates as their direction: their planes are linear in the
-    /// pixel, and t is depth.
+    /// Returns whether the directions of primary rays are given in pixel coordinates. The planes for these rays are
+    /// then linear in the pixel's coordinates, and t is depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }
@@ -122,7 +122,7 @@ impl Intersector {
 }
 
 impl Strategy {
-    /// Returns the family of kernels that casts it.
+    /// Returns the family of kernels that casts the strategy's rays.
     pub fn family(&self) -> &'static Family {
         match self.traversal {
             Traversal::Exhaustive => &EXHAUSTIVE,

@@ -82,8 +82,8 @@ struct Entries {
 }
 
 impl Reader<'_> {
-    /// Reads the comment that a file begins with, up to its first empty line. A line `// key: value` is a key; all else is
-    /// prose.
+    /// Reads the comment that a file begins with, up to its first empty line. A line `// key: value` sets a key; all
+    /// other lines are prose.
     pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
         let mut found = Entries::default();
         let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
@@ -150,8 +150,9 @@ impl Reader<'_> {
         let one = |pair: &str| {
             let pair = pair.trim();
             let Some((axis, value)) = pair.split_once('=') else {
-                let message =
-                    format!("'{pair}' is not axis=value; expected one of another axis, such as culling=back");
+                let message = format!(
+                    "'{pair}' is not axis=value; expected a value of another axis, such as culling=back"
+                );
                 return Err(self.wrong(line, message, None));
             };
             let axis = self.other_axis(line, axis.trim())?;
@@ -176,7 +177,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Checks the length of rows that a kernel prepares for origins, which is fixed.
+    /// Checks the length of the rows that a kernel prepares for an origin. This length is fixed.
     fn check_planes(&self, found: &Entries) -> Result<()> {
         let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
@@ -184,7 +185,7 @@ impl Reader<'_> {
         match (planes, said("record_floats")) {
             (Some((other, ..)), Some((line, _, Said::Number(floats)))) if *floats != PLANES_FLOATS => {
                 let message = format!(
-                    "'record_floats' is {floats}, but rows prepared for an origin (line {other}) have {PLANES_FLOATS} floats"
+                    "'record_floats' is {floats}, but the data of a triangle that is prepared for an origin (line {other}) has {PLANES_FLOATS} floats"
                 );
                 Err(self.wrong(*line, message, None))
             }

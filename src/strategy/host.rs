@@ -1,5 +1,5 @@
-//! Predicts the host's memory that casting needs: the largest sum at any moment, before anything is
-//! allocated.
+//! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest sum at any
+//! moment.
 
 use super::requirements::{global, node_bytes, scratch};
 use super::sum::Sum;
@@ -11,19 +11,19 @@ use crate::scene::{Mapped, Mesh};
 /// Bytes of the program, its libraries and a driver: 93 MB with PoCL 3.1 if its kernels are cached, 239 MB if
 /// LLVM 15 compiles them (one triangle, 64 x 40 pixels; 2026-11-20).
 const PROGRAM_BYTES: u64 = 240_000_000;
-/// Bytes per triangle of the reference's tree: corners in double precision and a number, and at most one node
-/// of 72 bytes.
+/// Bytes per triangle of the reference's tree: its corners in double precision, its number, and at most one node of
+/// 72 bytes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (88 bytes), the radiance, and whether the pixel is certain.
 const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// Bytes per pixel of the parts of a picture with soft light at half resolution, while it is verified: its unoccluded light
-/// and hits, two half pictures, their hits and ratios, and the picture that they should make.
+/// Bytes per pixel of the parts of a picture with soft light at half resolution, while it is verified: its unoccluded
+/// light and hits, two half pictures, their hits and ratios, and the picture that is expected from them.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
-/// The bytes of the host's memory that are in use at each moment at which the use may be largest.
+/// The bytes of the host's memory in use at several moments: those at which the largest amount may be in use.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,
@@ -51,8 +51,7 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // The tree is built with small leaves, which a wide node combines to larger ones, as in
-            // DeviceTree.
+            // The tree is built with small leaves. Wide nodes then combine them into larger leaves, as in DeviceTree.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);

@@ -1,6 +1,6 @@
 //! The reason why a strategy cannot be cast, found before anything is compiled.
 
-/// Why a point cannot be cast: the arithmetic, or what its strategy lacks, as a sentence.
+/// Why a point cannot be cast, as a sentence: the arithmetic of a limit that it exceeds, or what its strategy lacks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
     /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
@@ -10,7 +10,7 @@ pub struct Infeasible {
 }
 
 impl Infeasible {
-    /// Returns the reason why a device or the host cannot hold a point.
+    /// Returns the reason why a point exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
         Self { reason, is_lacking: false }
     }

@@ -58,7 +58,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "layout",
         "index_bits",
-        "bits of the OBJ's indices; none for the soup",
+        "bits of an index into the lists of positions and normals; none for a triangle soup",
         Takes::Words(&["none", "16", "32"]),
     ),
     key("shading", "shades", "which hits it shades", Takes::Words(&["each-nearer-hit", "nearest-hit"])),
@@ -169,7 +169,7 @@ mod tests {
             let Some(key) = KEYS.iter().find(|key| key.name == row[0].trim_matches('`')) else { continue };
             let says = in_quotes(row[3]);
             for word in key.takes.words() {
-                assert!(says.contains(word), "{}: {word} is not told of", key.name);
+                assert!(says.contains(word), "{}: {word} is not mentioned", key.name);
             }
             if let Takes::Numbers(..) = key.takes {
                 assert!(row[3].contains(&key.takes.to_string()), "{}: not told: {}", key.name, key.takes);

@@ -78,11 +78,11 @@ strategy! {
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
-    /// When the data of a triangle that the test reads is computed.
+    /// The time at which a triangle's data for the ray-triangle test is computed.
     records: Records,
     /// Which faces are visible.
     culling: Culling,
-    /// When a test counts as parallel or outside.
+    /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
     epsilons: Epsilons,
     /// Rays per work-item.
     width: Width,
@@ -134,9 +134,9 @@ impl Strategy {
         self.traversal != Traversal::Tile
     }
 
-    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). It is nearly
-    /// square, so that its rays hit the same triangles. For planes that are linear in the pixel it is a
-    /// longer row, whose rays share terms.
+    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). It is nearly square, so
+    /// that its rays hit the same triangles. If the test uses planes that are linear in the pixel's coordinates, the
+    /// block is wider and lower, since the rays of a row share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -159,8 +159,8 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights per round for work-items that share a tile. A word has one bit for each
-    /// pair of a light and one of a work-item's rays, and one more.
+    /// Returns the number of lights in a round: work-items that share a tile cast the shadow rays to these lights at
+    /// the same time. A word has one bit for each pair of a light and a ray of the work-item, and one extra bit.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;

@@ -90,13 +90,13 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "naive-test-vectors",
-        about: "naive, with five more vectors in memory at each ray-triangle test, as in the student's intersect",
+        about: "naive, with five more vectors in memory at each ray-triangle test, as in the function `intersect` of the paper's author",
         strategy: Strategy { intersector: Intersector::FIVE_VECTORS, ..PAPER },
         meant_for: None,
     },
     Preset {
         name: "private",
-        about: "the paper's static arrays, which failed to launch there",
+        about: "vectors in private memory: the paper's static arrays, with which its kernel failed to launch",
         strategy: Strategy { vectors: Vectors::PRIVATE, ..PAPER },
         meant_for: None,
     },
@@ -132,7 +132,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "split-normals",
-        about: "its reverse: indexed, normals in __local memory and vertices in global",
+        about: "the reverse of split-vertices: indexed, normals in __local memory and vertices in global",
         strategy: Strategy { triangles: Triangles::SPLIT_NORMALS, layout: Layout::INDEXED_16, ..PAPER },
         meant_for: None,
     },
@@ -180,7 +180,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tiled-wide",
-        about: "tiled, 4 rays per work-item: the plain test in the form that suits GPUs",
+        about: "tiled, 4 rays per work-item: the test moller-trumbore in the form that suits GPUs",
         strategy: Strategy { width: Width::W4, triangles: Triangles::TILED, ..MODERN },
         meant_for: Some(DeviceKind::Gpu),
     },

@@ -34,11 +34,12 @@ const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a pixel and its lights.
 const QUEUE_ENTRY_BYTES: u64 = 8;
-/// Bytes of a pixel's word with the lights that reach it.
+/// Bytes of a pixel's word, which records the lights that reach the pixel.
 const LIT_BYTES: u64 = 4;
 
-/// Limit on the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. Drivers keep
-/// values that live across a barrier once per work-item of a group, and overflow the stack without an error.
+/// Limit on the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. If a value lives across
+/// a barrier, drivers keep a copy of it for each work-item of a group. If the copies are too large, they overflow the
+/// stack without an error.
 const CPU_STACK_BYTES: u64 = 5 << 20;
 
 /// The bytes of memory that a strategy needs.
@@ -215,7 +216,8 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    // Values live across a barrier for all work-items at once; so do, in PoCL 3.1, packets of rays.
+    // A value that lives across a barrier is kept for all work-items at once. PoCL 3.1 also keeps packets of rays in
+    // this way.
     let packets = strategy.traversal != Traversal::Tile && strategy.width.rays() > 1;
     let at_once = strategy.triangles.copied() != Copied::Nothing || packets;
     if strategy.vectors.memory() == WorkingMemory::Private && at_once {
@@ -300,9 +302,9 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Returns the bytes of a tree node, and an estimate of the number of nodes. It assumes full nodes and, if
-/// leaves may have more than four triangles, half-full leaves (unused slots of a node make leaves smaller),
-/// and adds half as many nodes.
+/// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate assumes full nodes, and
+/// leaves with half as many triangles as they may have, but at least four. It then multiplies the number of nodes by
+/// three, since unused slots of a node make leaves smaller.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

@@ -41,7 +41,7 @@ impl Strategy {
         let all = AXES.iter().filter(|info| info.name == *axis).flat_map(|info| info.values());
         let taken: Vec<_> = all.map(|(value, _)| value).filter(|value| self.is_taken(rule, value)).collect();
         let label = self.family().label;
-        Some(format!("{axis} = {value}, but {label} {because}: {axis} = {}", taken.join(" or ")))
+        Some(format!("{axis} = {value}, but {label} {because}; expected {axis} = {}", taken.join(" or ")))
     }
 
     /// Returns why two of its values contradict each other in any family, if they do.
@@ -65,7 +65,7 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads a table of its own, a row per triangle: layout = soup",
+                "intersector = {intersector} reads a table of its own, a row per triangle, so layout must be soup",
             ),
             (
                 planes && !tables,
@@ -73,15 +73,15 @@ impl Strategy {
             ),
             (
                 planes && records,
-                "intersector = {intersector} prepares a row for each origin, once per frame: records = each-test",
+                "intersector = {intersector} prepares a row for each origin, once per frame, so records must be each-test",
             ),
             (
                 records && !tables,
-                "records = once is a table that tests read from global memory: triangles = global or tiled",
+                "records = once is a table that tests read from global memory, so it needs triangles = global or tiled",
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
-                "intersector = {intersector} orders hits by depth, not by distance, and shades only the nearest: shading = deferred",
+                "intersector = {intersector} orders hits by depth, not by distance, and shades only the nearest, so shading must be deferred",
             ),
         ];
         let (_, reason) = rules.into_iter().find(|(broken, _)| *broken)?;
@@ -112,7 +112,7 @@ mod tests {
     use crate::manifest::FAMILIES;
     use std::collections::HashSet;
 
-    /// Returns strategies of each family, one of which accepts each value that the family supports.
+    /// Returns strategies of every family: each value that a family supports is accepted by at least one of them.
     fn bases() -> impl Iterator<Item = Strategy> {
         let all = PRESETS.iter().map(|preset| preset.strategy);
         let deferred = |strategy: Strategy| Strategy {
@@ -138,7 +138,7 @@ mod tests {
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {
                     let of_family = bases().filter(|base| std::ptr::eq(base.family(), family));
-                    // A test may require the paper's guards.
+                    // Some ray-triangle tests require epsilons = paper.
                     let guards = |base| [base, Strategy { epsilons: Epsilons::Paper, ..base }];
                     let reasons: Vec<_> = of_family
                         .flat_map(guards)
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(
             tile.contradiction().unwrap_or_default(),
             "intersector = moller-trumbore, but traversal = tile with vectors of rays (width = 16) prepares a leaf's \
-             triangles for all rays of a tile: intersector = edge-planes or watertight"
+             triangles for all rays of a tile; expected intersector = edge-planes or watertight"
         );
     }
 

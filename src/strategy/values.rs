@@ -49,7 +49,7 @@ pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
 
 impl Sources {
     /// Returns the kernel files for a command: the built-in ones, replaced or extended by those of its
-    /// `--cl-dir`. Their values become known.
+    /// `--cl-dir`. The values that are files become those of `values_of`.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;

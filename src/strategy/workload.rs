@@ -5,11 +5,12 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
-/// A pixel has at most 2^2 sub-pixels across and down: as many as a vector has rays.
+/// A pixel has at most 2^2 sub-pixels across and 2^2 down. This makes as many sub-pixels as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
-/// A frame whose tiles are shared divides pixels only while it has at most this many rays, each of which takes 16 bytes in
-/// the buffers between kernels: 512 MiB, enough for 16 samples of 1920 x 1080 pixels.
+/// A frame whose tiles are shared divides pixels into sub-pixels only if it then has at most this many rays. Each ray
+/// takes 16 bytes in the buffers between kernels, which makes 512 MiB. This is enough for 16 samples of 1920 x 1080
+/// pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The sizes on which a strategy's needs depend.
@@ -51,8 +52,8 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// A cube in a tree, for which programs are made if no scene is named. The image size does not affect the
-    /// compiled code.
+    /// The workload of a cube and its tree. Programs are made for it if no scene is named. The image size does not
+    /// affect the compiled code.
     pub const CUBE: Self = Self {
         triangles: 12,
         positions: 8,
@@ -77,17 +78,18 @@ impl Workload {
         self.texture_words > 0
     }
 
-    /// Returns the number of bytes of a triangle's place in its texture.
+    /// Returns the number of bytes that describe where a triangle lies in its texture.
     pub fn texture_row_bytes(&self) -> u64 {
         4 * Mapped::floats(self.mip_levels) as u64
     }
 
-    /// Returns whether each pixel casts rays to its own points of lights, or its own direction of a sky.
+    /// Returns whether each pixel has its own points of the lights, or its own direction of the sky, to which it
+    /// casts rays.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky
     }
 
-    /// Returns the number of blocks across and down whose pixels get equally many samples.
+    /// Returns the number of blocks across and down. All pixels of a block get the same number of samples.
     pub fn sampled_blocks(&self) -> [u32; 2] {
         self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
     }
@@ -120,8 +122,8 @@ impl Workload {
         ]
     }
 
-    /// Returns the number of values that separate passes pass on: one per ray from the eye, or one per pixel,
-    /// rounded up to whole tiles.
+    /// Returns the number of values that one pass stores for the next if passes are separate: one per ray from the
+    /// eye, or one per pixel, rounded up to whole tiles.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.shares_tiles() {
             self.shared_rays(strategy)
@@ -133,9 +135,10 @@ impl Workload {
         }
     }
 
-    /// Returns how finely a frame of tiles that groups share divides pixels, to cast several samples of each: the logarithm
-    /// of sub-pixels across. Each ray needs its own place in the buffers between kernels. Soft light is cast for one
-    /// sample at a time, and the kernel that adds the picture of a sky knows only whole pixels.
+    /// Returns how finely pixels are divided in a frame whose tiles are shared by groups, so that several samples of
+    /// each pixel are cast: the base-2 logarithm of the number of sub-pixels across. Each ray needs its own place in
+    /// the buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture
+    /// of a sky knows only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;
@@ -144,7 +147,7 @@ impl Workload {
         (0..=MOST_SUBPIXEL_BITS).rev().find(|bits| pixels << (2 * bits) <= MOST_SHARED_RAYS).unwrap_or(0)
     }
 
-    /// Returns the number of rays from the eye that a frame of tiles that groups share has at most.
+    /// Returns the largest number of rays from the eye in a frame whose tiles are shared by groups.
     pub fn shared_rays(&self, strategy: &Strategy) -> usize {
         let pixels = self.image_size[0] as usize * self.image_size[1] as usize;
         pixels << (2 * self.shared_subpixel_bits(strategy))
@@ -210,7 +213,7 @@ mod tests {
     fn a_row_of_work_groups_is_as_high_as_the_tiles_of_one() {
         let strategy = Strategy { tile: TileSize::T8x4, ..preset("tile-group").unwrap().strategy };
         let of = |tiles| Workload { local_size: [32, tiles], ..Workload::CUBE }.group_height(&strategy);
-        // If their number is even, two are side by side.
+        // If the number of tiles is even, two of them are side by side.
         assert_eq!([1, 2, 3, 4, 8].map(of), [4, 4, 12, 8, 16]);
         let rays = Workload { local_size: [16, 2], ..Workload::CUBE };
         assert_eq!(rays.group_height(&preset("deferred").unwrap().strategy), 2);

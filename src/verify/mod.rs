@@ -1,11 +1,11 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`])
-//! and within one step of 256 as displayed. An uncertain pixel is one that changes if its ray is moved by
-//! much more than rounding does. It must lie within the range of its values under narrow nudges, which move
-//! the ray by about as much as rounding. If narrow nudges change nothing, it must agree like a certain pixel.
-//! Uncertain pixels outside that range are counted, and only few are allowed. The number of pixels that hit
-//! something must be possible too, since `shadow_rays_per_s` depends on it.
+//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]) and within
+//! one step of 256 as displayed. An uncertain pixel is one that changes if its ray is moved by much more than
+//! rounding does. It must lie within the range of its values under narrow nudges, which move the ray by about as much
+//! as rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels outside that
+//! range are counted, and only few are allowed. The number of pixels that hit something must also lie in the range
+//! that the reference allows, since `shadow_rays_per_s` depends on it.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -82,8 +82,8 @@ pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns why the number of pixels that hit something is impossible, if it is. Uncertain pixels may be
-/// exceptions here too.
+/// Returns why the number of pixels that hit something is wrong, if it is outside the range that the reference
+/// allows. Here too, a few uncertain pixels may be outside the range.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;

@@ -177,8 +177,8 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
     assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
 }
 
-/// With a steep curve, eight displayed steps of 256 correspond to a thousandth of the floor. Brighter or
-/// darker by that is wrong.
+/// With a gamma of 4, a thousandth of the reference's `floor` is displayed as eight steps of 256. A pixel that is
+/// brighter or darker by that much is wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0 };
@@ -213,8 +213,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
-/// Like a certain pixel, it may differ by a thousandth of the floor, relative to which all darker pixels are
-/// compared.
+/// Like a certain pixel, it may differ by a thousandth of the reference's `floor`, since darker pixels are compared
+/// relative to the floor.
 #[test]
 fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     let mut reference = judged();

@@ -19,7 +19,7 @@ pub struct Pose {
     pub tilt: f64,
     /// The distance from the point that the eye goes around, as a factor.
     pub distance: f64,
-    /// The way aside and upwards in the picture's plane, as a factor of the distance from that point.
+    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the distance from that point.
     pub aside: [f64; 2],
 }
 
@@ -123,7 +123,7 @@ mod tests {
         assert!((pose.tilt - (FRAC_PI_2 - POLE)).abs() < 1e-12);
         pose.orbit([0.0, -9.0], 0.0);
         assert!((pose.tilt + FRAC_PI_2 - POLE).abs() < 1e-12);
-        // A camera that looks straight down goes down only.
+        // If the camera looks straight down, the eye can only go down.
         pose = Pose::START;
         pose.orbit([0.0, 0.5], FRAC_PI_2);
         assert_eq!(pose.tilt, 0.0);

@@ -27,8 +27,8 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns the other choices in the order of steps by 1 or -1: the same list each time, with another
-    /// value chosen.
+    /// Returns the other choices, in the order in which steps of 1 or -1 reach them. Each is the same list with
+    /// another value chosen.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {

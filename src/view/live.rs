@@ -51,7 +51,7 @@ type Way = (Choices<Strategy>, Choices<[u32; 2]>);
 type Ready = (Prepared, Caster);
 
 impl Live {
-    /// Loads the scene, which can be seen from all around, and prepares everything for the first frame.
+    /// Loads the scene so that it can be seen from all around, and prepares everything for the first frame.
     pub fn open(subject: Subject, samples: u32) -> Result<Self> {
         let sources = Sources::of(subject.cl_dir.clone())?;
         let dressed = !subject.look.plain;
@@ -196,7 +196,7 @@ impl Live {
         self.take(ways.collect())
     }
 
-    /// Takes the first of several ways that the device can cast.
+    /// Takes the first of several pairs of strategies and local sizes that the device can cast with.
     fn take(&mut self, ways: Vec<Way>) -> Result<()> {
         let mut last = None;
         for way in ways {

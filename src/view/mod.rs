@@ -187,7 +187,7 @@ impl<S: Screen> Viewer<S> {
         actions.any(|wanted| self.act(wanted))
     }
 
-    /// Does one action. Returns whether it is to end.
+    /// Does one action. Returns whether the view is to end.
     fn act(&mut self, wanted: Action) -> bool {
         match wanted {
             Action::Orbit(_) | Action::Pan(_) | Action::Zoom(_) | Action::Reset => self.go(wanted),
@@ -203,7 +203,7 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows a heat map of the triangles that each pixel tests, or the picture again.
+    /// Shows a heat map of the number of triangles that each pixel's rays are tested against, or the picture again.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();

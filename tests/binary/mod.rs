@@ -1,4 +1,4 @@
-//! What tests of the binary share: running it, in a folder of its own, on the test device.
+//! Code that tests of the binary share: it runs the binary in a folder of its own, on the test device.
 
 use assert_cmd::Command;
 use image::{Rgb, RgbImage};
@@ -7,10 +7,10 @@ use std::process::{Child, Output, Stdio};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-/// Only a hang takes as long, also beside other work on a slow machine.
+/// Only a process that hangs takes this long, even on a slow machine with other work.
 pub const LIMIT: Duration = Duration::from_secs(600);
 
-/// Waits until something is so; fails at the limit.
+/// Waits until `so` returns true; fails after the time limit.
 #[track_caller]
 pub fn until(what: &str, so: impl Fn() -> bool) {
     let start = Instant::now();
@@ -20,7 +20,7 @@ pub fn until(what: &str, so: impl Fn() -> bool) {
     }
 }
 
-/// What a process said until it ended. One that hangs is killed and fails the test.
+/// Returns what a process printed until it ended. One that hangs is killed and fails the test.
 #[track_caller]
 pub fn finish(child: Child) -> Output {
     finish_within(LIMIT, child)
@@ -41,7 +41,7 @@ pub fn finish_within(limit: Duration, child: Child) -> Output {
     }
 }
 
-/// Runs a program to its end and keeps what it says.
+/// Runs a program to its end and returns what it printed.
 #[track_caller]
 pub fn run(command: &mut std::process::Command) -> Output {
     let command = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -66,7 +66,7 @@ fn kill(process: u32) {
 #[cfg(not(unix))]
 fn kill(_: u32) {}
 
-/// One triangle before the camera, under one light.
+/// One triangle in front of the camera, under one light.
 pub const TRIANGLE: &str = r#"name = "little"
 
 [camera]
@@ -81,8 +81,8 @@ vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]
 faces = [[0, 1, 2]]
 "#;
 
-/// A config that measures these points of [`TRIANGLE`], which lies beside it as scene.toml: after so many warm-up frames so many
-/// samples, in one launch.
+/// A config that measures these points of [`TRIANGLE`], which is in the same folder as scene.toml. One launch takes
+/// `samples` samples after `warmup` frames.
 pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     format!(
         "question = \"?\"\nexpectation = \"!\"\nscenes = [\"scene.toml\"]\n{points}\n[timing]\nlaunches = 1\n\
@@ -90,13 +90,13 @@ pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     )
 }
 
-/// Scene and config of one point that takes no time.
+/// A folder with the scene and the config of one point, which takes almost no time.
 pub fn one_point() -> Place {
     let points = "image_sizes = [[8, 5]]\nlocal_sizes = [4]\nstrategies = [\"deferred\"]\n";
     Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
 }
 
-/// A word of the device tests run on: PoCL, or what RAYCL_TEST_DEVICE names.
+/// Returns a word that selects the device on which tests run: PoCL, or what RAYCL_TEST_DEVICE names.
 pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
 }
@@ -106,7 +106,7 @@ pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
 
-/// Where raycl finds no settings: whose machine it is decides no test.
+/// A folder in which raycl finds no settings, so that the settings of the machine's user do not affect tests.
 pub const NO_SETTINGS: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-settings");
 
 /// The binary, without the user's settings.
@@ -139,7 +139,7 @@ impl Place {
         std::fs::write(path, text).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
 
-    /// Where a name lies in it.
+    /// Returns the path of a file in it.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
@@ -154,12 +154,13 @@ impl Place {
         self.text(name).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect()
     }
 
-    /// A folder with a kernel file in which one text is replaced, to be laid over those built in.
+    /// Makes a folder for `--cl-dir` with one kernel file in which a part of the text is replaced, and returns its
+    /// name.
     pub fn kernels(&self, file: &str, from: &str, to: &str) -> String {
         self.kernels_of(&format!("cl/{file}"), file, from, to)
     }
 
-    /// The same with a file of the repository, under this name.
+    /// Does the same with any file of the repository, which gets the name `file` in the folder.
     pub fn kernels_of(&self, of: &str, file: &str, from: &str, to: &str) -> String {
         let text = std::fs::read_to_string(repository(of)).expect("a kernel file");
         assert!(text.contains(from), "{of} no longer says {from}");
@@ -167,14 +168,15 @@ impl Place {
         "kernels".to_owned()
     }
 
-    /// Fails unless verification notices that one text of one kernel file is another: `scene.toml` gives a wrong picture.
+    /// Fails unless verification notices that a part of a kernel file was replaced: rendering `scene.toml` must
+    /// report a wrong picture.
     #[track_caller]
     pub fn notices(&self, (file, from, to): (&str, &str, &str), strategy: &str, options: &[&str]) {
         let (kernels, device) = (self.kernels(file, from, to), device());
         let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
         let ends = ["-o", "wrong.png", "--force", "--strategy", strategy, "--cl-dir", &kernels];
         has(&self.mistake(&[&usual[..], &ends, options].concat(), 1), &["the picture is wrong: "]);
-        // The next change may be of another file.
+        // The next call may replace a part of another file.
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 
@@ -192,7 +194,8 @@ impl Place {
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
         // Tests that do not test the lock of devices do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));
-        // What other tests and other versions have kept decides none: those of the cache have one of their own.
+        // Tests must not depend on what other tests or other versions have stored in the cache; tests of the cache
+        // use one of their own.
         command.env("RAYCL_CACHE_MIB", "0");
         command
     }
@@ -213,7 +216,7 @@ impl Place {
     }
 }
 
-/// How many pixels differ in some channel by more than a rounding.
+/// Returns the number of pixels that differ in some channel by more than one step, which rounding may cause.
 pub fn apart(a: &RgbImage, b: &RgbImage) -> usize {
     let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
     a.pixels().zip(b.pixels()).filter(apart).count()

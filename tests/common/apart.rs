@@ -6,11 +6,13 @@ use std::time::Duration;
 
 /// Set in the process that runs one test.
 const MARK: &str = "RAYCL_TEST_APART";
-/// Only a hang takes as long: a test builds a hundred programs, beside other work on a slow machine.
+/// Only a test that hangs takes this long: a test builds up to a hundred programs, even on a slow machine with other
+/// work.
 const LIMIT: Duration = Duration::from_secs(3600);
 
-/// The first line of a test that runs in a process of its own. PoCL compiles one kernel at a time in a process, so that
-/// tests which compile many would leave all cores but one idle; and a driver that crashes fails the test it crashed in.
+/// The first line of a test that runs in a process of its own. PoCL compiles one kernel at a time in a process, so
+/// that tests which compile many would leave all cores but one idle; and a driver that crashes makes only the test
+/// fail in which it crashed.
 macro_rules! apart {
     () => {
         fn here() {}
@@ -21,8 +23,9 @@ macro_rules! apart {
 }
 pub(crate) use apart;
 
-/// Whether this program, started once more for that test alone, has run it; if not, this is that process. The test is the
-/// function around `here`: `all::kernels::presets::here`.
+/// Starts this program again for the calling test alone, and returns true if the test passed there. In that second
+/// process, returns false, so that the test runs. The test is the function around `here`:
+/// `all::kernels::presets::here`.
 #[track_caller]
 pub fn has_run(here: &str) -> bool {
     if std::env::var_os(MARK).is_some() {
@@ -37,7 +40,7 @@ pub fn has_run(here: &str) -> bool {
     let output = finish_within(LIMIT, command.spawn().expect("this program starts"));
     let (said, complained) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    // A name that no test has would end well, too.
+    // If no test has this name, the program succeeds too, so the number of passed tests is checked.
     let passed = output.status.success() && said.contains("test result: ok. 1 passed");
     assert!(passed, "{name} ended with {}:\n{said}\n{complained}", output.status);
     true

@@ -33,7 +33,8 @@ fn candidates() -> Vec<Strategy> {
     sorted
 }
 
-/// Strategies that together have every pair of values that any candidate has: greedily the one with most new pairs.
+/// Strategies that together have every pair of values that any candidate has: each time, the candidate with the most
+/// new pairs is added.
 pub fn pairwise_cover() -> Vec<Strategy> {
     let candidates: Vec<_> = candidates().into_iter().map(|strategy| (strategy, pairs(&strategy))).collect();
     let mut open: HashSet<Pair> = candidates.iter().flat_map(|(_, pairs)| pairs.iter().copied()).collect();

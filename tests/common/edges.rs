@@ -94,13 +94,14 @@ pub fn closed_meshes() -> Scene {
     scene
 }
 
-/// Rays from one point towards points on edges, every fifth towards a vertex, and how far that is: no ray gets farther.
+/// Returns rays from one point towards points on edges, every fifth towards a vertex, and the distances of these
+/// points, beyond which no ray may get.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
 }
 
-/// A random one, unless it grazes: then it may pass its edge by.
+/// Returns a random ray; `None` if it meets a face at such a small angle that it may miss the edge.
 fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f32)> {
     let triangle = &mesh.triangles[random(state) as usize % mesh.triangles.len()];
     let corners = mesh.corners(triangle);
@@ -108,14 +109,15 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     let along = if random(state).is_multiple_of(5) { 0.0 } else { fraction(state) };
     let way = corners[edge].lerp(corners[(edge + 1) % 3], along) - origin;
     let direction = way.normalize();
-    // Both faces of the edge are to be crossed, from the same side.
+    // The ray must cross both faces of the edge from the same side.
     let normals = mesh.corner_normals(triangle);
     let crossing = [edge, (edge + 1) % 3].map(|corner| normals[corner].dot(direction));
     let crosses = crossing[0].abs() > 0.25 && crossing[1].abs() > 0.25 && crossing[0] * crossing[1] > 0.0;
     crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, way.length()))
 }
 
-/// Whether a ray that nears `target` on its way has met its nearest triangle by then.
+/// Returns whether the nearest triangle that was found for a ray lies at most as far away as `target`, so that the
+/// ray did not pass it.
 pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
     let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
@@ -124,9 +126,9 @@ pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> 
     t < f64::from(target) * 1.001
 }
 
-/// A net over an image of `side` x `side` pixels: a corner on the ray of every other pixel, both ways, and a little
-/// beyond, so that a quarter of the pixels looks at vertices, the rest at edges. `corner` says where the ray through a
-/// pixel's centre has it.
+/// A net over an image of `side` x `side` pixels: it has a vertex on the ray of every second pixel across and down,
+/// and a few vertices beyond the image. The rays of a quarter of the pixels meet vertices, and the others meet edges.
+/// `corner` returns the point on the ray through a pixel's centre at which the vertex lies.
 fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
     let across = side / 2 + 5;
     let place = |i: u32| 2.0 * f64::from(i) - 3.5;
@@ -162,9 +164,9 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     scene
 }
 
-/// A net before the paper's camera, which stands at the origin: corners are as exact as they can be. It is lit from behind, so that
-/// no shadow rays are cast. Crumpled, it has boxes of all depths; flat, its boxes have none, and a ray that meets the side of one
-/// enters and leaves it at once.
+/// A net in front of the paper's camera, which is at the origin, so that the vertices are as exact as possible. It is
+/// lit from behind, so that no shadow rays are cast. If the net is crumpled, its boxes have depths of all sizes. If
+/// it is flat, its boxes have no depth, and a ray that meets the side of a box enters and leaves it at once.
 pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };
@@ -172,8 +174,8 @@ pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
 }
 
-/// A floor seen from below, a light above it, and if `shaded` a net between the two, with its corners and edges on the
-/// way to the middles of pixels.
+/// A floor seen from below, a light above it, and, if `shaded`, a net between the two. The shadow rays to the points
+/// at pixels' centres meet the net's vertices and edges.
 pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     let (from, to) = (Vec3::new(0.3, 0.2, -3.0), Vec3::new(0.1, 0.0, 0.0));
     let camera = Camera::looking_at(from, to, Vec3::Y, 50.0, true).expect("a camera");
@@ -195,7 +197,8 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     before_black(mesh, camera, light.as_vec3())
 }
 
-/// One triangle, and rays from a point that pass its edges by a part of their way.
+/// Returns one triangle, and rays from a point that pass its edges at a distance of `part` times the length of their
+/// way.
 pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
     let origin = Vec3::new(0.1, 0.05, 3.0);
@@ -210,7 +213,7 @@ pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
         let [from, to] = [corners[edge], corners[(edge + 1) % 3]].map(Vec3::as_dvec3);
         let start = origin.as_dvec3();
         let way = from.lerp(to, 0.05 + 0.9 * f64::from(number) / 2000.0) - start;
-        // Away from the triangle, square to the plane of edge and origin.
+        // The direction away from the triangle, perpendicular to the plane through the edge and the origin.
         let outwards = (from - start).cross(to - start).normalize();
         let inwards = outwards.dot(corners[(edge + 2) % 3].as_dvec3() - start).signum();
         let direction = (way - outwards * inwards * f64::from(part) * way.length()).normalize();

@@ -1,4 +1,4 @@
-//! A run whose workers are a script: no OpenCL and no processes.
+//! A run whose workers follow a script: it uses no OpenCL and starts no processes.
 
 use raycl::config::{self, Experiment};
 use raycl::device::{DeviceInfo, DeviceKind, DeviceLimits, Hardware};
@@ -64,14 +64,14 @@ fn device() -> DeviceInfo {
     }
 }
 
-/// What a mock worker is about to do, as its script sees it.
+/// The request that a mock worker is about to answer, for its script.
 pub struct Scene<'a> {
     pub request: &'a Request,
     /// Requests so far, of all workers.
     pub requests: usize,
 }
 
-/// What the script makes of a request.
+/// The script's choice of what to do with a request.
 pub enum Act {
     Answer,
     Die,
@@ -89,7 +89,7 @@ pub struct Counts {
     pub casts: HashMap<usize, usize>,
 }
 
-/// Starts workers that a script plays.
+/// Starts workers that follow a script.
 pub struct Mock {
     script: Script,
     pub counts: Rc<RefCell<Counts>>,
@@ -127,7 +127,7 @@ impl Worker for MockWorker {
             }
             Request::Cast { point } => {
                 *counts.casts.entry(*point).or_default() += 1;
-                // Some number; how many samples are taken is the config's to say.
+                // The times are arbitrary; the number of samples depends only on the config.
                 let ms = CASTS.fetch_add(1, Ordering::Relaxed) as f64 % 7.0 + 1.0;
                 Reply::Sample(FrameTimes::whole(ms, ms))
             }
@@ -179,7 +179,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
     })
 }
 
-/// A folder in memory, where there is such a thing: these tests write much and often.
+/// Returns a folder in memory, if the system has one, since these tests write often and much.
 pub fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a folder")
@@ -207,7 +207,7 @@ pub fn point_of(request: &Request) -> usize {
     }
 }
 
-/// No point has two records, and none two samples of one round of a launch.
+/// Checks that no point has two records, and that no point has two samples of the same round of a launch.
 pub fn nothing_twice(folder: &Path) {
     let distinct = |mut names: Vec<String>| {
         let count = names.len();

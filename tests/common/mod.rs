@@ -1,4 +1,4 @@
-//! What tests on a device share: PoCL, programs, and the check that every point of an experiment passes.
+//! Code that tests on a device share: PoCL, programs, and the check of every point of an experiment.
 
 pub mod apart;
 pub mod cover;
@@ -30,13 +30,15 @@ pub fn device() -> Device {
 /// A local size that tests share where any would do, so that PoCL compiles for it once.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
-/// Whether this is `make test-long`, which leaves out nothing. `make test` takes samples where compiling takes minutes.
+/// Returns whether this is `make test-long`, which runs all tests completely. `make test` tests only a part of what
+/// takes minutes to compile.
 pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Whether a strategy is in every run: PoCL takes half a minute to compile tiles that work-items share. `make test` has
-/// them in tests of their own, and all their combinations under Oclgrind, which compiles nothing.
+/// Returns whether a strategy is tested by `make test` too: PoCL takes half a minute to compile tiles that work-items
+/// share. `make test` tests these tiles separately, and all their combinations under Oclgrind, which need not compile
+/// them.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
@@ -62,7 +64,7 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// With kernels of other sources, and other built-ins than the device's.
+    /// Does the same with kernels of other sources, and with other built-ins than the device's.
     pub fn of(
         sources: &Sources,
         scene: Scene,
@@ -81,19 +83,19 @@ impl Stand {
         self.device.info.limits.is_cpu
     }
 
-    /// Builds a strategy's program for the scene; where the device cannot hold it, why.
+    /// Builds a strategy's program for the scene; if the device cannot hold it, returns the reason.
     pub fn build(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Prepared, String> {
         let local_size = strategy.local_size(&self.device.info.limits, local_size);
         let prepared = self.session.borrow_mut().prepare(strategy, self.size, local_size);
         fits(strategy, prepared)
     }
 
-    /// The image of a strategy.
+    /// Returns the image of a strategy.
     pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
         Ok(self.cast_and_count(strategy, local_size)?.0)
     }
 
-    /// The same, and how many pixels hit something.
+    /// Returns the same, and the number of pixels that hit something.
     pub fn cast_and_count(
         &self,
         strategy: &Strategy,
@@ -104,7 +106,7 @@ impl Stand {
         Ok(caster.read().expect("an image"))
     }
 
-    /// How a strategy's image compares with the reference; an error where the device cannot hold it.
+    /// Compares a strategy's image with the reference; returns an error if the device cannot hold the strategy.
     pub fn check(&mut self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Verdict, String> {
         let (image, hits) = self.cast_and_count(strategy, local_size)?;
         let name = if strategy.culling == Culling::Back { "back" } else { "none" };
@@ -115,7 +117,7 @@ impl Stand {
     }
 }
 
-/// What a step gives, or why the device cannot hold it; anything else that is refused is a mistake.
+/// Returns a step's result, or why the device cannot hold the strategy; panics if it is refused for another reason.
 fn fits<T>(strategy: &Strategy, step: Result<T, Refused>) -> Result<T, String> {
     step.map_err(|refused| match refused {
         Refused::Device(_) | Refused::Launch { error: LaunchError::WorkGroup { .. }, .. } => refused.reason(),

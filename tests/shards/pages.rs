@@ -3,7 +3,7 @@
 use super::Ground;
 use crate::binary::{has, repository};
 
-/// The pages for Kubernetes and CIs are YAML that says what the text says.
+/// The page for Kubernetes and CIs contains YAML that can be read and agrees with the text.
 #[test]
 fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
     let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
@@ -32,7 +32,7 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
     assert!(run.contains(&format!("/{shards} ")), "{run}");
     assert_eq!(gitlab["shard"]["parallel"].as_i64(), Some(4));
     assert!(gitlab["shard"]["script"][1].as_str().is_some_and(|line| line.contains("--shard auto ")));
-    // Their options are this program's.
+    // The options in the YAML are options of this program.
     for option in ["--shard", "--out", "--device"] {
         has(&Ground::new().place.output(&["run", "--help"]), &[option]);
     }

@@ -17,7 +17,8 @@ struct Replay {
 }
 
 impl Replay {
-    /// Recorded points, over and over, each with a key and names of its own and ten samples in two launches.
+    /// Returns one of the recorded points, in turn, with a key and names of its own and with ten samples in two
+    /// launches.
     fn record(&self, recorded: &[Record], point: usize) -> Record {
         let mut record = recorded[point % recorded.len()].clone();
         record.key = format!("{point:032x}");
@@ -103,7 +104,8 @@ impl Replay {
     }
 }
 
-/// The most memory that a process has held so far, in MB; none once it has ended, and where the system does not tell.
+/// Returns the most memory that a process has held so far, in MB; `None` if it has ended or if the system does not
+/// report it.
 fn held_mb(process: u32) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;

@@ -5,6 +5,7 @@
 // operations: 9
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// Rays of a common origin, and planes seen from it. Operations: three planes of 3.
+// Tests rays with a common origin against planes that contain this origin and an edge. Operations: 3 for each of
+// three planes.
 
 #include "cast/planes_of_origin.cl"

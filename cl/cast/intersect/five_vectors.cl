@@ -1,16 +1,16 @@
-// meaning: the book's test, with its five vectors in private memory at each test: the student's intersect
+// meaning: the textbook's test, as in the paper's code: its five vectors are in private memory at each test
 // record_floats: 9
 // prepared_for: any-ray
 // exact_signs: no
 // operations: 15
 // contradicts: epsilons=relative because its guards are the book's constants
 //
-// Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The student's intersect
-// allocates its five vectors anew at each test, and frees them after it. OpenCL C has no malloc: here each test has five
-// arrays of its own. They are volatile, and begin at an offset that depends on the scene: otherwise compilers keep them in
-// registers (NVIDIA's does even so if the offset is a constant). On a GPU they are in the work-item's private memory, which is
-// off the chip.
-// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3.
+// Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The paper's function
+// `intersect` allocates its five vectors at each test, and frees them after it. OpenCL C has no malloc: here each
+// test has five arrays of its own. They are volatile, and begin at an offset that depends on the scene: otherwise
+// compilers keep them in registers (NVIDIA's does even so if the offset is a constant). On a GPU they are in the
+// work-item's private memory, which is off the chip. Operations: direction x e2 6, a 3, origin - v0 3, first weight
+// 3.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
@@ -64,7 +64,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // The weight of the third corner; the first corner has the rest to 1.
+    // The weight of the third corner. The first corner's weight is what remains to 1.
     const Vec3 r = kept(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;

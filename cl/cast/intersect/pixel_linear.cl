@@ -6,7 +6,7 @@
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
 // The common-origin test with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1),
-// so that neighbours in a row or a column share terms. Operations: three planes of 2.
+// so that neighbours in a row or a column share terms. Operations: 2 for each of three planes.
 
 #include "cast/planes_of_origin.cl"
 
@@ -17,8 +17,9 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
                     uniform_dot(plane, uniform3(corner.x, corner.y, corner.z)));
 }
 
-// How far neighbours overlap, in units of a plane's own overlap. A plane as a function of the pixel is a sum of three rounded dot
-// products, two of them times a coordinate. Its rounding error is 8 to 16 times that of one dot product with a direction.
+// How far neighbouring triangles overlap here, in units of the overlap for planes that are not functions of the
+// pixel. A plane as a function of the pixel is a sum of three rounded dot products, two of them times a coordinate.
+// Its rounding error is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {

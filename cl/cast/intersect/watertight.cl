@@ -5,16 +5,16 @@
 // operations: 50
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013.
-// Corners are sheared so that the ray runs along +z from the origin; an edge function is then the difference
-// of two products, each rounded on its own, so that its sign is exactly opposite in the triangle next door and
-// no ray passes between the two. That holds only without contraction to fma.
-// Operations: corners 9, sheared x and y 30 (unfused, which they must be), edge functions 9, their sum 2.
+// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the
+// ray runs along +z from the origin. An edge function is then the difference of two products, each rounded on its
+// own. Its sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two. That
+// holds only without contraction to fma. Operations: corners 9, sheared x and y 30 (unfused, which they must be),
+// edge functions 9, their sum 2.
 
 #include "common/exact_signs.cl"
 
-// The rows of the shear. Any fixed function of ray and corner keeps the test watertight. As rows, it needs no
-// permutation in lanes whose dominant axes differ.
+// The rows of the shear. Any fixed function of ray and corner keeps the test watertight. Stored as rows, the shear
+// needs no permutation of axes if lanes have different dominant axes.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;

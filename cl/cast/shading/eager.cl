@@ -1,8 +1,8 @@
 // meaning: at every hit nearer than the best so far, as the paper does
 // shades: each-nearer-hit
 //
-// Shading at every hit nearer than the best so far, as the paper does: overdraw pays for shadow rays that are
-// thrown away.
+// Shading at every hit nearer than the best so far, as the paper does: where surfaces hide each other, shadow rays
+// are cast and their results are thrown away.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
     // Only the lanes of `nearer` hit this triangle; the others keep the weights of their nearest hit.

@@ -1,4 +1,4 @@
-// meaning: normals in __local memory, vertices in global: its reverse
+// meaning: normals in __local memory, vertices in global memory: the reverse of split-vertices
 // read_from: global
 // copied: normals
 

@@ -1,4 +1,4 @@
-// meaning: vertices in __local memory, normals in global: the paper's next step
+// meaning: vertices in __local memory, normals in global memory: what the paper proposes as a next step
 // read_from: global
 // copied: vertices
 

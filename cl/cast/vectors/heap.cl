@@ -16,7 +16,8 @@ typedef struct {
     for (int v = 0; v < WORKING_VECTORS; v++)           \
         working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
-// A bump allocator: the counter only grows, and all work-items contend for it. The pool, in whatever order they arrive:
+// A bump allocator: the counter only grows, and all work-items contend for it. The pool contains their vectors in the
+// order in which they arrive, whatever it is:
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
     // One addition reserves all the varyings: no other work-item gets them.

@@ -5,12 +5,13 @@
 // operations: 9
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span the
-// plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has the right
-// sign. The triangle next door has the plane with the opposite sign, to the last bit. (Embree's robust mode uses the
-// same planes.) At a vertex, rounding could let a ray slip through. Planes are therefore scaled so that triangles
-// overlap by 1. With a = d.(e2 x e1), the product a t is the same for all rays: the height. Points in front of a ray
-// have an a of the height's sign; planes are turned by that sign once, so that no test has to.
+// Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span
+// the plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has
+// the right sign. The triangle next door has the plane with the opposite sign, to the last bit. (Embree's robust mode
+// uses the same planes.) At a vertex, rounding could let a ray slip through. Planes are therefore scaled so that the
+// overlap of neighbouring triangles is 1. With a = d.(e2 x e1), the product a t is the same for all rays: the height.
+// A hit lies in front of the ray's origin if a has the height's sign. Planes are multiplied by that sign once, so
+// that no test has to do this.
 
 #define PREPARED TOGETHER
 

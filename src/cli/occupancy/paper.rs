@@ -15,7 +15,8 @@ const REGISTERS: u32 = 63;
 /// Bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
-/// Returns the threads per multiprocessor that Figure 5 predicts: those of whole groups within both limits.
+/// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole groups as
+/// both limits allow.
 fn predicted(items: u32) -> u32 {
     GROUPS.min(THREADS / items.max(1)) * items
 }
@@ -93,7 +94,10 @@ fn threads(held: &Occupancy) -> String {
 fn contradiction(row: &Row) -> String {
     match &row.held.limiter {
         Limiter::CannotLaunch(reason) => format!("cannot launch: {reason}."),
-        _ => format!("{REGISTERS} registers hold {} threads, not {}.", row.held.threads, row.predicted),
+        _ => format!(
+            "with {REGISTERS} registers per thread, a multiprocessor holds {} threads, not {}.",
+            row.held.threads, row.predicted
+        ),
     }
 }
 
@@ -129,7 +133,12 @@ mod tests {
     #[test]
     fn its_registers_contradict_it_at_16x16_and_32x32() {
         let text = text(&rows(&LOCAL_SIZES).unwrap());
-        assert!(text.contains("\n16x16: 63 registers hold 512 threads, not 1536."), "{text}");
+        assert!(
+            text.contains(
+                "\n16x16: with 63 registers per thread, a multiprocessor holds 512 threads, not 1536."
+            ),
+            "{text}"
+        );
         assert!(text.contains("\n32x32: cannot launch: registers:"), "{text}");
         assert!(!text.contains("\n4x4: "), "{text}");
     }

@@ -38,7 +38,7 @@ pub struct Cast {
     pub sampling: Sampling,
     /// How many pixels got each number of samples, if pixels differ.
     pub counts: Option<SampleCounts>,
-    /// What the picture is made of, if it is verified and has soft light at half resolution.
+    /// The parts from which the picture is computed, if it is verified and has soft light at half resolution.
     pub parts: Option<LightParts>,
 }
 
@@ -53,8 +53,9 @@ impl Cast {
         self.counts.as_ref().map_or(f64::from(self.sampling.most), SampleCounts::mean)
     }
 
-    /// Returns the number of primary rays of a picture of `size`, and of shadow rays, of which a hit has `per_hit`. Soft light
-    /// at half resolution takes two pictures of a quarter of the pixels; only one of them has shadow rays.
+    /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
+    /// `per_hit` of them. Soft light at half resolution needs two additional pictures, each with a quarter of the
+    /// pixels; only one of these two has shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -214,7 +215,8 @@ mod tests {
 
     #[test]
     fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
-        // Triangles without a tree; a tree with corners; a tree with separate surfaces.
+        // What these strategies transfer: triangles without a tree; a tree and its triangles; a tree, its triangles,
+        // and their surfaces in buffers of their own.
         for strategy in ["deferred", "bvh", "tile"] {
             let [apart, shared] = [true, false]
                 .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));

@@ -38,7 +38,7 @@ pub fn cache(args: &Args) -> Cache {
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let known = last_time(cache, args, device).or_else(|| by_file(args, device));
     let (strategy, known) = known?;
-    // The program contains the number of staged triangles, which is not known yet.
+    // The program contains the number of triangles that are copied to `__local` memory, which is not known yet.
     if strategy.triangles.are_staged() {
         return None;
     }
@@ -70,13 +70,13 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
     Some((strategy, workload))
 }
 
-/// Returns the strategy for a bare mesh whose file has this size.
+/// Returns the strategy for a bare mesh, whose number of triangles is estimated from the size of its file.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;
     }
     let triangles = args.subject.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
-    // From outside, as a bare mesh is seen.
+    // The eye is outside a bare mesh, as `Task::default()` assumes.
     let pixels = args.subject.width as usize * args.subject.height as usize;
     let task = Task { triangles: triangles as usize, pixels, ..Task::default() };
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
@@ -97,8 +97,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of samples per pixel. A bare mesh has a default of its own; whether the file is one is
-/// decided by its name, before it is read.
+/// Returns the number of samples per pixel. A bare mesh has its own default. The file's name decides whether it is a
+/// bare mesh, since the file has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)

@@ -24,9 +24,9 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
     )))
 }
 
-/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels
-/// that hit something. A picture with soft light at half resolution is checked by its `parts`, and by the filter that makes
-/// it of them.
+/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels that hit
+/// something. If the picture has soft light at half resolution, its `parts` are checked, and the picture is compared
+/// with what the filter makes of these parts.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -102,14 +102,14 @@ fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::res
     let floor = dark_floor(&expected, scene.display);
     let differences =
         image.pixels.iter().zip(&expected.pixels).map(|(a, b)| relative_difference(*a, *b, floor));
-    // A difference that is not a number is infinite.
+    // `relative_difference` returns infinity if a value is not a number, so no difference is NaN.
     let (worst, largest) = differences.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
     if largest <= RELATIVE_LIMIT {
         return Ok(largest);
     }
     let [x, y] = [worst as u32 % image.width, worst as u32 / image.width];
     let (found, expected) = (image.pixels[worst], expected.pixels[worst]);
-    Err(format!("the filter of soft light made {found:?} of pixel ({x}, {y}); expected {expected:?}"))
+    Err(format!("the filter of soft light gave pixel ({x}, {y}) the value {found:?}; expected {expected:?}"))
 }
 
 fn wrong(reason: &str, saved: &Target) -> Error {

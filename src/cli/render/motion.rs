@@ -26,8 +26,8 @@ use std::time::Instant;
 /// The frames per second if neither an option nor the scene sets them.
 const USUAL_RATE: u16 = 30;
 
-/// The heading of these options in the help. Every option names the heading, since one for the group would
-/// also apply to the options after it.
+/// The heading of these options in the help. Every option names the heading itself, since a heading of the whole
+/// group would also apply to the options after the group.
 const HEADING: &str = "Moving pictures";
 
 /// Options for moving pictures.
@@ -72,7 +72,7 @@ impl Motion {
         self.turntable.is_some()
     }
 
-    /// Returns the frames of `count` that all processes render together.
+    /// Returns the requested frames out of `count`; all processes together render these.
     fn asked(&self, count: u32) -> Result<Frames> {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }

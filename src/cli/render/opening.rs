@@ -19,7 +19,7 @@ pub struct Opened {
     pub queue: Queue,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
-    /// Time for starting the driver and opening the device, at the same time.
+    /// Time for starting the driver and opening the device, while the scene is read.
     pub start_ms: f64,
     /// The program that was built early.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
@@ -30,9 +30,8 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Adds the parts to the timeline. Work done in parallel counts once: the start of the driver only as far
-    /// as it exceeds loading, the build only as far as it exceeds both, and the tree only as far as it
-    /// exceeds all three.
+    /// Adds the parts to the timeline. Work done in parallel counts once. Of the driver's start, only the time after
+    /// loading counts; of the build, only the time after both; and of the tree, only the time after all three.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
@@ -43,10 +42,11 @@ impl Opened {
     }
 }
 
-/// Loads the scene while the driver starts (about 30 ms on one core), and builds.
+/// Loads the scene while the driver starts (about 30 ms on one core), and builds the tree and the program early if
+/// possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // The driver stays on the thread that casts, since not every driver may be moved (Oclgrind's checks
-    // crash).
+    // The thread that casts also starts the driver, since not every driver can be used from a second thread
+    // (Oclgrind's checks crash).
     std::thread::scope(|scope| {
         let (found, device_found) = channel();
         let scene = scope.spawn(move || {
@@ -77,7 +77,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 
 /// Builds the tree of the strategy with which the scene will be cast.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
-    // Verification needs more memory, which the session checks first.
+    // Verification needs more memory, and the session first checks whether there is enough.
     if args.verify.is_some() {
         return None;
     }

@@ -97,9 +97,9 @@ pub struct Report {
 /// The result of verifying a correct picture.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference over its certain pixels.
+    /// The largest relative difference from the reference, over all pixels that are not uncertain.
     pub max_difference: f64,
-    /// Number of uncertain pixels.
+    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly.
     pub uncertain_pixels: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,
@@ -180,7 +180,9 @@ impl Report {
         if self.mean_samples < f64::from(self.samples) {
             let soft = match self.half_light_samples {
                 0 => String::new(),
-                samples => format!("; of soft light {samples} per pixel of half the width and height"),
+                samples => {
+                    format!("; for soft light {samples} per pixel of a picture of half the width and height")
+                }
             };
             lines.push(format!(
                 "samples   {:.2} per pixel on average, {} at most{soft}",

@@ -1,5 +1,5 @@
-//! Measures where a command's time goes. Its parts are consecutive from the start of the process, so that
-//! none of it is lost.
+//! Measures where a command's time goes. The parts follow one another without gaps from the start of the process, so
+//! that no time is left out.
 
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -21,7 +21,8 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Starts with the process, assuming that it has only worked and not waited so far.
+    /// Returns a timeline that begins with the process. It assumes that the process has only worked so far and has
+    /// not waited.
     pub fn of_process() -> Self {
         let mut timeline = Self::begin();
         timeline.add("start", own_work().as_secs_f64() * 1e3);
@@ -38,7 +39,7 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Ends a part if some of its time belongs to other parts.
+    /// Ends a part, some of whose time belongs to the parts `others`.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

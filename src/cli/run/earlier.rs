@@ -5,8 +5,8 @@ use crate::experiment::{Expected, Run};
 use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
-/// Returns the expected duration of the run, from earlier runs of the same config. `done` are the records
-/// that need not be measured again.
+/// Returns the expected duration of the run, from earlier runs of the same config. `done` are the records of the
+/// points that need not be measured again.
 pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
     let done: Vec<String> = done
         .iter()

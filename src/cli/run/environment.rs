@@ -13,7 +13,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         build: env!("RAYCL_BUILD").to_owned(),
         variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
-        // Lossy, since an argument need not be UTF-8, for which `args` would panic.
+        // Lossy, since an argument need not be UTF-8; `args` would panic if one is not.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),

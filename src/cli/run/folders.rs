@@ -31,7 +31,7 @@ mod tests {
     #[test]
     fn the_latest_folder_is_gone_on_with_and_a_new_run_takes_the_next_name() {
         let place = tempfile::tempdir().unwrap();
-        // A name that is a whole path is not in the folder of results.
+        // An absolute path as a name is used as it is, not within the folder of results.
         let name = place.path().join("quick").display().to_string();
         let numbered = |ending: &str| PathBuf::from(format!("{name}{ending}"));
         let found = || [true, false].map(|resume| default_folder(&name, resume));

@@ -10,7 +10,7 @@ use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The largest number of builders.
+/// The largest number of builders, the processes that build programs.
 const MOST_BUILDERS: usize = 16;
 /// Device memory per builder: a driver needs some hundreds of megabytes for each process that opens the
 /// device.
@@ -26,7 +26,7 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> Result<Vec<Record>> {
     let ahead = Ahead::new(kept(&run));
-    // Sleeping workers need no programs.
+    // Workers that only wait (for tests) need no programs.
     let keeps = Cache::of_user().keeps() && args.asleep.is_none();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
     let builders = if keeps { builders(&run, folder) } else { Vec::new() };
@@ -48,7 +48,7 @@ pub fn execute(
     measured
 }
 
-/// Returns the builders: as many as there are cores, and as the devices' memory allows.
+/// Returns the builders: one per core, but no more than the devices' memory allows.
 fn builders(run: &Run<'_>, folder: &Path) -> Vec<Box<dyn Spawner + Send>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;

@@ -46,8 +46,8 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// Guesses whether any word selects a GPU, for devices that this machine does not have: every word does that names
-/// no CPU. `None` if there is no word other than `all`.
+/// Guesses whether any word selects a GPU, for devices that this machine does not have: a word that names no CPU
+/// counts as a GPU. `None` if there is no word other than `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");

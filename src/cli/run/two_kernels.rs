@@ -33,7 +33,7 @@ pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
             .with_help("expected --cl-dir once, or twice to compare the second with the first"));
     }
     if folders.len() == 2 && spread {
-        return Err(Error::input("two folders of kernels are compared on one device")
+        return Err(Error::input("two folders of kernels can only be compared on one device")
             .with_help("leave out --spread, and name the device with --device"));
     }
     match folders {

@@ -2,8 +2,8 @@
 
 use toml::Value;
 
-/// The heading of these options in the help. Every option names the heading, since one for the group would
-/// also apply to the options after it.
+/// The heading of these options in the help. Every option names the heading itself, since a heading of the whole
+/// group would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
 
 /// The view of a scene: direction, background and normals.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Builders that record what they build; one dies at a certain point.
+/// Builders that record for which points they build programs; a builder that builds for the point `deadly` dies.
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,

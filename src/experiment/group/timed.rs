@@ -45,7 +45,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Runs the anchor of a point's device if it is due. A run with a single launch is too short for it.
+    /// Runs the anchor of a point's device if it is due. A run with a single launch is too short to need the anchor,
+    /// which is not run then.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)

@@ -1,9 +1,9 @@
-//! Removes the drift that all points of a launch share from its samples.
+//! Removes from the samples of a launch the drift that all its points share.
 
 use super::sample::PairedSample;
 use crate::measure::summary::median_of;
 
-/// Number of iterations of the polish; from the third on, values change by rounding only in practice.
+/// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
 const SWEEPS: usize = 5;
 /// The largest number of neighbours on each side from which the machine's state is estimated. A machine stays
 /// at one speed for tens of samples.
@@ -69,7 +69,7 @@ mod tests {
     /// A point without a sample at some time gives no information about the machine at that time.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
-        // One of two points takes longer and longer, then all of a sudden as long as before.
+        // Two points take longer and longer, then suddenly as long as at the start.
         let ms = |place: usize| 1.0 + if place < 15 { place as f64 } else { 0.0 };
         let sample = |place: usize| PairedSample { point: place % 2, launch: 0, ms: ms(place) };
         let samples: Vec<_> = (0..30).map(sample).collect();

@@ -35,7 +35,7 @@ impl Interval {
         (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
     }
 
-    /// Returns the value that is certainly exceeded, except with the probability `risk`.
+    /// Returns the value that the true value exceeds, except with the probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
         (self.middle.ln() - self.error().reach(risk)).exp()
     }

@@ -9,12 +9,12 @@
 //!
 //! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
-//! 2. The table of points and launches is split into point, launch and the rest (two-way analysis of variance).
-//!    Three launches give only a poor estimate of a pair's own spread (two degrees of freedom). Therefore it is
-//!    averaged with the spread of all points, which counts as at most six more degrees (a moderated variance,
-//!    after Smyth 2004). Student's t gives the interval ([`spread`]).
-//! 3. The interval of a median includes effects of a launch on all points alike, which cancel in pairs. Its
-//!    degrees of freedom are the number of launches less one.
+//! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
+//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread
+//!    (two degrees of freedom). Therefore it is averaged with the spread of all points, which counts as at most six
+//!    more degrees (a moderated variance, after Smyth 2004). Student's t gives the interval ([`spread`]).
+//! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of
+//!    two points, these cancel. Its degrees of freedom are the number of launches less one.
 //!
 //! With a single launch, its time is split into five parts that take the place of launches. Such a result is
 //! preliminary: its intervals do not include differences between launches.
@@ -176,7 +176,7 @@ impl Paired {
         }
     }
 
-    /// Returns a point among the others; `None` if it has too few samples.
+    /// Returns a point, together with the points that were measured with it; `None` if it has too few samples.
     pub fn standing(&self, point: usize) -> Option<Standing> {
         let point = self.points.get(point)?.clone()?;
         Some(Standing { launches: self.launches, point, points: 1, pooled: self.pooled })

@@ -81,7 +81,7 @@ struct Coverage {
     /// The share of intervals that contain another run's result: for ratios to the first point, and for
     /// medians.
     held: [f64; 2],
-    /// The median half-width of the intervals, relative: likewise.
+    /// The median relative half-width of the intervals: for ratios to the first point, and for medians.
     half: [f64; 2],
     /// Number of pairs of runs whose winners have no point in common.
     disjoint: usize,
@@ -128,7 +128,11 @@ fn agreement<R>(
 
 fn holds(machine: Machine, points: usize, half: [f64; 2]) {
     let found = found(machine, points);
-    assert!(found.held.iter().all(|part| *part >= 0.8), "intervals hold {:?} of other runs'", found.held);
+    assert!(
+        found.held.iter().all(|part| *part >= 0.8),
+        "intervals contain only these shares of other runs' estimates: {:?}",
+        found.held
+    );
     assert!(
         found.half.iter().zip(half).all(|(found, bar)| *found <= bar),
         "half of an interval: {:?}",

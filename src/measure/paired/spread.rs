@@ -9,7 +9,7 @@ const BORROWED: usize = 6;
 /// A row's variance counts as at most this multiple of the typical one: four times the standard deviation. By
 /// chance, one variance in nine million exceeds it if all points are alike (two degrees of freedom).
 const MOST_TIMES: f64 = 16.0;
-/// For the typical variance, a row's variance counts as at least this fraction of the mean.
+/// When the typical variance is computed, a row's variance counts as at least this fraction of the mean.
 const LEAST_SHARE: f64 = 1e-4;
 /// The Euler-Mascheroni constant.
 const EULER: f64 = 0.577_215_664_901_532_9;
@@ -37,8 +37,8 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`, one per column, between the mean of `rows[0]` rows and
-    /// the mean of `rows[1]` others.
+    /// Returns the error of the mean of `differences`. There is one difference per column, between the mean of
+    /// `rows[0]` rows and the mean of `rows[1]` others.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns - 1));
         let usual: f64 = rows.iter().map(|rows| self.apart / *rows as f64).sum();
@@ -116,7 +116,7 @@ fn interaction(table: &[&[f64]]) -> f64 {
 
 /// Returns the mean of the rows' variances, where a variance counts as at most [`MOST_TIMES`] the typical one. One
 /// row that varies far more than the others, such as a caster on the host whose threads wait for each other, thus
-/// does not widen the intervals of all. With fewer than three rows, no row can stand out.
+/// does not widen the intervals of all rows. With fewer than three rows, no row can stand out.
 fn usual(variances: &[f64], columns: usize) -> f64 {
     let mean_of = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / variances.len().max(1) as f64;
     let mean = mean_of(&mut variances.iter().copied());
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!((one.degrees, more.degrees), (2.0, 6.0));
         let mut of_many = alone;
         of_many.borrow(&[alone; 9]);
-        assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables count as six cases, no more");
+        assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables add at most six degrees of freedom");
         assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
         // If launches differ more in other tables, the error grows here too.
         let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];

@@ -3,7 +3,8 @@
 use super::*;
 use crate::measure::Ranking;
 
-/// Whole tables by their points' places; the program pairs records instead (`record::together`).
+/// Methods for a whole table, which name points by their places in it; the program compares pairs of records instead
+/// (`record::together`).
 impl Paired {
     /// Returns the number of launches that count.
     fn launches(&self) -> usize {
@@ -25,8 +26,8 @@ impl Paired {
     }
 }
 
-/// Returns samples of points that take 1, 2, 3, ... ms, and slightly more in every other round, for several
-/// launches.
+/// Returns samples of several launches, for points that take 1, 2, 3, ... ms and, in two of three rounds, slightly
+/// more.
 fn steady(points: usize, launches: u32, rounds: usize) -> Vec<PairedSample> {
     let mut samples = Vec::new();
     for launch in 0..launches {

@@ -9,8 +9,8 @@ const WIDEST: usize = 120;
 /// lines indented by four more columns.
 const FURTHEST: usize = 80;
 
-/// Joins a line with the following ones up to its closing round brackets, since a macro before them has moved
-/// them. Lines that end in a comment stay as they are.
+/// Joins a line with the following ones up to its closing round brackets, since a macro earlier in the line has moved
+/// these brackets. Lines that end in a comment stay as they are.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -63,7 +63,7 @@ fn tidied(tokens: &[Token]) -> Vec<Token> {
     tidied
 }
 
-/// Splits statements outside brackets; a pragma gets its own line.
+/// Splits the tokens into statements, at semicolons outside brackets; a pragma gets its own line.
 fn statements(tokens: Vec<Token>) -> Vec<Vec<Token>> {
     let mut statements = vec![Vec::new()];
     let mut depth = 0;
@@ -186,8 +186,8 @@ fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further
     best
 }
 
-/// Returns whether a line may be broken after a token: at a blank after a comma, before an operator, or
-/// before the body of a loop.
+/// Returns whether a line may be broken at a token: this is a blank after a comma, before an operator, or before the
+/// body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -38,7 +38,7 @@ pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
     let value = parser.choice(true)?;
     match parser.peek() {
         None => Ok(value != 0),
-        Some(other) => Err(format!("the condition ends before '{other}'")),
+        Some(other) => Err(format!("expected the end of the condition, not '{other}'")),
     }
 }
 
@@ -84,7 +84,7 @@ const LEVELS: &[&[&str]] = &[
     &["*", "/", "%"],
 ];
 
-/// Parses from left to right. If `live` is 0, the value does not matter, as after `0 &&`; divisions are then
+/// Parses from left to right. If `live` is false, the value does not matter, as after `0 &&`; divisions are then
 /// not evaluated.
 struct Parser<'a> {
     tokens: Vec<Token>,

@@ -31,7 +31,7 @@ struct Expander<'a> {
 }
 
 impl Expander<'_> {
-    /// Adds a token to the output, or the expansion of a call to the input.
+    /// Adds a token to the output or, if it begins a macro call, puts the call's expansion at the front of the input.
     fn take(&mut self, token: Token) -> Result<(), Misuse> {
         let callable = token.kind == Kind::Name && !token.hidden.contains(&token.text);
         let Some(called) = self.macros.get(&token.text).filter(|_| callable) else {
@@ -48,8 +48,8 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // A token that comes from two macros is hidden only from those that contain both the name and the
-        // bracket of the call.
+        // The name and the closing bracket of a call may come from different macros. The expansion must not call
+        // again those macros from which both come.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }

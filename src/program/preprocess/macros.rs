@@ -36,8 +36,9 @@ impl Macros {
         };
         let (parameters, body) = match rest.first() {
             Some(bracket) if bracket.is("(") => {
-                let (parameters, body) = parameters(&rest[1..])
-                    .ok_or_else(|| format!("the parameters of {} are not names between commas", name.text))?;
+                let (parameters, body) = parameters(&rest[1..]).ok_or_else(|| {
+                    format!("the parameters of {} are not names separated by commas", name.text)
+                })?;
                 (Some(parameters), body)
             }
             _ => (None, rest),

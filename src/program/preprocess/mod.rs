@@ -130,8 +130,8 @@ impl Preprocessor {
         let place = i64::from(line) + self.offset;
         let file = if self.file.is_empty() { "the text" } else { &self.file };
         Error::input(format!("{file}, line {place}: {message}")).with_help(
-            "set what it asks for with --local-size or an axis, or correct that line; --cl-dir names the \
-             folder",
+            "if the line asks for a value, set it with --local-size or an axis; otherwise correct the line in \
+             the folder of --cl-dir",
         )
     }
 

@@ -171,7 +171,7 @@ static int called(Used used) {
     return used.x;
 }
 
-// Not called, but by one that is not.
+// Called only by a function that the kernel `mine` does not call.
 int not_called(void) { return 1; }
 #line 1 \"b.cl\"
 int nor_this(void) { return not_called(); }

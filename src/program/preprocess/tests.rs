@@ -1,5 +1,5 @@
-//! Tests of the preprocessor, rule by rule; tests/kernel.rs compares whole kernels with the output of a C
-//! compiler's.
+//! Tests of the preprocessor, rule by rule; tests/kernel.rs compares whole kernels with the output of a C compiler's
+//! preprocessor.
 
 use super::{Preprocessed, canonical, preprocess};
 use crate::error::Result;
@@ -229,7 +229,7 @@ fn comments_of_live_code_stay_and_those_of_macros_go() {
 #if 1
 void f() { A; } // here
 #endif
-// Of a dead one.
+// Of a function that is not compiled.
 #if 0
 void g() {}
 #endif

@@ -95,7 +95,7 @@ impl<'a> ClaimData<'a> {
         match told.outcome {
             Outcome::Measured => {
                 let time = median(told).map_or(String::new(), duration);
-                Line::decided(format!("{name} on {} runs: {time}", point.scene), wanted)
+                Line::decided(format!("{name} runs on {}: {time}", point.scene), wanted)
             }
             Outcome::Infeasible | Outcome::BuildFailed | Outcome::LaunchFailed => Line::decided(
                 format!("{name} on {} does not run: {}", point.scene, first_line(told)),
@@ -129,8 +129,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison. For the fastest of several, the record is
-/// named.
+/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of several
+/// records, the text says so and names the record that was found.
 fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

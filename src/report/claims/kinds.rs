@@ -37,7 +37,7 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 
 fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
     let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
-    // Every kernel must have records, though not of all local sizes.
+    // Every kernel must have a record, but not one for each local size.
     if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
         return missing;
     }
@@ -65,7 +65,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         return Line::cannot(text, "samples.jsonl beside the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
-    let text = format!("of {point}, {}", ratio.between(&of, &to));
+    let text = format!("{point}: {}", ratio.between(&of, &to));
     ratio.line(text, at_least..=f64::INFINITY)
 }
 

@@ -194,7 +194,7 @@ mod tests {
                 "kind = 'fits', strategy = 'local-triangles', local_size = '8x8', triangles = {triangles}, local_bytes = {local_bytes}, fits = true"
             )
         };
-        // 104 bytes per triangle, which may fill the memory.
+        // A triangle takes 104 bytes, and the triangles may fill the memory completely.
         assert_eq!(
             [(472, 49152), (473, 49152), (472, 472 * 104)].map(|case| verdict(&fits(case), &records)),
             [Verdict::Held, Verdict::NotHeld, Verdict::Held]

@@ -9,7 +9,7 @@ use serde::Deserialize;
 /// The baselines that claims may name.
 const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 
-/// The records of a strategy on a scene that match a point.
+/// Selects which of a strategy's records on a scene match a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// The record with this local size.

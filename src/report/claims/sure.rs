@@ -11,9 +11,9 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval; `None` if one of them has too few samples.
     sure: Option<(f64, [f64; 2])>,
-    /// The smaller of the two numbers of samples; if one is too small, the number per launch.
+    /// The smaller of the two records' numbers of samples; if there are too few, the smallest number in a launch.
     n: usize,
-    /// The slower of the two, in milliseconds, which is the time of a sample.
+    /// The longer of the two times in milliseconds; a sample takes that long.
     frame_ms: f64,
 }
 
@@ -167,14 +167,14 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{judged, measured, sampled};
 
-    /// Returns the ratio of records with three launches of `n` samples each, between the least and the
-    /// greatest time.
+    /// Returns the ratio of two records with three launches of `n` samples each. The times of a record's launches go
+    /// evenly from its least to its greatest time, or back.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
             sampled(name, (0..3).flat_map(move |launch| (0..n).map(move |_| (launch, at(launch)))))
         };
-        // Slow launches alternate between the two; otherwise the slowness would cancel.
+        // A launch that is slow for one record is fast for the other; otherwise the slowness would cancel in the ratio.
         let records = judged([record("naive", slow), record("wide", [fast[1], fast[0]])]);
         Ratio::of(&records[0], &records[1]).expect("both are measured")
     }
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn the_fastest_is_not_known_beside_few_samples() {
-        /// A claim that is true of every record.
+        /// Stands for a claim that is true of every record.
         const EVERY: u32 = 0;
         let of = |n: u32| sampled("naive", (0..2).flat_map(move |launch| (0..n).map(move |_| (launch, 9.0))));
         let of = |n| Record { local_size: Some([4; 2]), ..of(n) };
@@ -222,10 +222,10 @@ mod tests {
         assert_eq!([verdict(5, 8), verdict(5, 4)], [Verdict::Held, Verdict::NotHeld]);
         assert_eq!([verdict(4, 8), verdict(4, 4)], [Verdict::Unclear, Verdict::Unclear]);
         assert_eq!([verdict(5, EVERY), verdict(4, EVERY)], [Verdict::Held, Verdict::Unclear]);
-        assert_eq!(verdict(4, 16), Verdict::NotHeld, "of the ranked one it is known");
+        assert_eq!(verdict(4, 16), Verdict::NotHeld, "no point that may be the fastest has this size");
         let three = judged([2, 4, 8].map(|side| measured("gpu", "naive", side, f64::from(side))));
         let few = |count: usize| Fastest::of(&three.iter().take(count).collect::<Vec<_>>()).is_none();
-        assert_eq!([0, 1, 2, 3].map(few), [true, true, true, false], "of two the fastest means little");
+        assert_eq!([0, 1, 2, 3].map(few), [true, true, true, false], "the fastest of two means little");
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// Every verdict with its name, its class in the page and its sign.
+    /// Every verdict with its name, its CSS class in the page and its sign.
     pub const ALL: [(Self, &'static str, &'static str, &'static str); 4] = [
         (Self::Held, "held", "held", "✓"),
         (Self::NotHeld, "did not hold", "failed", "✗"),
@@ -31,7 +31,7 @@ impl Verdict {
         self.row().1
     }
 
-    /// Returns the class in the page.
+    /// Returns the CSS class in the page.
     pub fn class(self) -> &'static str {
         self.row().2
     }

@@ -5,10 +5,10 @@ use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// Returns the ratio of the second time of `pair` to the first, and the time by which both are divided. These are
-/// times of the device's anchor; else of baselines that were measured in the rounds of both and are the same program;
-/// else of those points of the rounds that changed by similar factors. `None` if there is nothing to compare
-/// with, or too few samples.
+/// Returns the ratio of the second time of `pair` to the first, and the time by which both are divided. Both are
+/// divided by the time of the device's anchor. Without an anchor, they are divided by that of the baselines that were
+/// measured in the rounds of both and are the same program; without such baselines, by that of the points of the
+/// rounds that changed by similar factors. `None` if there is nothing to compare with, or too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {

@@ -233,7 +233,7 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns a folder whose records are positioned among their devices' anchors.
+/// Returns the folder with the positions of its records, found with the anchors as further points.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

@@ -1,6 +1,6 @@
-//! Finds regressions: single points, the mean of every strategy's points, and the mean of all points, if they
-//! are certainly too slow. The means detect many small slowdowns of which none is certain alone, as when a file
-//! changed that all strategies share.
+//! Finds regressions: single points, the mean of every strategy's points, and the mean of all points, if they are
+//! certainly too slow. The means detect many small slowdowns of which none is certain alone, for example after a
+//! change to a file that all strategies share.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};

@@ -174,8 +174,8 @@ impl Chart {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
-    /// Returns the ticks along x with their labels. If there are too many names even when slanted, only every
-    /// few are labelled.
+    /// Returns the ticks along x with their labels. If there are too many names even when slanted, only every second,
+    /// third, ... is labelled.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {

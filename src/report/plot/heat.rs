@@ -91,7 +91,7 @@ impl HeatMap {
         slower.fold(2.0, f64::max)
     }
 
-    /// Defines the hatching for one version of the map and returns a reference to it.
+    /// Defines the hatching for one form of the map, wide or narrow, and returns a reference to it.
     pub(super) fn hatch(&self, svg: &mut Svg, form: &str) -> String {
         let id = format!("hatch-{}-{form}", self.id);
         svg.open("defs", &[]);

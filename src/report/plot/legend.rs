@@ -31,8 +31,8 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// Returns a name of at most `longest` characters; an ellipsis replaces a part in the middle. The ends are
-/// kept, since names of one experiment differ there: in the value of an axis, or in an exponent.
+/// Returns a name of at most `longest` characters; an ellipsis replaces a part in the middle. The ends are kept,
+/// since names of one experiment differ there: in the value of an axis, or in the exponent of a fitted power law.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

@@ -79,8 +79,8 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Returns powers of ten, with 2 and 5 between them for short ranges, or only every few powers for long
-/// ranges.
+/// Returns powers of ten, with their multiples by 2 and 5 for short ranges, or only every second, third, ... power
+/// for long ranges.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();

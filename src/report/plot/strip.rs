@@ -80,8 +80,7 @@ impl Strip {
         for (place, one) in self.rows.iter().enumerate() {
             draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
         }
-        let label =
-            "a frame's device time against the point's median; within a row, earlier samples stand higher";
+        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are higher up";
         let lines = layout.lines(label);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
         let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;
@@ -89,7 +88,7 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, label)
     }
 
-    /// Returns the range of the axis on both sides. It contains nearly all samples; outliers are ignored, so
+    /// Returns how far the axis extends on both sides of 0. It contains nearly all samples; outliers are ignored, so
     /// that they do not compress the rest.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =

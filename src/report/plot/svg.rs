@@ -21,7 +21,7 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// Formats a number with two decimals, since that is a fiftieth of a pixel.
+/// Formats a number with two decimals; a hundredth of a unit is a fiftieth of a pixel of the PNG.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -36,7 +36,7 @@ pub struct Svg {
     body: String,
 }
 
-/// The part of a text that is at its position.
+/// Says which part of a text lies at the position that is given for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// The left.
@@ -72,7 +72,7 @@ impl Svg {
 
     /// Closes the element opened last under this name.
     pub fn close(&mut self, name: &str) {
-        // Writing to a String cannot fail; so here and below.
+        // Writing to a String cannot fail, neither here nor below.
         let _ = writeln!(self.body, "</{name}>");
     }
 

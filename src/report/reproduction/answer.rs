@@ -102,7 +102,7 @@ fn unknown() -> Answer {
 
 /// Formats as "on teapot ...; on still-life ...".
 fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
-    let lines = contests.iter().map(|contest| format!("on {} {}", contest.group.scene, say(contest)));
+    let lines = contests.iter().map(|contest| format!("on {}, {}", contest.group.scene, say(contest)));
     lines.collect::<Vec<_>>().join("; ")
 }
 
@@ -138,7 +138,7 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns "8 x 8", or how many sizes tie; also for the naive kernel alone.
+/// Returns "8 x 8", or how many sizes tie, and the same for the naive kernel alone.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
@@ -209,11 +209,11 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties known for both: "62 against 67 registers, ...".
+/// Compares the properties known for both: "62 registers (naive: 67), ...".
 fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(name, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == name)?;
-        Some(format!("{value} against {other} {name}"))
+        Some(format!("{value} {name} (naive: {other})"))
     };
     let pairs: Vec<String> = best.iter().filter_map(pair).collect();
     if pairs.is_empty() { "the compiler does not report registers".to_owned() } else { pairs.join(", ") }
@@ -224,7 +224,7 @@ fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
     let ratio = ratio.map_or(String::new(), |ratio| {
-        format!("naive at its best local size takes {} as long, ", ratio.text())
+        format!("naive at its best local size takes {} as long as the fastest point, ", ratio.text())
     });
     let tie = match contest.ranking.winners.len() {
         1 => "no other point ties".to_owned(),
@@ -258,11 +258,11 @@ mod tests {
         ];
         let found = of(&records);
         assert!(
-            found.strategy.starts_with("on teapot private (vectors private, triangles global): 2.05"),
+            found.strategy.starts_with("on teapot, private (vectors private, triangles global): 2.05"),
             "{}",
             found.strategy
         );
-        assert_eq!(found.size, "on teapot 8 x 8 (naive only: 4 x 4)");
+        assert_eq!(found.size, "on teapot, 8 x 8 (naive only: 4 x 4)");
         assert!(
             found.why.contains("from global memory at each test (for primary rays alone, 9.8 GB per frame")
                 && found.why.contains("does not report registers"),
@@ -271,7 +271,7 @@ mod tests {
         );
         assert!(
             found.sure.contains(
-                "naive at its best local size takes 4.44 times (4.44 to 4.44, n = 10) as long, no other"
+                "naive at its best local size takes 4.44 times (4.44 to 4.44, n = 10) as long as the fastest point, no other"
             ),
             "{}",
             found.sure

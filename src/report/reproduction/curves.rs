@@ -33,9 +33,9 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// Returns two plots of the paper's figure with this number, as shapes and in milliseconds, and its values.
-/// They are taken from the single run that has the most of it, since a curve must not be combined from
-/// several runs. `None` if no part of it was measured.
+/// Returns two plots of the paper's figure with this number, one of the curves' shapes and one in milliseconds, and
+/// the figure's values. They are taken from the single run that has the most points of the figure, since a curve must
+/// not be combined from several runs. `None` if no part of it was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],

@@ -60,8 +60,8 @@ pub(super) fn between(
 }
 
 /// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
-/// `PchipInterpolator`. It never leaves the range of the two keyframes, so a value that is in range at all of
-/// them is in range between them, and a camera does not swing back before it moves.
+/// `PchipInterpolator`. It never leaves the range of the two keyframes. So a value that is valid at all keyframes is
+/// valid between them, and a camera does not swing back before it moves.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -73,7 +73,7 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
         + (3.0 * square - 2.0 * cube) * (to - from)
         + (cube - 2.0 * square + part) * slopes[0]
         + (cube - square) * slopes[1];
-    // Rounding alone can leave the range.
+    // Only rounding can make the value leave the range.
     value.clamp(from.min(to), from.max(to))
 }
 

@@ -18,8 +18,8 @@ use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
 
-/// Returns the object's triangles in its own coordinates, with normals. `crease` is the default angle for
-/// meshes without them.
+/// Returns the object's triangles in its own coordinates, with normals. `crease` is the default crease angle for
+/// meshes without normals.
 pub(super) fn make(
     document: &Document,
     object: &Spanned<ObjectWire>,
@@ -61,7 +61,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // A bare mesh stays at its own centre.
+    // If a bare mesh was moved to the origin, it is not moved back to its position in the file.
     let origin = if document.bare { DVec3::ZERO } else { file.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
@@ -102,7 +102,7 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // A bare mesh was named on the command line, so it may be quoted.
+    // A bare mesh was named on the command line, so messages may quote its file.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
@@ -176,8 +176,8 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as
-/// triangles, and half of everything is needed again while the rest of the scene is joined to it.
+/// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as triangles.
+/// While the rest of the scene is joined to the mesh, half as much memory is needed in addition.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

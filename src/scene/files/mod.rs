@@ -105,7 +105,8 @@ fn invisible(mesh: &Mesh) -> Option<String> {
 /// Removes quotations of the file from errors and notes, if raycl may not show its text.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
-    let outside = "its text is not shown, since it is outside the folder of the file that names it";
+    let outside =
+        "the file's text is not shown, since the file is outside the folder of the file that names it";
     let mistake = || Error::input(format!("{name}: damaged, or not {}", format.name())).with_help(outside);
     file.map(told).map_err(|_| mistake())
 }

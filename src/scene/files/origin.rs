@@ -31,7 +31,7 @@ pub(super) fn settle(name: &str, positions: &[DVec3], triangles: &[Triangle]) ->
     let low = valid().fold(DVec3::INFINITY, DVec3::min);
     let high = valid().fold(DVec3::NEG_INFINITY, DVec3::max);
     let origin = origin_of(low, high);
-    // The place of an unused position must not enlarge the mesh.
+    // An unused position that is not valid gets a value that does not enlarge the mesh.
     let instead = valid().next().unwrap_or(origin);
     let settled = |position: &DVec3| if is_valid(position) { *position } else { instead } - origin;
     Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), origin))

@@ -89,7 +89,7 @@ impl Pictures {
         self.texels += texels.len();
         if self.texels > MOST_TEXELS {
             self.texels -= texels.len();
-            return Err(format!("is too much: all textures have at most {MOST_TEXELS} texels"));
+            return Err(format!("has too many texels: all textures together may have at most {MOST_TEXELS}"));
         }
         self.list.push(Texture { size, wrap, least_alpha, texels });
         Ok(self.list.len() as u32 - 1)

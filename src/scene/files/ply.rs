@@ -260,7 +260,7 @@ impl Face {
 fn corner(number: i64, count: usize) -> std::result::Result<u32, String> {
     match u32::try_from(number) {
         Ok(index) if (index as usize) < count => Ok(index),
-        _ => Err(format!("vertex {number} does not exist; the file has {count}, from 0")),
+        _ => Err(format!("vertex {number} does not exist; the file has {count} vertices, numbered from 0")),
     }
 }
 

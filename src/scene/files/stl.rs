@@ -55,8 +55,8 @@ fn count(bytes: &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
-/// Returns the number of triangles to be read: the header's, or all if the header says 0, as a program that wrote
-/// to a stream may have left it.
+/// Returns the number of triangles to be read: the header's number, or that of all in the file if the header says 0.
+/// A program that writes to a stream may leave a 0 there.
 fn held(bytes: &[u8]) -> std::result::Result<usize, String> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {

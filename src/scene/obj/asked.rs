@@ -121,7 +121,7 @@ impl Asked {
         self.join(other, |count| count.total);
     }
 
-    /// Adds the counts of a material: it counts once per kind, however many of its lines use the feature.
+    /// Adds the counts of a material, which counts once per kind, however many of its lines use the feature.
     pub fn add_material(&mut self, material: &Self) {
         self.join(material, |_| 1);
     }

@@ -85,7 +85,7 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 /// One corner of a face: a position and, if present, a normal and a texture coordinate.
 type Corner = (u32, u32, u32);
 
-/// In a [`Corner`]: refers to a normal that the file does not have.
+/// In a [`Corner`]: the index of a normal that the file does not have.
 const LOST: u32 = MISSING - 1;
 
 /// Returns whether some corners have a normal and others have none.
@@ -256,13 +256,13 @@ pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: 
     }
 }
 
-/// Notes what was added to, or left out of, irregular faces.
+/// Notes faces whose normals do not exist in the file, and faces that were left out since they have too few corners.
 pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
     let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
     if lost.count > 0 {
         notes.push(format!(
-            "line {}: {} normals (vn) that the file does not have: these normals are made from the faces' shape",
+            "line {}: {} normals (vn) that do not exist in the file; normals are computed from the faces' shape instead",
             source.line(lost.first),
             naming(lost.count)
         ));

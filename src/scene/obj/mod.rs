@@ -5,8 +5,8 @@
 //! triangle, fans concave polygons, refuses a byte order mark, `\` continuations and Latin-1 text, reports no
 //! line, and uses one core. Its MTL reader is used ([`mtl`]), and its OBJ reader is the oracle of our tests.
 //!
-//! Two passes over the text, both in parallel over pieces of whole lines: the first
-//! reads vertices and normals, the second faces, when every index can be checked.
+//! There are two passes over the text, both in parallel over pieces of whole lines: the first reads vertices and
+//! normals; the second reads faces, and can check every index.
 
 mod asked;
 mod faces;

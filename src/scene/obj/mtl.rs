@@ -66,7 +66,8 @@ pub(super) fn load_all<'a>(
 }
 
 impl Reach<'_> {
-    /// Returns one name with spaces if there is such a file, else several names.
+    /// Returns the whole text as one name, with its spaces, if there is such a file; otherwise returns each word as a
+    /// name.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         match self.locate(library) {
             Ok(_) => vec![library],
@@ -176,8 +177,8 @@ impl Extras {
     }
 }
 
-/// Returns the lines that raycl uses, checked and in a form that `tobj` accepts; it fails on an empty
-/// `map_Kd`, a single grey value, an inline comment or Latin-1 text.
+/// Returns the lines that raycl uses, checked and in a form that `tobj` accepts: `tobj` fails on an empty `map_Kd`, a
+/// single grey value, an inline comment or Latin-1 text.
 fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
     let Checked { mut plain, mut extras } = Checked::default();
     for chunk in super::text::chunks(text) {

@@ -7,7 +7,7 @@ use crate::scene::normals::MISSING;
 use crate::words::counted;
 use std::collections::BTreeSet;
 
-/// Returns notes on vertex colours, smoothing groups and other statements. `mesh` is as read, without
+/// Adds notes on smoothing groups and other statements that are not supported. `mesh` is as read, without
 /// generated normals.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
@@ -18,7 +18,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     if made > 0 {
         notes.push(format!(
             "smoothing groups (s) are not read: {} without normals are smooth; flat = true in an [[object]] gives \
-             every face its own",
+             every face its own normal",
             counted(made, "triangle")
         ));
     }
@@ -27,7 +27,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     notes.extend(asked.notes("statement", quotes));
 }
 
-/// Returns notes on the materials that are used by a triangle.
+/// Adds notes on the materials that are used by a triangle.
 pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     if asked.iter().all(Asked::is_empty) {
         return;

@@ -11,7 +11,8 @@ use std::collections::BTreeSet;
 
 /// The colour of a vertex without one. It is brighter than every written colour, and so becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel exceeds this, the file's colours are from 0 to 255. It is above 1 because rounding may exceed 1.
+/// If a channel exceeds this, the file's colours are from 0 to 255. It is above 1 because rounded channels may exceed
+/// 1 slightly.
 const MOST_OF_UNIT: f32 = 1.5;
 
 /// The contents of a piece of the file, except its faces.

@@ -83,7 +83,10 @@ fn normals_that_the_file_lacks_are_made_and_told() {
         let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
         let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
-        assert!(note.starts_with("line 4: 2 faces name normals (vn) that the file does not have"), "{note}");
+        assert!(
+            note.starts_with("line 4: 2 faces name normals (vn) that do not exist in the file"),
+            "{note}"
+        );
     }
     let some = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2//1 3//1\nf 1//1 2//1 3//2\n")).unwrap();
     assert_eq!(some.mesh.corner_normals(&some.mesh.triangles[0]), [glam::Vec3::X; 3]);
@@ -162,7 +165,7 @@ fn a_material_file_outside_the_folder_or_missing_is_a_note() {
     }
 }
 
-/// Returns the notes for one triangle after this text, with a material file of that text.
+/// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();

@@ -47,7 +47,8 @@ impl Maps {
         self.colour.as_ref().or(self.mask.as_ref())
     }
 
-    /// Returns the numbers of the colour and of the mask; notes list what could not be read.
+    /// Returns the map that places the textures, and the numbers of the colour texture and of the mask; each one that
+    /// could not be read adds a note.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, notes: &mut Vec<String>) -> Loaded<'_> {
         let place = self.place()?;
         let wrap = [place.wrap; 2];
@@ -72,7 +73,7 @@ impl Maps {
     }
 }
 
-/// The place of a material's textures, and the numbers of the colour and of the mask.
+/// The map that places a material's textures, and the numbers of the colour texture and of the mask.
 type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
 
 /// A texture of a material.

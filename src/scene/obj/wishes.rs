@@ -52,8 +52,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Counts a material's illumination model, unless it is supported: 2 is, and so is 1 if there is no highlight
-/// to leave out.
+/// Counts a material's illumination model, unless it is supported: model 2 is, and so is model 1 (no highlight) if
+/// the material has no highlight.
 pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {
     let Some(model) = model else { return };
     let wish = match model {

@@ -66,7 +66,7 @@ fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3
 }
 
 /// Returns the numbers of columns and rows of about `quads` quads, with about `aspect` as many columns as
-/// rows. Of the row counts near the ideal one, the closest is used.
+/// rows. Of the row counts near the ideal one, the one whose number of quads is closest to `quads` is used.
 pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     let ideal = (quads / aspect).sqrt().max(1.0);
     let columns = |rows: u32| (quads / f64::from(rows)).round().max(1.0);

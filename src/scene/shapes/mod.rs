@@ -15,8 +15,8 @@ pub const MAX_TRIANGLES: u32 = 100_000_000;
 /// The largest fineness of a teapot with at most [`MAX_TRIANGLES`].
 pub(super) const MAX_FINENESS: u32 = 1250;
 
-/// A shape and its resolution. `triangles` is a target; above some hundred triangles, the actual number
-/// differs by a few per cent at most. Shapes have y up and a k_L of 0.8.
+/// A shape and its resolution. `triangles` is a target; above a few hundred triangles, the actual number differs by a
+/// few per cent at most. Shapes have y up and a k_L of 0.8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// The paper's ground: y = -1, x from -10 to 10, z from -10 to -0.01; two triangles.

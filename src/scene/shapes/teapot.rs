@@ -28,8 +28,8 @@ pub(super) fn teapot(columns: u32, rows: u32) -> Mesh {
     mesh
 }
 
-/// Returns about `triangles` triangles, at least 64. The numbers of rows and columns may differ: patches
-/// share edges only between rows and rows, or between columns and columns.
+/// Returns about `triangles` triangles, at least 64. The numbers of rows and columns may differ: an edge that two
+/// patches share is divided by the rows of both, or by the columns of both.
 pub(super) fn of_triangles(triangles: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 64.0, 1.0);
     teapot(columns, rows)
@@ -47,7 +47,7 @@ fn patches() -> Vec<Patch> {
     data.patches.iter().map(|patch| std::array::from_fn(|j| row(patch, j))).collect()
 }
 
-/// Returns the point at u (within control rows) and v (across them), and the outward normal.
+/// Returns the point at u (along control rows) and v (across them), and the outward normal.
 fn surface(patch: &Patch, u: f64, v: f64) -> (DVec3, DVec3) {
     let position = blend(patch, bernstein(u), bernstein(v));
     // If an edge is collapsed to a point, the normal of a nearby point is used.

@@ -76,7 +76,7 @@ impl Chosen {
             let Some((_, record)) = self.best.get(key) else { continue };
             let told: Vec<String> = found
                 .iter()
-                .map(|(attempt, outcome)| format!("{} of {}", outcome.name(), attempts[*attempt].name))
+                .map(|(attempt, outcome)| format!("{} in {}", outcome.name(), attempts[*attempt].name))
                 .collect();
             notes.push(format!(
                 "Attempts disagree on {} of {}: {}; the record with the wrong image is used.",
@@ -157,7 +157,7 @@ mod tests {
         chosen.offer(0, record(Outcome::Measured, 5));
         chosen.offer(1, record(Outcome::WrongImage, 0));
         let notes = chosen.notes(&[attempt("one"), attempt("two")]);
-        assert!(notes[0].contains("measured of one, wrong-image of two"), "{notes:?}");
+        assert!(notes[0].contains("measured in one, wrong-image in two"), "{notes:?}");
         assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
     }
 }

@@ -52,7 +52,7 @@ mod tests {
             });
             std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
         }
-        // One that was killed before it wrote anything.
+        // An attempt that was killed before it wrote anything.
         Attempt::begin(place.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
         write(place.path(), &Attempt::all(place.path())).unwrap();
         let text = std::fs::read(place.path().join("environment.json")).unwrap();

@@ -92,8 +92,8 @@ fn refuse_other_results(out: &Path) -> Result<()> {
     }
 }
 
-/// Returns the selected kinds of those that took part, always with the host's, and the words that match none
-/// of them.
+/// Returns the selected kinds among those that took part, always including the host's, and the words that match no
+/// kind.
 fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let all = Kind::all(out)?;
     let has = |kind: &Kind, word: &String| {
@@ -174,7 +174,7 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Writes the lines of launches that records use, with the launches' new numbers.
+/// Writes the attempts' lines about launches that records use, with the launches' new numbers.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,

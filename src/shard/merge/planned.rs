@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 pub struct Planned {
     /// The points, each once: by scene, by image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// The name of each caster on the host, by key, which distinguishes kinds of host.
+    /// For each caster on the host, by its key: the words that distinguish its kind of host from others.
     hosts: HashMap<String, String>,
 }
 

@@ -120,7 +120,7 @@ fn a_header_that_contradicts_itself_has_both_lines() {
     mistake(
         "any-ray",
         "origin",
-        "line 3: 'record_floats' is 9, but rows prepared for an origin (line 4) have 12",
+        "line 3: 'record_floats' is 9, but the data of a triangle that is prepared for an origin (line 4) has 12 floats",
         "",
     );
 }

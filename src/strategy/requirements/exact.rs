@@ -43,8 +43,8 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
         let w = Workload { half_light, image_size: [200, 101], local_size: [32, 1], ..workload(1, 1) };
         Requirements::of(&of("tile-group"), &w).global_bytes
     };
-    // Each half picture like a whole one: image, nearest triangle, one queue entry, the word of lights; and a triangle's planes
-    // for the eye and the light.
+    // Each half picture has the same data per pixel as a whole one: image, nearest triangle, one queue entry, the
+    // word of lights. It also has a triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);
     let scratch = |half_light| {
         let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };

@@ -36,7 +36,7 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     }
     if y > 1 && limits.lane_operations == LaneOperations::Barriers {
         let reason = format!(
-            "work-group: {x} x {y}, but on this device work-items can only share a tile by barriers, and only one tile per work-group: 32 x 1"
+            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: 32 x 1"
         );
         return Err(Infeasible::beyond(reason));
     }

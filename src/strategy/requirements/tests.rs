@@ -166,7 +166,7 @@ fn a_shared_tile_has_32_work_items_and_room_for_its_stack() {
     let [barriers, ptx] = [LaneOperations::Barriers, LaneOperations::Ptx];
     assert_eq!(check([32, 4], 192, ptx), Ok((192 * 8 + 52 * 32) * 4 + 128));
     assert!(check([8, 8], 192, ptx).unwrap_err().reason.contains("32 work-items across"));
-    assert!(check([32, 4], 192, barriers).unwrap_err().reason.contains("only share a tile by barriers"));
+    assert!(check([32, 4], 192, barriers).unwrap_err().reason.contains("can share a tile only by barriers"));
     assert!(check([32, 1], 192, barriers).is_ok());
     let refused = check([32, 4], 1600, ptx).unwrap_err();
     assert!(refused.reason.starts_with("__local memory: stack 8 B x 1600 entries x 4 tiles"), "{refused:?}");
@@ -231,7 +231,7 @@ fn devices() -> impl proptest::strategy::Strategy<Value = DeviceLimits> {
     })
 }
 
-/// Returns a device that has the better of two limits everywhere.
+/// Returns the limits of a device that has, of each limit, the larger of two devices' values.
 fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
     let sizes = [0, 1, 2].map(|side| one.work_item_sizes[side].max(other.work_item_sizes[side]));
     DeviceLimits {
@@ -260,7 +260,7 @@ fn adds_up(reason: &str) -> bool {
         return reason.starts_with("work-group: "); // of a shape that cannot share tiles
     };
     let Some((terms, total)) = needed.split_once(" = ") else {
-        // Two sides, one of which is too long; or a single number.
+        // The two sides of a work-group, one of which is too long; or a single number.
         return numbers(needed).iter().zip(numbers(limit)).any(|(needed, limit)| *needed > limit);
     };
     let product = |term| numbers(term).into_iter().fold(1, u128::saturating_mul);

@@ -22,13 +22,13 @@ pub enum Graphics {
     Sixel,
 }
 
-/// Asks kitty's protocol for a picture of one pixel that is not kept, and then which device the terminal is.
-/// Every terminal answers the second question.
+/// Asks the terminal by kitty's protocol whether it can show a picture of one pixel, which is not kept; then asks
+/// which kind of device the terminal is. Every terminal answers the second question.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 /// Longest wait for the answer. A terminal behind a slow line may need a few tenths of a second.
 const PATIENCE_MS: u64 = 500;
-/// The feature of a device that draws sixels, in its answer (DEC STD 070).
+/// The feature in a terminal's answer that means that it draws sixels (DEC STD 070).
 const SIXELS: &str = "4";
 /// Largest picture of sixels, in pixels across and down: xterm cuts off the rest.
 const MOST_SIXELS: u32 = 1000;
@@ -42,7 +42,7 @@ impl Graphics {
         answer.map_or(Self::Blocks, |answer| Self::answered(&answer))
     }
 
-    /// Returns the best form that a terminal with this answer shows.
+    /// Returns the best form in which a terminal with this answer can show pictures.
     fn answered(answer: &str) -> Self {
         if answer.starts_with("_Gi=31;OK") {
             return Self::Kitty;
@@ -55,7 +55,7 @@ impl Graphics {
         }
     }
 
-    /// Returns the size of a picture that fills so many characters.
+    /// Returns the size of a picture that fills this many characters.
     ///
     /// `cell` is the size of a character in pixels.
     pub fn size(self, cells: [u32; 2], cell: [u32; 2]) -> [u32; 2] {
@@ -71,7 +71,7 @@ impl Graphics {
         if self == Self::Blocks { [1, 2] } else { cell }
     }
 
-    /// Returns the text that shows a picture. `end` ends its lines, if it has lines.
+    /// Returns the text that shows a picture. If the text has lines, each of them ends with `end`.
     pub fn text(self, picture: &RgbImage, end: &str) -> Result<String> {
         match self {
             Self::Blocks => Ok(blocks(picture, end)),
@@ -80,7 +80,7 @@ impl Graphics {
         }
     }
 
-    /// Returns the text that takes the last picture away.
+    /// Returns the text that removes the last picture.
     pub fn end(self) -> &'static str {
         if self == Self::Kitty { "\x1b_Ga=d,d=I,i=1,q=2\x1b\\" } else { "" }
     }

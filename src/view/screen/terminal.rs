@@ -31,8 +31,8 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Takes the whole terminal until it is dropped. Without a form to show pictures in, the terminal is asked
-    /// for one.
+    /// Uses the whole terminal until the returned value is dropped. If `graphics` is `None`, asks the terminal in
+    /// which form it can show pictures.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
@@ -89,7 +89,8 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // The middle of the character, which is its upper pixel or close below it.
+        // The pixel in the middle of the character. If there are two, this is the first, so that half blocks give the
+        // upper pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }

@@ -142,7 +142,7 @@ impl Typed {
 }
 
 impl InputCallback for Typed {
-    /// This is called after the state of its key.
+    /// The window calls this after `set_key_state` for the same key.
     fn add_char(&mut self, code: u32) {
         if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
             self.send(Key::Char(letter));

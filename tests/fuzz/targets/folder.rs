@@ -1,4 +1,4 @@
-//! Files for what reads files: in memory, one folder a process.
+//! Files for functions that read files: they lie in memory, in one folder per process.
 
 use std::path::PathBuf;
 

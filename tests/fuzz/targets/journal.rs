@@ -1,4 +1,4 @@
-//! The journals of a run: what can be read is summarised, and what is appended to can be read.
+//! The journals of a run: whatever can be read can be summarised, and a journal can be read after lines are appended.
 #![no_main]
 
 mod folder;

@@ -1,4 +1,4 @@
-//! A file of any format of meshes, told by its content.
+//! A mesh file of any format, which is recognised by its content.
 #![no_main]
 
 mod folder;

@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub enum Film {
     /// The eye moves once around the scene.
     Turntable { scene: Arc<Scene>, orbit: Orbit, count: u32 },
-    /// The values that the scene's file animates change.
+    /// Values of the scene change from frame to frame, as its file describes.
     Animation { animation: Box<Animation>, last: Arc<Scene> },
 }
 
@@ -80,8 +80,8 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames: hashes of the scene's content, the strategy, the number, raycl's version and the kernels
-/// of a folder.
+/// Makes the keys of frames: hashes of the scene's content, the strategy, the frame's number, raycl's version and the
+/// kernels of `--cl-dir`.
 pub struct Keys {
     shared: String,
     /// The last mesh, and its hash.

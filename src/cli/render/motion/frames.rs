@@ -82,7 +82,7 @@ impl Numbered {
         Target::new(self.file(number), self.choice)
     }
 
-    /// Returns their names, for messages.
+    /// Returns the files' names, for messages.
     pub fn name(&self) -> String {
         let [first, last] = [self.wanted.first, self.wanted.last].map(|number| self.file(number));
         if first == last {
@@ -91,8 +91,8 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the missing frames. `key` makes the key of a frame whose name exists; a different picture of that
-    /// name is refused.
+    /// Returns the missing frames. `key` returns the key of a frame; it is only called for frames whose file exists.
+    /// If the file holds a different picture, it is refused.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

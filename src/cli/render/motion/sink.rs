@@ -98,7 +98,7 @@ fn no_rate(rate: u16, target: &Target) -> Error {
         .with_help("leave out --rate; an .apng and a y4m stream (`-o -`) have a rate")
 }
 
-/// The most pictures that are encoded at the same time: beyond that, a GPU casts no faster.
+/// The largest number of pictures that are encoded at the same time; with more, a GPU casts no faster.
 const MOST_WRITERS: usize = 4;
 /// Cores for each of them. The encoder of one picture uses several, but not all the time.
 const CORES_OF_WRITER: usize = 4;
@@ -111,7 +111,7 @@ fn writers([width, height]: [u32; 2]) -> usize {
     (cores / CORES_OF_WRITER).min(few_pixels as usize).clamp(1, MOST_WRITERS)
 }
 
-/// Pixels of all pictures that are encoded at the same time, of 12 bytes each.
+/// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 12 bytes.
 const MOST_PIXELS: u64 = 1 << 26;
 
 /// Tells the other threads to stop if one panics.

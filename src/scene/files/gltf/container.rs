@@ -37,7 +37,7 @@ fn other_version(name: &str, version: u32) -> Error {
         .with_help("export it as glTF 2.0")
 }
 
-/// Returns the contents of the first chunk of bytes from `at` on, if there is one.
+/// Returns the contents of the first chunk of the type `BIN` at or after the offset `at`, if there is one.
 fn buffer(bytes: &[u8], mut at: usize) -> std::result::Result<Option<&[u8]>, String> {
     // Fewer bytes than a chunk's header are padding.
     while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {

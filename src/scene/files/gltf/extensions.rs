@@ -6,14 +6,14 @@ use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// Extensions that raycl supports, or on which another note is added if a part of the file uses them.
+/// Extensions that raycl supports, or for which another note is added if a part of the file uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
 /// Families of such extensions: they only concern surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// A member of a family that concerns no single surface: it offers other materials to choose from.
+/// The exception in these families: it concerns no single surface, but offers other materials to choose from.
 const VARIANTS: &str = "KHR_materials_variants";
-/// Parts of the names of extensions without which there are no positions.
+/// Parts of the names of extensions. Without support for these extensions, positions cannot be read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
 /// Largest number of extensions that a note lists.
 const TOLD: usize = 8;

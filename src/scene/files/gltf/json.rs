@@ -4,7 +4,7 @@ use super::{Error, Result, mistake, quoted};
 use gltf::json::Root;
 use serde_json::{Map, Value, json};
 
-/// The JSON that is used, and the number of animations, which are not.
+/// The JSON that is used, and the number of animations, which are not used.
 pub(super) struct Read {
     pub root: Root,
     pub animations: usize,
@@ -38,7 +38,7 @@ fn tidied(json: &[u8]) -> Option<Read> {
     Some(Read { root: serde_json::from_value(value).ok()?, animations })
 }
 
-/// Returns the objects in a list of an object.
+/// Returns the objects in the list that an object has under this key.
 fn objects<'a>(
     of: &'a mut Map<String, Value>,
     list: &str,

@@ -18,7 +18,7 @@ pub(super) struct LeftOut {
     pub empty: usize,
     pub dangling: usize,
     pub unmapped: usize,
-    /// Meshes of a file whose scene has none.
+    /// Meshes of a file whose scene has no meshes.
     pub unplaced: usize,
 }
 
@@ -34,7 +34,7 @@ impl LeftOut {
         if triangles == 0 && self.dangling > 0 {
             let were = if self.dangling == 1 { "was" } else { "were" };
             return Err(format!(
-                "no triangle has only positions that exist; {} {were} left out",
+                "no triangle remains: {} with a position that does not exist {were} left out",
                 self.dangling
             ));
         }

@@ -64,7 +64,7 @@ pub(super) enum Shape {
 }
 
 impl Part {
-    /// Reads a primitive. `set` is the number of the texture coordinates that its material's texture uses.
+    /// Reads a primitive. `set` is the index of the set of texture coordinates that its material's texture uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
             primitive.mode
@@ -128,7 +128,7 @@ impl Part {
     }
 }
 
-/// Reads texture coordinates, from the upper left corner.
+/// Reads texture coordinates, which are measured from the texture's upper left corner.
 fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32; 2]>> {
     let coordinates = numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32));
     let coordinates: Vec<[f32; 2]> = coordinates.collect();

@@ -19,7 +19,7 @@ pub(super) struct ColourMap {
     /// The texture's number.
     texture: u32,
     usage: Usage,
-    /// The number of the texture coordinates in a primitive.
+    /// The index of the set of texture coordinates in a primitive.
     pub set: u32,
     /// The transform of the coordinates.
     transform: Affine2,
@@ -130,7 +130,8 @@ pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     }
 }
 
-/// Returns the transform of KHR_texture_transform, and the number of texture coordinates if it has one.
+/// Returns the transform of KHR_texture_transform, and the index of the set of texture coordinates if the extension
+/// names one.
 fn transform(info: &Info) -> (Affine2, Option<u32>) {
     let named =
         info.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));

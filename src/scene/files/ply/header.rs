@@ -5,7 +5,7 @@ use std::borrow::Cow;
 /// The first words of a header's lines.
 const WORDS: [&[u8]; 7] =
     [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
-/// The kind of a line that begins with none of them.
+/// The word that is put before a line that begins with none of them.
 const COMMENT: &[u8] = b"comment ";
 /// The longest header that is searched, in bytes. In a longer one, the reader refuses lines that are not
 /// PLY's.
