@@ -170,9 +170,7 @@ impl Strategy {
     /// Returns the best local size on a device with these limits for work-items that share tiles in groups of
     /// 32; for other strategies, returns `other`.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
-        // On a CPU, a work-group is a loop of one thread, so several tiles per group gain nothing; and PoCL
-        // 6.0 crashes with several sub-groups.
-        let groups = if limits.is_cpu { 1 } else { limits.lane_operations.usual_groups() };
+        let groups = limits.lane_operations.usual_groups();
         if self.shares_tiles() { [GROUP_LANES, groups] } else { other }
     }
 
