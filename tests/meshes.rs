@@ -179,7 +179,8 @@ fn any_scale_and_place_looks_the_same() {
             assert_eq!(said.contains("was subtracted from its positions"), by != [0.0; 3], "{said}");
         }
     }
-    // In a scene, the map keeps its coordinates in double precision until it is moved.
+    // In a scene file, a mesh far from the origin, such as a map, keeps its coordinates in double precision until
+    // `translation` has been added.
     let scene =
         "[camera]\nposition = [1, 1, 4]\n[[light]]\nposition = [1, 3, 5]\npower = 60\n[[object]]\nmesh = ";
     std::fs::write(place.path("c.obj"), obj(&moved(1.0, [500_000.25, 5_400_000.5, 120.125])))

@@ -81,8 +81,8 @@ fn chosen() -> Option<usize> {
     std::env::var("RAYCL_TEST_MUTANT").ok()?.parse().ok()
 }
 
-/// Returns the rows of the table that are to be tried: those of a command, or those without one, which are tested by
-/// pictures; fails if there are fewer than `least`.
+/// Returns the rows of the table that are to be tried and have this `command`. Rows without a command (`None`) are
+/// tested by pictures. Fails if the table has fewer than `least` such rows.
 fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
     let is_own =
         |(_, mutant): &(usize, Mutant)| mutant.command.as_deref() == command && mutant.reason.is_none();

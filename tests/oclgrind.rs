@@ -22,8 +22,8 @@ fn spelled(strategy: &Strategy) -> String {
     strategy.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect::<Vec<_>>().join(",")
 }
 
-/// A path below scenes/: a scene with more triangles than a tile in __local memory holds, but few enough that all of
-/// them fit there at once.
+/// A path relative to scenes/. Its scene has more triangles than a tile of triangles in __local memory holds, but
+/// __local memory as a whole has room for all of them.
 const TILES: &str = "../tests/data/tiles.toml";
 
 /// A picture of a scene cast under Oclgrind, and compared with the reference.

@@ -50,7 +50,8 @@ fn many_lights_an_interior_and_hills() {
     }
 }
 
-/// The lights of a round are as many as a word has room for, which depends on the tile: 32 lights are two to eleven rounds.
+/// The number of lights in a round depends on the tile, because one word has a bit for each light and each ray of a
+/// work-item: 32 lights take two to eleven rounds.
 #[test]
 fn rounds_of_lights_of_every_tile() {
     apart!();

@@ -1,4 +1,5 @@
-//! Two runs on one device with workers that note when they cast: no process, no device, no clock.
+//! Two runs take turns on one device. Their workers are stand-ins that only note when they cast, so the test needs no
+//! worker process, no real device and no clock.
 
 use raycl::config;
 use raycl::device_lock::Locks;

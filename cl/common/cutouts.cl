@@ -47,7 +47,8 @@ Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2,
     return solid.all;
 }
 
-// Returns those lanes of `hits` that hit the surface of a triangle, for rays whose weights are not known yet.
+// Returns those lanes of `hits` whose ray meets a triangle at its surface and not at a hole. Computes the weights
+// first, for callers that do not have them.
 Mask solid_on_rays(const Textures *textures, int triangle, Corners corners, Vec3 from, Vec3 way, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     const Vec3 e1 = splat(uniform_difference(corners.b, corners.a)), e2 = splat(uniform_difference(corners.c, corners.a));

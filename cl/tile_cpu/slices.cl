@@ -117,7 +117,7 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
 uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
-        // The same slab test for one child, with one vector of rays per lane.
+        // The same slab test for one child: each lane tests the interval of one vector of rays.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];

@@ -28,7 +28,7 @@ pub fn run(args: Args) -> Result<()> {
     match left.len() {
         0 => Ok(()),
         count => Err(Error::run(format!("{count} numbers have no record:\n{}", listed(&left)))
-            .with_help("CONTRIBUTING.md explains how a document names a number's record")),
+            .with_help("CONTRIBUTING.md explains how a document says from which record a number comes")),
     }
 }
 

@@ -28,7 +28,8 @@ pub fn is_inside() -> bool {
 ///
 /// # Errors
 ///
-/// Fails if a driver ended the child and leaving drivers out does not help.
+/// Fails if a driver ended the child, and running the command again without the drivers that fail is impossible or
+/// ends in the same way.
 pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));

@@ -115,7 +115,8 @@ mod tests {
     use crate::strategy::preset;
     use std::sync::Arc;
 
-    /// No number of tiles fits on the device, so that the refusal names the last local size that was tried.
+    /// Not even a work-group with one tile fits on the device. The error message then names the last local size that
+    /// was tried.
     #[test]
     fn a_local_size_is_made_smaller_unless_it_was_requested() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

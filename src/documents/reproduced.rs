@@ -74,7 +74,7 @@ fn decided(claim: &Value) -> String {
     let first = deciding.next().or(lines.first()).and_then(|line| line["text"].as_str()).unwrap_or_default();
     let more = match deciding.count() {
         0 => String::new(),
-        more => format!(" (and {more} more)"),
+        more => format!(" (and {more} more with this verdict)"),
     };
     format!("**{verdict}**: {}{more}", code(first))
 }

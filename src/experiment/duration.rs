@@ -19,13 +19,13 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured, and of those that were measured before.
+    /// Number of points to be measured, and of those that an earlier record gives a time for.
     pub points: [usize; 2],
     /// Number of launches per point.
     pub launches: usize,
     /// Smallest number of frames per point.
     pub least_frames: usize,
-    /// Expected time for the points that were measured before.
+    /// Expected time for those of the points that an earlier record gives a time for.
     pub time: Duration,
 }
 

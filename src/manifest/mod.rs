@@ -65,7 +65,8 @@ pub enum Role {
     Frame,
     /// Finds the nearest hits of primary rays; of several such kernels, the first.
     Primary,
-    /// Completes the result of the primary kernel.
+    /// Completes the result of the primary kernel: if that kernel finds only the nearest depth of each pixel, this
+    /// one finds the triangle at that depth.
     Resolve,
     /// Casts shadow rays.
     Shadow,

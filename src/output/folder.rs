@@ -42,7 +42,7 @@ impl OutFolder {
         &self.path
     }
 
-    /// Returns what the user allowed.
+    /// Returns the user's choice for files that raycl did not make.
     pub fn choice(&self) -> Choice {
         self.choice
     }

@@ -8,7 +8,7 @@ use crate::measure::Standing;
 pub struct Place {
     /// Identifies the records that were measured together.
     pub(super) together: blake3::Hash,
-    /// Its times relative to the others.
+    /// The record's times, relative to those of the other records that were measured with it.
     pub(super) standing: Standing,
     /// The anchor of its device, if requested: its name, and its times relative to the same points.
     pub(super) anchor: Option<(String, Standing)>,

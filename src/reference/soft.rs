@@ -109,8 +109,8 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
     DVec3::new(ring * turn.sin(), ring * turn.cos(), 1.0 - 2.0 * a)
 }
 
-/// Returns three numbers from 0 to 1 for a light, or for the sky, which follows the lights. The first two numbers,
-/// taken as a point of the unit square, are evenly distributed too.
+/// Returns three numbers from 0 to 1 for a source: a light, or the sky, whose number comes after those of all lights.
+/// The first two numbers, taken as a point of the unit square, are evenly distributed too.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);

@@ -1,4 +1,5 @@
-//! The cases with which the rule is compared: a scene, an image size, and whether rays may leak.
+//! Cases on which the rule by which `render` chooses a strategy is compared with measurements. A case is a scene, an
+//! image size, and whether rays may slip between triangles.
 
 use crate::error::{Error, Result};
 use crate::reader;

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-/// The folder of the files.
+/// The name of the folder in which each kind has its file.
 const FOLDER: &str = "kinds";
 
 /// A kind of device: all devices that are equal in every name and state that affects times. The host's

@@ -81,8 +81,8 @@ vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]
 faces = [[0, 1, 2]]
 "#;
 
-/// A config that measures these points of [`TRIANGLE`], which is in the same folder as scene.toml. One launch takes
-/// `samples` samples after `warmup` frames.
+/// A config that measures these points on [`TRIANGLE`], which must be stored under the name scene.toml in the
+/// config's folder. One launch takes `samples` samples after `warmup` frames.
 pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     format!(
         "question = \"?\"\nexpectation = \"!\"\nscenes = [\"scene.toml\"]\n{points}\n[timing]\nlaunches = 1\n\
@@ -160,7 +160,8 @@ impl Place {
         self.kernels_of(&format!("cl/{file}"), file, from, to)
     }
 
-    /// Does the same with any file of the repository, which gets the name `file` in the folder.
+    /// Like `kernels`, but replaces a part of `of`, which may be any file of the repository. In the folder for
+    /// `--cl-dir`, this file is named `file`.
     pub fn kernels_of(&self, of: &str, file: &str, from: &str, to: &str) -> String {
         let text = std::fs::read_to_string(repository(of)).expect("a kernel file");
         assert!(text.contains(from), "{of} no longer says {from}");

@@ -197,8 +197,8 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     before_black(mesh, camera, light.as_vec3())
 }
 
-/// Returns one triangle, and rays from a point that pass its edges at a distance of `part` times the length of their
-/// way.
+/// Returns one triangle, and rays from a point that pass just outside its edges. Where a ray passes an edge, its
+/// distance from the edge is `part` times its distance from the point.
 pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
     let origin = Vec3::new(0.1, 0.05, 3.0);

@@ -1,4 +1,4 @@
-// meaning: the textbook's test, as in the paper's code: its five vectors are in private memory at each test
+// meaning: the textbook's test, as in the paper's code: it writes its five vectors to private memory each time
 // record_floats: 9
 // prepared_for: any-ray
 // exact_signs: no
@@ -49,7 +49,8 @@ Vec3 kept(volatile varying *at, Vec3 value) {
 // otherwise there may be some.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // The index at which vectors begin: always 0, but the compiler cannot know that no coordinate is that large.
+    // The index at which vectors begin. It is always 0, because no coordinate is larger than 1e38, but the compiler
+    // cannot know that.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));

@@ -1,7 +1,8 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Edges are
 // planes through the rays' origin, which neighbouring triangles share to the last bit. The edge functions and 1/z are
-// linear in x and y. A candidate contains the planes of the edges opposite a, b and c, which are not negative inside,
-// and in their fourth components the three numbers of 1/z.
+// linear in x and y. A candidate has one vector for each of the corners a, b and c. Its first three components are
+// the plane of the opposite edge, which is not negative inside; the fourth components of the three vectors are the
+// three coefficients of 1/z.
 
 // Returns the plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap in other
 // tests. Swapping p and q only changes all signs. (Measured on a GPU: with the full overlap, one pixel of two million

@@ -33,7 +33,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// Returns the kernel that determines a point's time, with its prediction.
+/// Returns the kernel that casts a point's primary rays, with its occupancy: predicted for the given compute
+/// capability, or else as recorded. `None` if its registers or its occupancy are unknown.
 fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
     let kernel = record.main_kernel()?.clone();
     let items = record.local_size?.iter().product();

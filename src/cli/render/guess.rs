@@ -20,7 +20,7 @@ const BYTES_OF_TRIANGLE: u64 = 35;
 /// Number of stack entries that most trees need.
 const USUAL_STACK: usize = 64;
 
-/// The parts of a program that do not follow from the arguments.
+/// What determines a program and cannot be derived from the command's arguments alone.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
     /// Each axis and its value.

@@ -21,8 +21,8 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Returns a timeline that begins with the process. It assumes that the process has only worked so far and has
-    /// not waited.
+    /// Returns a timeline that begins with the process. The processor time that the process has used so far counts as
+    /// the time since its start, so the process must not have waited before this call.
     pub fn of_process() -> Self {
         let mut timeline = Self::begin();
         timeline.add("start", own_work().as_secs_f64() * 1e3);

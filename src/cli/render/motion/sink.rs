@@ -50,7 +50,8 @@ impl Sink {
         target.check_folder()
     }
 
-    /// Makes the output that the file's name asks for, for some of `count` frames.
+    /// Makes the output whose kind follows from the file's name. It receives the frames `wanted`, out of `count`
+    /// frames.
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {
