@@ -157,8 +157,8 @@ fn a_pairwise_cover_has_no_race_and_stays_in_bounds() {
     assert!(run * 10 > cover.len() * 8, "only {run} of {} fit", cover.len());
 }
 
-/// Returns whether a row of the cover is tested in this run: all rows in `make test-long`; otherwise the half that
-/// PoCL does not verify in tests/kernels.rs, and tiles that work-items share.
+/// Returns whether a row of the cover is tested in this run. `make test-long` tests all rows. Other runs test the
+/// half that tests/kernels.rs does not verify with PoCL, and every row in which work-items share tiles.
 fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 2 == 1 || strategy.shares_tiles()
 }

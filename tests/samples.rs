@@ -156,7 +156,8 @@ translation = [0, 0, -3]
 shape = \"ground\"
 ";
 
-/// Samples of a pixel may lie farther apart down than across, so that only the lowest of them hits a small box.
+/// The samples of a pixel may lie farther apart vertically than horizontally. A small box may then be hit only by the
+/// lowest of them.
 #[test]
 fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
     let place = Place::with(&[("scene.toml", FINE)]);

@@ -101,7 +101,8 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
-            // Rays may run in both directions, so this axis bounds the entry only if the origin lies outside.
+            // Along this axis, the rays may run in both directions, so it bounds the entry only if the origin does
+            // not lie between the box's two sides.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
             // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.

@@ -71,7 +71,8 @@ typedef struct {
     float per_begin, per_end;
 } Ways;
 
-// Returns the component of a direction along a pass's axis, if it is large enough, else 0.
+// Returns the component of a ray's direction along the axis of a pass (see the top of this file), if it is large
+// enough for the ray to join the pass (ALONG_AXIS), else 0.
 INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
     const float depth = shaft->sign * component(x, y, z, shaft->along);
     return depth > ALONG_AXIS * (fabs(x) + fabs(y) + fabs(z)) ? depth : 0.0f;

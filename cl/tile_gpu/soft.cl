@@ -50,7 +50,8 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, floa
     return stopped;
 }
 
-// The ray from a hit to the point of a source that its pixel's sample sees: unit direction and distance.
+// The ray from a hit to a point of a light or the sky, the one that was chosen for this sample of the pixel: unit
+// direction and distance.
 typedef struct {
     Vec3 way;
     float distance;

@@ -39,7 +39,8 @@ impl<'a> Seen<'a> {
         Self { lights, sky, mirrored: [first, second], unoccluded, turn: DVec3::ZERO }
     }
 
-    /// Returns this view with the point of the sphere moved.
+    /// Returns this view with `by` added to the point of the unit sphere in `sky` and to the offset in `turn`, so
+    /// that the directions in which the sky is seen and mirrored change.
     pub fn turned(&self, by: DVec3) -> Self {
         let sky = self.sky.map(|(sky, point)| (sky, point + by));
         Self { lights: self.lights.clone(), sky, turn: self.turn + by, ..*self }

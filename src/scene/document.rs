@@ -105,8 +105,8 @@ impl Document {
         Ok(())
     }
 
-    /// Returns the document of one frame, with this text. If a bare mesh is open, the new document takes it over and
-    /// reads it.
+    /// Returns the document of one frame, with this text. If this document has opened the file of a bare mesh and not
+    /// read it yet, the new document takes over the open file.
     pub fn at_frame(&self, frame: u32, text: String) -> Self {
         Self {
             name: format!("{} at frame {frame}", self.name),

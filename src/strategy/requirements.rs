@@ -304,7 +304,7 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate assumes full nodes, and
 /// leaves with half as many triangles as they may have, but at least four. It then multiplies the number of nodes by
-/// three, since unused slots of a node make leaves smaller.
+/// three, because leaves are usually smaller: slots of a node that would stay unused are filled by splitting leaves.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

@@ -52,7 +52,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height above the plane, times |n|. Its sign shows the origin's side, and orients all planes.
+    // The origin's height above the plane, times |n|. Its sign shows on which side of the triangle's plane the origin
+    // lies; all stored planes are multiplied by this sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);

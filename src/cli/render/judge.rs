@@ -25,8 +25,9 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels that hit
-/// something. If the picture has soft light at half resolution, its `parts` are checked, and the picture is compared
-/// with what the filter makes of these parts.
+/// something. If the picture's soft light was cast in half pictures, `parts` contains the pictures from which the
+/// filter made the final one: they are compared with the reference, and the final picture is compared with what the
+/// filter yields from them.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
