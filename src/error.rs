@@ -227,7 +227,8 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // Every name of one letter in the current folder would be similar.
+        // The name for standard input is a single character, so every name of one letter in the current folder would
+        // be similar.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 

@@ -166,7 +166,7 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
     let report = animate(&place, &[]);
     assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
     assert_eq!(animate(&place, &["--frames", "2..4"])["frames"], 0);
-    // If only the end of a track changes, the frames before it are still those of the scene.
+    // If only the end of a track changes, the earlier frames stay valid and are skipped; the last frame is refused.
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
     for (from, to) in

@@ -1,5 +1,5 @@
-//! docs/ as a book, and every link of the documents: it must lead to a file that exists, and to a heading in this
-//! file. Pictures and stored records are in the repository and not in the package.
+//! docs/ as a book, and the links in the documents: each must lead to a file that exists and, if it names a heading,
+//! to a heading of that file. Pictures and stored records are in the repository and not in the package.
 
 use crate::binary::repository;
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ fn without_code(text: &str) -> String {
     kept
 }
 
-/// Returns the targets of a page's links and pictures, except those on other machines.
+/// Returns the targets of a page's links and pictures, except web addresses.
 fn links(text: &str) -> Vec<String> {
     let targets = without_code(text)
         .split("](")

@@ -69,7 +69,8 @@ fn the_tests_own_vectors_are_in_private_memory() {
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
-    // Each compiler's file is compared with that of the same compiler, since both files of both compilers are stored.
+    // Each file is compared with the `vectors-private` file of the same compiler: both compilers' files are stored
+    // for both strategies.
     for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
         assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
         assert!(counts.reach("const") > 9, "{file}: {counts}");

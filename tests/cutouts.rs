@@ -50,7 +50,7 @@ newmtl wall
 Kd 0.5 0.6 0.7
 ";
 
-/// A disc of smooth alpha in a square of eight by eight texels.
+/// A picture of eight by eight texels: a disc whose alpha decreases smoothly at its edge.
 fn leaf() -> RgbaImage {
     RgbaImage::from_fn(8, 8, |x, y| {
         let [x, y] = [x, y].map(|at| at as f32 - 3.5);
@@ -125,7 +125,7 @@ fn an_opaque_mask_is_where_it_is_bright_and_needs_no_colour_texture() {
     let (found, _) = place.picture(&["--verify"]);
     let plain = place.picture(&["--set", "textures=false"]).0;
     assert!(apart(&found, &plain) > 300, "{}", apart(&found, &plain));
-    // The holes are defined by the same alpha.
+    // Now the alpha of the colour texture defines the holes; it has the same values as the mask.
     let coloured = room(MTL).picture(&[]).0;
     let wall = |picture: &RgbImage, x, y| picture[(x, y)] != plain[(x, y)];
     let holes =
@@ -213,7 +213,8 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = place.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // The hole alone. If the alpha were not reduced by a small step, an eighth of the solid pixels would be holes too.
+    // The hole alone. If one unit were not subtracted from the least alpha, rounding would make holes of an eighth of
+    // the solid pixels too.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(place.path("leaf.png")).expect("a picture");

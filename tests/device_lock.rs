@@ -12,7 +12,7 @@ local_sizes = [2, 4]
 strategies = ["naive", "deferred"]
 baselines = ["serial"]
 "#;
-/// A point of the kernels, which hangs while it is timed.
+/// Makes a kernel's point hang while it is timed.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
 fn place() -> Place {

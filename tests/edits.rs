@@ -161,7 +161,7 @@ impl Ground {
         self.tables = format!("{TIMING}\n[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\n");
     }
 
-    /// Adds two sweeps of one value, which set the powers of two different lights to 10.
+    /// Adds two `[[scene]]` entries with one value each, which set the powers of two different lights to 10.
     fn sweeps(&mut self) {
         let two =
             "[[light]]\nposition = [1, 3, 1]\npower = 7\n\n[[light]]\nposition = [-1, 3, 1]\npower = 8\n";

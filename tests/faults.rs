@@ -115,7 +115,8 @@ fn signal(signal: Signal, process: u32) {
     until("the signal is taken", || !has_pending_signals(process));
 }
 
-/// Whether a signal to the process has not reached its handler yet; a process that is gone has none.
+/// Returns whether a signal to the process has not reached its handler yet; a process that has ended has no such
+/// signal.
 fn has_pending_signals(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let masks =
@@ -191,7 +192,8 @@ fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
     });
 }
 
-/// A test that kills runs gives up after this many runs per kill, since most runs live long enough to be killed.
+/// A test that kills runs gives up after this many runs per kill. Most runs live long enough to be killed, so a
+/// correct test needs fewer.
 const RUNS_FOR_A_KILL: usize = 20;
 
 #[test]
@@ -268,8 +270,8 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    // The sample never ends, so that only the second can end the run. The first signal may have arrived without
-    // having been handled yet, so further ones do no harm.
+    // The sample never ends, so only the second signal can end the run. The first signal may have arrived without
+    // having been handled yet, so the test repeats the second one, which does no harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);

@@ -92,7 +92,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // A digit is inserted before the number, so that the result is not the number of another fact.
+            // A digit is inserted before the number, so that the changed number is not, by chance, that of another
+            // fact.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

@@ -1,5 +1,5 @@
-//! The paper's figures as SPEC describes them: an evaluation in f64, which shares no code and no scene file with
-//! raycl, is compared with the binary's pictures and with raycl's reference.
+//! The paper's figures: an evaluation in f64, which shares no code and no scene file with raycl, is compared with the
+//! binary's pictures and with raycl's reference.
 //!
 //! Formulas and numbers: Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*, 3rd ed.,
 //! chapter 15, with the paper's scenes.
@@ -22,7 +22,7 @@ struct Triangle {
     corners: [DVec3; 3],
     normals: [DVec3; 3],
     lambertian: DVec3,
-    /// k_G; shininess is 100 wherever it is not 0.
+    /// k_G. Where it is not 0, the shininess is 100.
     glossy: f64,
 }
 

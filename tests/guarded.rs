@@ -1,5 +1,5 @@
-//! The files that raycl reads, and the text of them that messages show: only ordinary files within limits, and only
-//! text of files that the user named or that lie in the same folder as the file that names them.
+//! raycl reads only ordinary files within limits. Its messages show only text of files that the user named, or that
+//! lie in the same folder as the file that names them.
 
 use crate::binary::{Place, TRIANGLE, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};

@@ -8,7 +8,7 @@ const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
 /// The ways of casting that `render` chooses from, each named explicitly.
 const FAMILIES: [&str; 4] = ["tile", "tile-group", "bvh", "bvh-packet"];
-/// Wide enough that vectors of 16 pixels fill half rows.
+/// So wide that a row of the half picture contains whole vectors of 16 pixels.
 const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
 const ODD: [&str; 4] = ["--width", "75", "--height", "61"];
 

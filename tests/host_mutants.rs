@@ -1,5 +1,5 @@
-//! Checks that the table of changes to Rust code (`tests/mutants/host.toml`) still fits the sources; `make mutants`
-//! runs the changes. `make mutants` runs it.
+//! Checks that the table of changes to Rust code (`tests/mutants/host.toml`) still fits the sources. `make mutants`
+//! makes these changes one at a time, and checks that a test fails for each.
 
 use crate::binary::repository;
 use serde::Deserialize;

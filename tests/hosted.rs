@@ -1,5 +1,6 @@
-//! Files for other machines: every command of the hosted CI's workflows, of the container file and of the archives
-//! exists, and the citation names this version. .ci is in the repository and not in the package.
+//! Tests of the files for other machines. Every command in the workflows of the hosted CI, in the container file and
+//! in the script for archives exists, and the citation file names this version. The folder .ci is in the repository,
+//! but not in the package.
 
 use crate::binary::{Place, has, repository};
 use clap::Parser as _;
@@ -115,12 +116,12 @@ fn the_citation_is_of_this_version() {
     assert!(citation["authors"][0]["name"].as_str().is_some());
 }
 
-/// The unpacked archive of a distribution has a program that runs, and its pages.
+/// An archive for distribution contains the program, its manual pages and its completions.
 #[cfg(unix)]
 #[test]
 fn an_archive_holds_the_binary_its_pages_and_its_completions() {
     let place = Place::new();
-    // The tests' own binary is large: one line that starts it is packed instead.
+    // The tests' own binary is large, so a script of one line that starts it is packed instead.
     place.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(place.path("raycl"), executable).expect("permissions");

@@ -1,5 +1,5 @@
 //! Obstacles that an attacker or a broken machine may cause: drivers that die when they are listed,
-//! results folders that lead elsewhere, arguments that are no text.
+//! results folders that lead elsewhere, arguments that are not UTF-8 text.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point};
 use std::ffi::OsStr;
@@ -12,7 +12,7 @@ fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "config.toml", "--out", "out", "--device", device, "--quiet"], more].concat()
 }
 
-/// A folder of drivers whose only one runs `body` as soon as it is loaded.
+/// A folder of drivers with a single driver, which runs `body` as soon as it is loaded.
 fn driver(place: &Place, body: &str) -> std::path::PathBuf {
     let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| place.path(name));
     let code = format!(
@@ -115,7 +115,7 @@ fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
             place.raycl(&["run", "config.toml", option]).arg(name).assert().code(2).get_output().clone();
         has(&String::from_utf8_lossy(&refused.stderr), &["o\u{fffd}ut", "not UTF-8"]);
     }
-    // A name with a line break is text. It stays one in the record of the command.
+    // A name with a line break is valid text, and the record of the command keeps it as one argument.
     let device = device();
     place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
     std::fs::rename(place.path("a\nb"), place.path("x").with_file_name(name)).expect("a new name");

@@ -40,7 +40,7 @@ fn place(config: &str) -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
 }
 
-/// The binary with a cache of its own, but with the user's cache of PoCL.
+/// Returns the command that starts raycl with a cache of the test's own, but with the user's PoCL cache.
 fn raycl(place: &Place, arguments: &[&str]) -> Command {
     let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
     let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);

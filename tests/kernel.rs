@@ -1,4 +1,5 @@
-//! `raycl kernel`: its output is the text that a compiler sees, and it casts the same as the strategy.
+//! `raycl kernel`: its output is the text that a compiler sees. A program built from this text casts the same image
+//! as the strategy.
 
 use crate::binary::{Place, has, repository};
 use crate::common::Stand;

@@ -44,7 +44,8 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
 fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let folder = folder();
     let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
-    // Both groups have had a launch (36 requests), and the first of them begins its second.
+    // When the run is interrupted, both groups have had a launch (36 requests), and the first group has begun its
+    // second launch.
     let mut mock = Mock::new(|scene| {
         interrupted.store(scene.requests >= 46, Ordering::Relaxed);
         Act::Answer
@@ -93,8 +94,8 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
     let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
     let known = expected(&records, &[]);
-    // A second for each of 15 samples and of 2 checks of each point, and half a second for each worker; the mock's first checks
-    // take no time.
+    // The expected time has a second for each sample (15 per point) and each check (2 per point), and half a second
+    // for each worker; the mock's first checks take no time.
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the

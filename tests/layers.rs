@@ -73,7 +73,7 @@ fn a_layer_does_not_replace_the_picture() {
         has(&message, &["is the picture and a layer too", "`-o FILE`", "`--layers FILE`"]);
         assert!(!place.path(picture).exists(), "{picture}");
     }
-    // One EXR is the picture and holds the layers.
+    // One EXR file holds both the picture and the layers.
     render(&place, &["-o", "all.exr", "--layers", "./all.exr"]);
     let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
     let has_channel =

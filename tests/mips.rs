@@ -6,7 +6,7 @@ use image::{Rgb, RgbImage};
 /// A chequered floor that is seen at a grazing angle, and a wall in front of it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
-/// Rows of a picture where the floor is far away: a pixel is longer than a square.
+/// Rows of a picture where the floor is so far away that a pixel covers more than the length of a square.
 const FAR: std::ops::Range<u32> = 25..30;
 
 fn floor() -> Place {
@@ -28,7 +28,7 @@ fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
     place.write(name, &text);
 }
 
-/// The root of the mean squared difference of channels, in steps of 256, in some rows right of the wall.
+/// The root mean square difference of the 8-bit channels (0 to 255), in some rows to the right of the wall.
 fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
     let places: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
     let squared = |place: &(u32, u32)| {
@@ -96,7 +96,7 @@ fn where_texels_are_larger_than_pixels_nothing_changes() {
     assert!(shades > 5 && with != without, "{shades}");
 }
 
-/// Leaves of one colour in the dark, in front of a background whose colour no leaf has.
+/// Leaves of one colour between transparent texels of another, in front of a background whose colour no leaf has.
 #[test]
 fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     let place = floor();
@@ -114,7 +114,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     };
     let [(with, picture), (without, _)] = [holes(&[]), holes(&OFF)];
     assert!(with == without && with[72 * 24..].iter().any(|hole| *hole));
-    // A leaf that is one pixel in a level of few texels is still green; texels at its edge are mixed with others.
+    // Far away, a leaf covers about a pixel and is read from a level of few texels. It is still green, although
+    // texels at its edge are mixed with others.
     let rows = FAR.start * 72..FAR.end * 72;
     let leaf = |place: u32| picture.get_pixel(place % 72, place / 72).0;
     let leaves: Vec<_> = rows.filter(|place| !with[*place as usize]).map(leaf).collect();

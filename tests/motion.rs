@@ -27,10 +27,11 @@ fn frames_are_those_of_scenes_whose_camera_stands_there() {
     let report = turn(&place, &["scene.toml", "--turntable", "4"]);
     assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &0.into()));
     assert_eq!(report["output"], "scene-0001.png to scene-0004.png");
-    // The first is the scene's own picture.
+    // The first frame is the scene's own picture.
     turn_still(&place, "scene.toml", &[]);
     assert_eq!(pixels(&place, "still.png"), pixels(&place, "scene-0001.png"));
-    // After half a turn the camera is as far behind the middle of the triangle as it was before it.
+    // After half a turn, the camera is as far behind the middle of the triangle as it was in front of it at the
+    // beginning.
     let behind = ["--set", "camera.position=[-0.3, 0, -4]", "--set", "camera.look_at=[-0.3, 0, -2]"];
     turn_still(&place, "scene.toml", &behind);
     let (a, b) = (pixels(&place, "still.png"), pixels(&place, "scene-0003.png"));

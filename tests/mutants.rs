@@ -1,5 +1,5 @@
-//! Broken kernels: verification must notice every change of mutants/kernels.toml. `make test` takes some of them, `make test-long`
-//! all.
+//! Broken kernels: verification must notice every change that mutants/kernels.toml lists. `make test` takes some of
+//! them, `make test-long` all.
 
 use crate::binary::{Place, device, has, repository};
 use crate::common::apart::apart;
@@ -24,12 +24,12 @@ const SIZE: [u32; 2] = [61, 43];
 /// The built-in functions of the test device's compiler.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
-/// Files that no row of the table changes. The probe is there to find wrong answers; the anchor is never replaced by
-/// a folder of kernels, and is broken by a test beside it (src/anchor.rs). Cut-outs, soft lights, pictures of skies
-/// and several samples need scenes or options of their own; tests/cutouts.rs, tests/soft.rs, tests/environment.rs and
-/// tests/samples.rs change their files. Soft light at half resolution is part of the default look of bare meshes;
-/// tests/half_light.rs changes its file. The display transform computes no radiance; a test beside it
-/// (src/launch/show.rs) changes it.
+/// Files that no row of the table changes. The probe is there to find wrong answers. A folder of kernels never
+/// replaces the anchor; a test beside the anchor's code (src/anchor.rs) breaks it. Cut-outs, soft lights, pictures of
+/// skies and several samples need scenes or options of their own; tests/cutouts.rs, tests/soft.rs,
+/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the default
+/// look of bare meshes; tests/half_light.rs changes its file. The display transform computes no radiance; a test
+/// beside it (src/launch/show.rs) changes it.
 const UNTOUCHED: [&str; 16] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -137,7 +137,7 @@ impl Mutant {
         has(&message, &["the picture is wrong: "]);
     }
 
-    /// The built-in kernels with the change laid over them.
+    /// Makes a folder for `--cl-dir` that applies the change to the built-in kernels.
     fn folder(&self, place: &Place) -> String {
         let text = Sources::Embedded.read(&self.file).expect("a kernel file");
         let found = text.matches(&self.from).count();
@@ -207,7 +207,7 @@ fn a_broken_edge_leaks() {
     }
 }
 
-/// Only devices that have more than barriers have such code.
+/// These rows change code that only devices with lane operations other than barriers compile.
 #[test]
 fn broken_lane_operations_are_not_taken() {
     let lanes = common::device().info.builtins().lanes;
@@ -258,7 +258,7 @@ fn every_file_is_broken_in_every_family_that_is_made_of_it() {
     }
 }
 
-/// A strategy, and every one that has another value of one axis and makes sense.
+/// Returns a strategy, and every strategy without a contradiction that differs from it in one axis.
 fn one_value_away(base: Strategy) -> Vec<Strategy> {
     let changed = AXES.iter().flat_map(|axis| axis.values().into_iter().map(|(value, _)| (axis.name, value)));
     let changed = changed.map(|(axis, value)| {

@@ -172,7 +172,8 @@ fn triangles_of_no_area_and_needles() {
     finite_everywhere("triangles of no area", scene);
 }
 
-/// Triangles as narrow as a rounding, each along a row of pixels, with a darker normal at their points.
+/// Triangles about as narrow as a rounding error, each along a row of pixels. The normal at their tips, `at_points`,
+/// may make these corners darker.
 fn needles(at_points: Vec3) -> Scene {
     let mut scene = scene("triangle.toml");
     let corners = (0..64).flat_map(|row| {

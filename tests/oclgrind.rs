@@ -1,5 +1,5 @@
-//! Kernels in Oclgrind, which simulates every work-item: no data race, no access out of bounds, no use of what was
-//! never written. `make test` installs it; without it these tests fail.
+//! Kernels in Oclgrind, which simulates every work-item: there must be no data race, no access out of bounds, and no
+//! read of memory that was never written. `make test` installs it; without it these tests fail.
 
 use crate::binary::until;
 use crate::common::cover::pairwise_cover;
@@ -125,7 +125,7 @@ fn presets() -> Vec<Strategy> {
 
 #[test]
 fn presets_have_no_race_and_stay_in_bounds() {
-    // Six work-items, in groups that do not divide the image.
+    // Groups of 3 x 2 work-items, whose height does not divide the image's height.
     let run = all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
     assert_eq!(run, PRESETS.len());
 }
@@ -163,7 +163,7 @@ fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 2 == 1 || strategy.shares_tiles()
 }
 
-/// A copy of `cl/` with one change, which some file must have.
+/// Makes a copy of `cl/` in which `to` replaces `from`; at least one file must contain `from`.
 fn spoiled(from: &str, to: &str) -> tempfile::TempDir {
     fn copy(source: &Path, target: &Path, from: &str, to: &str) -> usize {
         std::fs::create_dir_all(target).expect("a folder");
@@ -215,14 +215,14 @@ fn barriers() -> Vec<(&'static str, usize, &'static str)> {
         let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();
         known.into_iter().map(move |(at, call)| (file, at, call))
     };
-    // No preset uses the kernels of `peak`, of the search for lane operations, and of the display transform for
-    // devices with their own memory, which Oclgrind does not have.
+    // No preset uses the kernels of `peak`, those that test lane operations, or those of the display transform. The
+    // display transform's kernels are for devices with separate memory, which Oclgrind does not have.
     let of_presets =
         |file: &&str| !["peak/", "probe/", "display/"].iter().any(|folder| file.starts_with(folder));
     Sources::names().into_iter().filter(of_presets).flat_map(of).collect()
 }
 
-/// A folder of kernels without one of them.
+/// Makes a folder of kernels in which one of the barriers is missing.
 fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
     let mut text = Sources::Embedded.read(file).expect("a kernel");
     text.replace_range(at..at + call.len(), "(void)0");
@@ -233,14 +233,13 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
     folder
 }
 
-/// Synchronisations of a tile's lanes whose need Oclgrind cannot show: each by its file and the text that follows it
-/// there. Oclgrind has no sub-groups, so its lane operations go through `__local` memory, and their own barriers
-/// order all other accesses too. Sub-groups' operations exchange registers and order nothing: there, these are
-/// needed.
-const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 6] = [
-    // In these places another synchronisation follows (in the second place, a little later) before the board is
-    // written again.
-    ("common/lanes.cl", ";\n    return rank"),
+/// Synchronisations of a tile's lanes that are needed, although Oclgrind cannot show it. Each is given by its file
+/// and the text that follows it there. Oclgrind has no sub-groups, so lane operations go through `__local` memory
+/// there, and the barriers inside these operations order all other accesses too. The operations of sub-groups
+/// exchange registers and order no accesses, so devices with sub-groups need these synchronisations.
+const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
+    // After each of these places another synchronisation follows (in the first one, a little later) before the same
+    // `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
     ("tile_gpu/walk.cl", "; // the last leaf's triangles have been tested"),
@@ -248,8 +247,9 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 6] = [
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return blocked"),
 ];
 
-/// The barrier before a tile of triangles is filled matters from the second tile on: no scene of fewer triangles shows it.
-/// `make test` leaves out the barriers of tiles that work-items share.
+/// The barrier before a tile of triangles is filled matters from the second tile on, so only a scene with more
+/// triangles than a tile holds shows that it is needed. `make test` leaves out the barriers of tiles that work-items
+/// share.
 #[test]
 fn each_barrier_is_needed() {
     let (mut removed, mut hidden) = (0, 0);

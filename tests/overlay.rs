@@ -1,4 +1,5 @@
-//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as docs/own-kernels.md tells.
+//! `--cl-dir`: a folder of kernel files that differ from the built-in ones, or add values to an axis, as
+//! docs/own-kernels.md describes.
 
 use crate::binary::{Place, TRIANGLE, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
@@ -191,8 +192,8 @@ fn each_axis_of_files_takes_a_new_one() {
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
-/// A record that is longer or shorter than those of the built-in tests is correct if it is read from a table, if it
-/// is read from a tile, and if it is computed at each test.
+/// A triangle's record that is longer or shorter than those of the built-in ray-triangle tests is correct if it is
+/// read from a table, if it is read from a tile, and if it is computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let place = Place::new();

@@ -85,7 +85,7 @@ fn an_edited_picture_that_kept_its_comment_stays() {
     refused(&place, &["render", "scene.toml", "-o", "a.png"], "a.png", &[CHANGED]);
 }
 
-/// A process that is ended with its test.
+/// A process that is killed when its test ends.
 struct Watching(Child, Receiver<String>);
 
 impl Watching {
@@ -102,8 +102,8 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round whose output fulfils a condition, and returns the output up to the line that waits for a
-    /// change. One change may make two rounds.
+    /// Waits for a round whose output fulfils a condition, and returns this output, up to the line "waiting for a
+    /// change". One change may make two rounds.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {

@@ -15,7 +15,7 @@ fn place() -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("test.toml", &config(POINTS, 1, 5))])
 }
 
-/// The names of a device's figures.
+/// The names of the values that `raycl peak` measures on a device.
 const FIGURES: [&str; 10] = [
     "fma_per_s",
     "copy_bytes_per_s",

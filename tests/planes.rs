@@ -1,5 +1,5 @@
 //! Lights and cameras in the planes of triangles, on them and just over them: rounding decides there, and the reference
-//! has to know it. No pixel that it is certain of may differ, in any family.
+//! has to know it. With every family of kernels, the certain pixels must agree with the reference.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::{Vec3, vec3};

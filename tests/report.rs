@@ -10,7 +10,7 @@ fn raycl(arguments: &[&str]) -> Output {
     crate::binary::run(crate::binary::program().args(arguments))
 }
 
-/// Runs it, expects this exit code, and gives standard output and standard error.
+/// Runs raycl, expects this exit code, and returns standard output and standard error.
 fn outcome(arguments: &[&str], code: i32) -> (String, String) {
     let output = raycl(arguments);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

@@ -232,7 +232,7 @@ fn a_bare_mesh_takes_overrides_as_a_scene_does() {
     let eye = Value::Array(vec![Value::Integer(0), Value::Integer(0), Value::Integer(-9)]);
     let scene = load_scene_with(&path, &[("camera.position".to_owned(), eye)]).unwrap().scene;
     assert_eq!(scene.camera.position, Vec3::new(0.0, 0.0, -9.0));
-    // Seen from behind, the normals are turned.
+    // For an eye behind the mesh, the normals point backwards, towards the eye.
     for triangle in &scene.mesh.triangles {
         assert!(scene.mesh.corner_normals(triangle).iter().all(|n| n.z < 0.0));
     }

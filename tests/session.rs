@@ -59,8 +59,8 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
     }
 }
 
-/// Returns the image of the last scene, and whether it could be shown: by a caster of its own, or by the caster of
-/// another scene, which is then shown this one.
+/// Returns the image of the last scene, cast by a caster that is made for the first scene and then shown the others,
+/// and whether it could be shown the last one.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let sampling = Sampling { first: 2, ..Sampling::all(6) };

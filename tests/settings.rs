@@ -31,7 +31,7 @@ fn the_device_is_the_options_then_the_environments_then_the_files() {
     let device = device();
     let option = [&render[..], &["--device", &device]].concat();
     raycl(&place, &option).env("RAYCL_DEVICE", "of-the-variable").assert().success();
-    // A run uses the same default device, unless its config names devices.
+    // `raycl run` uses the same default device as `render`, unless its config names devices.
     let run = ["run", "config.toml", "--dry-run"];
     has(&mistake(&mut raycl(&place, &run)), &["no device matches 'of-the-file'", "config.toml:2"]);
     let named = place.text("config.toml").replace("image_sizes", "devices = [\"all\"]\nimage_sizes");

@@ -48,7 +48,8 @@ fn picture(place: &Place, options: &[&str]) -> RgbImage {
     render(place, options).0
 }
 
-/// One by one and in vectors, with planes of an origin and without, through a tree and without one, fused and separate.
+/// These strategies cast rays one by one and in vectors, test them by planes through a common origin and without,
+/// with a tree and without one, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile,passes=separate"];
 
 #[test]
@@ -82,7 +83,8 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
 fn each_pixel_sees_another_point_of_a_light() {
     let place = Place::with(&[("scene.toml", SQUARE)]);
     let soft = picture(&place, &["--samples", "4"]);
-    // Pixels brighter, or darker, than both neighbours: grain, which a smooth edge or a step has none of.
+    // Counts grain: pixels that are brighter than both neighbours, or darker than both. A smooth edge or a step has
+    // no such pixels.
     let grains = |picture: &RgbImage| {
         let value = |x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
         let places = (0..40).flat_map(|y| (1..59).map(move |x| (x, y)));
@@ -125,12 +127,12 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     let scene = "[camera]\nposition = [0, 2, -4]\nlook_at = [0, 0, -4]\nup = [0, 0, -1]\n[sky]\nzenith = 0.03\n\
                  [[object]]\nshape = \"ground\"\nmaterial = { k_l = 0.5 }\n[display]\nexposure = 30\ngamma = 1\n";
     let place = Place::with(&[("scene.toml", scene)]);
-    // 255 x 30 x 0.03 x 0.5, whatever the direction.
+    // The expected value is 255 x 30 x 0.03 x 0.5, in whatever direction the ray to the sky runs.
     assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// Tested once only, since PoCL takes long to compile it. Without this test, a kernel that is always wrong would pass
-/// for a changed one below.
+/// Tested once only, since PoCL takes long to compile it. The tests of changed kernels below only expect a wrong
+/// picture, so they would not notice a kernel that is wrong without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let place = where_shadow_rays_end();
@@ -142,7 +144,8 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
         let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
     }
-    // The sky follows the lights of the second round, which are counted from the round's first.
+    // The sky comes after the lights of the second round. Within a round, a light's number is counted from the
+    // round's first light.
     let lights: String =
         (0..16).map(|x| format!("[[light]]\nposition = [{x}, 3, -2]\npower = 3\n")).collect();
     place.write("scene.toml", &format!("{lights}{SQUARE}[sky]\nzenith = 0.05\nhorizon = 0.02\n"));
@@ -244,7 +247,7 @@ fn a_stopped_ray_to_the_sky_stops_no_other() {
     }
 }
 
-/// Rays to the light meet the square from below: its back.
+/// Rays from the ground to the light hit the square from below, on its back.
 #[test]
 fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
     let place = Place::with(&[("scene.toml", SQUARE)]);
@@ -255,7 +258,7 @@ fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
     place.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
 }
 
-/// The changes: rays that end too far away, by the bias.
+/// Each changed kernel lets rays end too far away: the bias is not subtracted from their length.
 #[test]
 fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
     let place = where_shadow_rays_end();
@@ -283,7 +286,7 @@ fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
     }
 }
 
-/// Four faces of 1 unit, standing on one of them.
+/// A mesh of four faces, 1 unit high, that stands on one of its faces.
 const TETRAHEDRON: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
 
 #[test]
@@ -298,7 +301,8 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     };
     let (dressed, report) = of(&["--verify"]);
     assert_eq!((&report["triangles"], &report["samples"]), (&30.into(), &6.into()));
-    // The ground is grey and fills the picture, nothing is burnt out, and all that the key light does not reach is still seen.
+    // The ground is grey and fills the picture, no pixel is overexposed, and surfaces that the key light does not
+    // reach are not black.
     let values = || dressed.pixels().map(|pixel| pixel.0[1]);
     assert!(
         values().min() > Some(5) && values().max() < Some(250),

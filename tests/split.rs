@@ -1,5 +1,5 @@
-//! One frame on several devices: the same pixels as on one; a run on several; several frames in one sample. PoCL makes
-//! two devices of one machine.
+//! A frame on several devices, which has the same pixels as on one device; a run on several devices; samples of
+//! several frames. PoCL makes two devices of one machine.
 
 use crate::binary::{Place, TRIANGLE, config, repository};
 use crate::common::apart::apart;
@@ -36,7 +36,8 @@ fn two_devices_cast_the_pixels_of_one() {
         ["tile-group", "32x1"],
         ["tile-group-watertight", "32x1"],
     ];
-    // PoCL takes a minute and a half to compile each of the last two for whole frames and bands.
+    // PoCL takes a minute and a half to compile each of the last two strategies, for whole frames and for bands of a
+    // frame.
     for strategy in all.into_iter().take(if is_long() { 8 } else { 6 }) {
         let one = render(&place, None, strategy, "one.exr");
         let two = render(&place, Some("portable computing language"), strategy, "two.exr");
@@ -117,8 +118,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // A point is the same whichever device measures it, so nothing is measured again. The blocks stay too, whatever
-    // times the points were found to take.
+    // A point is the same whichever device measures it, so nothing is measured again. The blocks also stay the same,
+    // whatever times were measured for the points.
     let blocks = place.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
     assert_eq!(place.text("out/blocks.json"), blocks);

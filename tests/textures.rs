@@ -137,7 +137,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
 }
 
-/// Another channel, half a texel aside, the wrong neighbour, the wrong triangle's corner.
+/// The defects include another channel, a shift by half a texel, a wrong neighbour and a wrong coordinate of a corner.
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let place = room(MTL);

@@ -23,8 +23,8 @@ typedef struct {
     float entry;
 } Waiting;
 
-// Puts a child onto the stack. The other children of its node lie above the height `below`; those that are entered
-// earlier stay above it. Returns the new height of the stack.
+// Puts a child onto the stack. The children of the same node that are already on the stack are above the height
+// `below`; those that the rays enter earlier stay above the new child. Returns the new height of the stack.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
     // Insertion sort: children that are entered earlier move up, so that the nearest is on top.

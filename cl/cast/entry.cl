@@ -1,5 +1,5 @@
-// The kernels for rays that are cast one by one or side by side. They declare the arrays in __local memory, and call
-// the functions that the files of the axes provide.
+// The kernels for rays that are cast one by one, or several at once in the lanes of a vector. They declare the arrays
+// in __local memory, and call the functions that the files of the axes provide.
 
 #include "cast/parts.cl"
 

@@ -4,8 +4,9 @@
 // working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow
 // ray runs from P to the light; with planes prepared for an origin, it runs from the light to P.
 //
-// If triangles are streamed through __local memory, the loop over them is unrolled by 8 (7% faster on a GPU than the 4
-// that its compiler chooses), or by 4 with planes of an origin (5% faster than 8, 2 and the compiler's choice).
+// If triangles are streamed through __local memory, the loop over them is unrolled by 8. This is 7% faster on a GPU
+// than unrolling by 4, which its compiler chooses. With planes prepared for an origin, the loop is unrolled by 4,
+// which is 5% faster than 8, 2 and the compiler's choice.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from

@@ -1,6 +1,6 @@
-// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments. A
-// name of an axis in {braces} stands for the file of the strategy's value. An include under `#if NAME` is followed
-// only if the host defines NAME as 1.
+// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments.
+// In an include, the name of an axis in {braces} stands for the strategy's value on that axis, which is the name of
+// the file. An include under `#if NAME` is followed only if the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -144,7 +144,7 @@
 #define search_ray camera_ray
 #endif
 
-// Returns the pixels of this work-item's lanes, of which only those to be cast are inside.
+// Returns the pixels of this work-item's lanes, of which only those that are to be cast count as inside the image.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;

@@ -8,8 +8,8 @@
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// 1 to check after each edge if all rays are outside. If vectors consist of scalars, the check saves the rest
-// of most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). If vectors are registers, a
+// 1 to check after each edge whether all rays are outside of it. If vectors consist of scalars, the check saves the
+// rest of most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). If vectors are registers, a
 // check costs more than an edge (10% slower on a CPU).
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0

@@ -36,7 +36,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray ends at the distance `bias` before the light, whose number as an origin is 1 + light.
+        // The shadow ray ends at the distance `bias` before the light. The light is origin 1 + light, since the eye
+        // is origin 0.
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);

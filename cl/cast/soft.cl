@@ -6,7 +6,8 @@
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
-        // Read again for every triangle, since the working vectors may lie in the memory that the strategy measures.
+        // The vectors are read again for every triangle, since they may lie in the memory whose speed is to be
+        // measured with this strategy.
         const Vec3 way = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
@@ -20,7 +21,7 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 
 #if SKY
 // Adds the sky's light to RADIANCE of `active` lanes: one ray in a direction whose probability is proportional to its
-// cosine with the normal, so that its radiance times k_L is the estimate.
+// cosine with the normal, so that the sky's radiance in this direction times k_L is the estimate.
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);

@@ -5,8 +5,8 @@
 #error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// The word of a texture's head that has the wrap modes (textures.cl) also has, from bit 16 on, the least alpha that a
-// point of the surface has:
+// In a texture's head, the word with the wrap modes (textures.cl) also holds, from bit 16 on, the least alpha of a
+// point on the surface:
 //
 //     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v | wrap u

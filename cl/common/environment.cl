@@ -45,7 +45,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 }
 
 // Turns `vector`, which is given around the axis (0.36, 0.48, 0.8), by the shortest rotation that takes this axis to
-// the normal. Only for the normal opposite to the axis there is no such rotation. The axis is an unusual one, so that
+// the normal. Only the normal opposite to the axis has no such rotation. The axis is an unusual one, so that
 // this normal is unusual too.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));

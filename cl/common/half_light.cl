@@ -48,7 +48,7 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             const PixelRow there = load_pixels(half_unoccluded, half_size, x + across, y + down);
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
-            // The background is no surface.
+            // The background is no surface, so it has no weight.
             const varying weight = share * likeness(own.colour, there.colour) * there.hit;
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);

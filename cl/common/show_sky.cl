@@ -1,8 +1,8 @@
 // Shows the picture of the sky where rays from the eye have hit nothing.
 
-// With several samples, the mean that the image holds does not say whether the last one hit something. Its fourth component
-// times the number of samples is the number of hits so far: if it has not grown, that sample missed, and added nothing to
-// the mean, since the background is black where the sky is seen.
+// With several samples, the mean that the image holds does not say whether the last one hit something. Its fourth
+// component times the number of samples is the number of hits so far. If this number has not grown, the last sample
+// missed. A miss added nothing to the mean, since the background is black where the sky is seen.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;

@@ -83,8 +83,8 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light, or for the sky, whose number is that after the last light. As points
-// of the unit square, the first two are evenly distributed too.
+// Returns three numbers from 0 to 1 for a light or the sky. The sky's number is one more than the last light's. The
+// first two are also evenly distributed if they are taken as a point of the unit square.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
@@ -117,9 +117,9 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 }
 
 #if SKY
-// Returns a unit vector around a normal, with a probability proportional to its cosine: towards a point of the unit
-// sphere that touches the surface. This needs no axes perpendicular to the normal, which could not be continuous
-// everywhere.
+// Returns a unit vector around a normal, with a probability proportional to the cosine of the angle between them. It
+// points to a uniformly distributed point of the unit sphere that touches the surface. This needs no axes
+// perpendicular to the normal, which could not be continuous everywhere.
 Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));

@@ -10,7 +10,7 @@
 #error "LEAF_COUNT_SHIFT: the lowest bit of the triangle count in a leaf's word; LEAF_MOST: the largest count"
 #endif
 
-// A node, in words; a child is a column, so that one load brings a side of many children's boxes:
+// A node, in words. Each child is a column, so that one load reads the same side of the boxes of many children:
 //
 //         child     0      1      2     ...  NODE_WIDTH - 1
 //     row 0         low x  low x  low x

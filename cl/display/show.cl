@@ -28,9 +28,9 @@ uchar shown(const float radiance, __global const float *smallest, __global const
     return (uchar)value;
 }
 
-// image: pixels, of which `count` are displayed, starting with `first`; the fourth channel is positive for a hit. rows:
-// three bytes per pixel, then padding for the last work-item. found: receives the number of pixels that hit something,
-// and of pixels that are not finite, as sums.
+// image: pixels, of which `count` are displayed, starting with `first`; the fourth channel is positive for a hit.
+// rows: three bytes per pixel, then padding for the last work-item. found: two counters, to which the numbers of
+// pixels that hit something and of pixels that are not finite are added.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict found) {

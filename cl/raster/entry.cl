@@ -32,8 +32,8 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
-// A corner in pixels, relative to the image's corner, across and down, both multiplied by its depth. Directions through
-// pixels have a depth of 1.
+// A triangle's corner as seen from the eye: `across` and `down` are its distances from the image's corner in pixels,
+// multiplied by its depth. Directions through pixels have a depth of 1.
 typedef struct {
     float across, down, depth;
 } Projected;

@@ -3,7 +3,7 @@
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
-// Returns the number of each lane's sample in the frame.
+// Returns the index of each lane's sample among the samples of its pixel that the frame casts.
 varying_int sample_of_lane(int bits) {
     const int last = (1 << bits) - 1;
     return (LANE_X & last) | (LANE_Y & last) << bits;

@@ -96,7 +96,8 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
         store_background(CAST_ARGUMENTS image, image_size, background);
 }
 
-// Returns where the numbers of the tile's vectors are stored: tile by tile, since only the next pass reads them.
+// Returns where the places of the triangles that the tile's vectors hit are stored: tile by tile, since only the next
+// pass reads them.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.

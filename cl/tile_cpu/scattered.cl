@@ -19,7 +19,8 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
     for (int part = 0; part < PARTS; part++) {
         float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // from the eye, a lower bound
         for (int axis = 0; axis < 3; axis++) {
-            // A shadow ray's direction ends at the hit, so the interval of directions is the box around the hits.
+            // A shadow ray's direction is the vector from the light to the hit, so the interval of directions is the
+            // box around the hits, relative to the light.
             const float16 low = directions->low[axis][part], high = directions->high[axis][part];
             const float16 away = max(max(offset[axis] + low, -offset[axis] - high), 0.0f);
             apart = max(apart, high - low);

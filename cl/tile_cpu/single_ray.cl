@@ -5,8 +5,9 @@
 typedef struct {
     float from[3], way[3]; // the origin and the unit direction
     float reach;           // triangles beyond this distance stop nothing
-    // For the test against boxes: the origin and the direction's reciprocals in all lanes, and the rows of a node with the
-    // sides by which the ray enters and leaves: a ray towards smaller x enters by the high side.
+    // For the test against boxes: the origin and the direction's reciprocals, each in all lanes; and, for each axis,
+    // the rows of a node that contain the sides where the ray enters and leaves. A ray towards smaller x enters at
+    // the high side.
     Children origin[3], per_way[3];
     int near_row[3], far_row[3];
 } SingleRay;
@@ -54,7 +55,7 @@ uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
 }
 
 #if CUTOUTS
-// Returns those of eight triangles whose surface the ray hits, and no hole of it.
+// Returns those of the `hits` among eight triangles at which the ray hits the surface and not a hole.
 uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits) {
     const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
     uint solid = 0;

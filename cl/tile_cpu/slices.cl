@@ -8,7 +8,7 @@
 #define LEAST_INV_T 1e-37f
 
 // The reciprocals of directions lie between low and high. If the sign of the directions changes, the axis is mixed,
-// and they lie below low and above high.
+// and the reciprocals lie below low or above high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3];
@@ -49,8 +49,8 @@ typedef struct {
     Children entry;
 } Boxes;
 
-// Converts intervals of directions to intervals of their reciprocals, extended by more than the rounding error of these.
-// 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
+// Converts intervals of directions to intervals of their reciprocals, and extends these by more than the rounding
+// error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
 // half-lines. An end at zero becomes infinity, represented by FAR.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
@@ -158,7 +158,8 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
         // The smallest 1 / t of a vector belongs to the ray that may still hit the farthest triangle.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // Selects a lane by an index at run time, which keeps the slices in registers; an address would not.
+            // The lane is selected by a comparison of indices, so that the slices stay in registers; access by an
+            // address would move them to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

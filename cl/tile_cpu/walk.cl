@@ -7,8 +7,8 @@ typedef struct {
     uint live;
 } WaitingTile;
 
-// Prefetches the four cache lines with the bounds of eight children or the first triangles of a leaf: it will be visited
-// soon, and the lines are loaded while other children are tested.
+// Prefetches the first four cache lines of a child: the bounds of a node's eight children, or the first triangles of
+// a leaf. The child will be visited soon, and the lines are loaded while other children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;
@@ -16,7 +16,8 @@ void fetch_child(const Tree *tree, uint word) {
 }
 
 // Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last. With `any`, the order
-// does not matter. A child's place is the number of children that lie below it, for example of those with entries 5 2 9:
+// does not matter. A child's place is the number of children that lie below it. An example with three children,
+// entered at 5, 2 and 9:
 //
 //     5 has one greater entry below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
@@ -51,7 +52,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     return waiting + popcount(kept);
 }
 
-// Traverses the tree with a bundle's rays; with `any`, until every ray is finished or has met nothing.
+// Traverses the tree with a bundle's rays. With `any`, the traversal ends early when every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
 #if CUTOUTS
     bundle->tree = &tree->tree;

@@ -2,9 +2,9 @@
 // group of 32 work-items owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node and prepares
 // triangle i of a leaf. The group's stack, and the triangles that its rays have to test, are in __local memory.
 //
-// A pass consists of rays that run mainly along one axis of the scene, say z. Relative to their origin, a ray then
-// consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the largest 1/z,
-// which is linear in x and y over a triangle. The edge functions are linear too.
+// A pass consists of rays that run mainly along one axis of the scene, say z. Relative to its origin, a ray of the
+// pass then consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the
+// largest 1/z, which is linear in x and y over a triangle. The edge functions are linear too.
 
 #if SAMPLED // a pixel may have several rays, each at a place of its own
 #define SUBPIXELS
@@ -46,12 +46,13 @@
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
-// direction's 1-norm. For the leader, the fraction is at least a third.
+// direction's 1-norm. For the leader, the ray whose direction determines this axis, the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// If a pass has only close rays: their largest distance from the leader, as a multiple of the distance between
-// neighbouring rays. The value is the width of a tile, which is the largest distance between rays to one surface.
+// In a pass of only close rays, the largest distance of a ray from the leader, as a multiple of the distance between
+// neighbouring rays. The value is the width of a tile in rays, because rays to one surface are at most this many such
+// distances apart.
 #define NEIGHBOURS ((float)TILE_X)
-// A leader is first searched here, in the middle of the lanes' 8 x 4 pixels.
+// If this lane still has a ray to cast, it is the leader: it lies in the middle of the lanes' 8 x 4 pixels.
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"

@@ -153,7 +153,7 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
 
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
-// Returns a ray's direction of depth 1, like camera_ray.
+// Returns a ray's direction, which has depth 1 along the view, as in camera_ray.
 INLINED Vec3 way_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray) {
     const float x = RAY_AT_X(eye_ray), y = RAY_AT_Y(eye_ray);
     return vec3(corner.x + x * step_x.x + y * step_y.x, corner.y + x * step_x.y + y * step_y.y,
@@ -177,9 +177,10 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
     ways->per_end = 0.0f;
 }
 
-// Each axis has at most one pass per direction. In the rays that are left after this pass, the component along its
-// axis is a smaller fraction of the direction than a leader's component along its own axis, so none of them can lead
-// another pass along this axis. Rays whose direction is not a number (NaN) take part in no pass.
+// Each axis has at most one pass per direction. A pass takes all rays whose component along its axis is more than
+// `ALONG_AXIS` of the direction's 1-norm. A leader's component along its own axis is at least a third of that norm,
+// so none of the remaining rays can lead another pass along this axis. Rays whose direction is not a number (NaN)
+// take part in no pass.
 #define MOST_PASSES 6
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.

@@ -150,7 +150,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #define AFTER_ROUND(mean, sum) (first_light ? (mean) + (sum) : (sum))
 #endif
 
-// Returns one sample of a lane's pixel in a row of work-groups.
+// Returns the ray from the eye through one sample of a lane's pixel, in a row of work-groups.
 INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 grid) {
 #if SAMPLED
     const int last = (1 << group->bits) - 1;

@@ -1,4 +1,5 @@
-// Shadow rays of a round of lights. They run from each light to the hits that face it.
+// Shadow rays of a round of lights, which are the lights whose shadow rays are cast together. The rays run from each
+// light to the hits that face it.
 
 // Limits per tile and light: the number of passes, and the number of words taken from the stack. A pass casts rays that
 // are close to each other. At silhouettes these limits are never enough; leftover shadow rays are then cast one at a
@@ -171,7 +172,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
         todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (lane_any(group, todo != 0)) {
-            // The rays close to a leader; the others wait for the next pass.
+            // A pass takes one ray as its leader and casts the rays close to it; the others wait for the next pass.
             const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
             const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
@@ -201,7 +202,7 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 }
 #endif
 
-// Adds this lane's pixel to the queue, if it has leftover lights; the group reserves entries together.
+// Adds this lane's pixel to the queue if some of its shadow rays are leftover; the group reserves entries together.
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     int first = 0; // goes on even if no lane has an entry: with barriers, a compiler failed after a return here

@@ -70,7 +70,7 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
 
 // Sets the box of slopes, given its sides before they are extended for rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
-    // Rounding errors are proportional to the largest number involved; z is 1 in slopes.
+    // Rounding errors are proportional to the largest of the numbers x, y and z; for slopes, z is 1.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
     const float more = SLOPE_ROUNDING * longest;
     shaft->longest = longest;
@@ -86,9 +86,9 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
-// Loads the corners of the triangle at an index in leaf order. If a compiler finds that a quad's fourth word is
-// unused, it loads the rest in two pieces, which takes twice as long. The return value therefore depends on all fourth
-// words, although it is always 1.
+// Loads the corners of the triangle at an index in leaf order. If a compiler finds that the fourth component of a
+// `float4` is unused, it loads the other three in two pieces, which takes twice as long. The return value therefore
+// depends on the fourth components of all three corners, although it is always 1.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 first = row[0], second = row[1], third = row[2];

@@ -13,7 +13,7 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
-    // The sides relative to the origin: lane i reads column i of each row, and 32 lanes 128 contiguous bytes.
+    // The sides relative to the origin: lane i reads column i of each row, so 32 lanes read 128 contiguous bytes.
     const float left = x_rows[0] - shaft->x, right = x_rows[NODE_WIDTH] - shaft->x;
     const float top = y_rows[0] - shaft->y, bottom = y_rows[NODE_WIDTH] - shaft->y;
     const float first = MULTIPLY_ADD(shaft->sign, tree->nodes[at + shaft->near_row], -shaft->z);
@@ -22,8 +22,8 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // At each z, a side of the shaft lies at its slope times z, so it is farthest out at near or at far. The box of the
-    // child must overlap this range.
+    // At each z, a side of the shaft lies at its slope times z, so it is farthest out at near or at far. The box of
+    // the child must overlap the range between the farthest positions of the two sides.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -49,7 +49,8 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
 // lane 5 has 2.
 INLINED uint push(Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
-    // An entry is not negative, so its bits have the same order. The lane's number in the last five makes it unique.
+    // Entries are not negative, so their bits, read as integers, have the same order as their values. The lane's
+    // number in the last five bits makes each key unique.
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
     const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
     const int others = popcount(met) - 1;
@@ -75,7 +76,7 @@ INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float
 #define USES_LANES(any) !any
 #endif
 
-// Triangles that a group's rays have to test, side by side, and the lanes that prepared them.
+// Triangles that a group's rays have to be tested against, stored next to each other, and the lanes that prepared them.
 typedef struct {
     __local float4 *quads; // three each
     __local int *lanes;

@@ -18,8 +18,8 @@ pub(super) struct Slicer<const N: usize> {
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Cuts `region` into slices. It should contain all (doubled) centres; those outside go to the first or
-    /// last slice.
+    /// Cuts `region` into slices. It should contain the centres of all primitives, multiplied by two as
+    /// `Primitive::centre` returns them; those outside go to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis along which the region has no extent, or an extent that overflows, has one slice.

@@ -34,7 +34,7 @@ struct Work<'a> {
     order: &'a mut [u32],
     /// Its box.
     bounds: Bounds,
-    /// A box that contains all doubled centres.
+    /// A box that contains twice the centre of each primitive's box.
     region: Bounds,
     /// Number of cuts above this subtree.
     depth: u32,

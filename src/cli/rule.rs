@@ -1,4 +1,4 @@
-//! `raycl rule`, for contributors: compares the rule by which `render` chooses with measurements, and
+//! `raycl rule`, for contributors: checks the rule by which `render` chooses a strategy against measurements, and
 //! computes the rule's constants from them.
 
 use super::choice::one_device;

@@ -59,7 +59,7 @@ fn text() -> String {
     }
     let Some((first, others)) = PRESETS.split_first() else { return text };
     text += &format!(
-        "Presets: named strategies. Those after the first list only the axes in which they differ from {}.\n\n",
+        "Presets: named strategies. Each one except the first is shown only with the axes in which it differs from {}.\n\n",
         first.name
     );
     text += &preset_text(first, &spelled(&first.strategy.axes()));

@@ -53,7 +53,7 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on; Returns `None`, which means all kinds, if the config says
+/// Returns the kind of device that a preset is measured on. Returns `None`, which means all kinds, if the config says
 /// so or the command line names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());

@@ -97,7 +97,7 @@ impl NamedStrategy {
     /// Returns why the strategy is not measured on devices of this kind; `None` if it is.
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;
-        Some(format!("meant for {}; any_kind = true in its entry measures it here too", meant.plural()))
+        Some(format!("meant for {}; set any_kind = true in its entry to measure it here too", meant.plural()))
     }
 }
 

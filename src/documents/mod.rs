@@ -1,4 +1,4 @@
-//! The figures of the documents, made from stored records. Every number in README.md, docs/kernels.md,
+//! The numbers and tables in the documents, made from stored records. Every number in README.md, docs/kernels.md,
 //! docs/paper.md and docs/performance.md is computed here or listed under `[facts]` in docs/figures.toml.
 
 mod occupancy;
@@ -67,7 +67,7 @@ impl Documents {
         self.texts.iter().flat_map(of).chain(unused).collect()
     }
 
-    /// Returns the facts and blocks that no document uses.
+    /// Returns the `[facts]` and `[blocks]` of docs/figures.toml that no document uses.
     fn unused(&self) -> Vec<String> {
         let nowhere = |phrase: &&str| !self.texts.iter().any(|(_, text)| text.contains(*phrase));
         let facts = self.sheet.facts.iter().map(String::as_str).filter(nowhere).map(str::to_owned);

@@ -32,7 +32,8 @@ enum Block {
     Table(Table),
     /// The paper's claims with their verdicts.
     Claims { devices: Vec<Device> },
-    /// The four lines of the answer for each device.
+    /// For each device, the answer to the paper's question in four lines: best memory strategy, best local size, why,
+    /// how sure.
     Answer { devices: Vec<Device> },
     /// The origin of the records.
     Runs { folders: Vec<String> },
@@ -78,7 +79,7 @@ impl Row {
         }
     }
 
-    /// Returns how its numbers are rounded; these modifiers follow the column's.
+    /// Returns the modifiers that say how the row's numbers are rounded; they follow the column's modifiers.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),

@@ -105,7 +105,7 @@ pub struct Ahead {
     tally: Mutex<Tally>,
 }
 
-/// Ends the builders when a run ends, in any way.
+/// Ends the builders when a run ends, for whatever reason.
 struct Closing<'a>(&'a Ahead);
 
 impl Drop for Closing<'_> {

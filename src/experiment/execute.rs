@@ -123,8 +123,8 @@ impl Missing {
     }
 }
 
-/// Completes the records of points whose presets are meant for devices of another kind; returns the other
-/// points.
+/// Stores the points whose presets are meant for devices of another kind as skipped for this reason; returns the
+/// other points.
 fn pass_over(
     group: Vec<PendingPoint>,
     launches: usize,

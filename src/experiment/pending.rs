@@ -40,7 +40,7 @@ pub struct PendingPoint {
 }
 
 impl PendingPoint {
-    /// Makes a point from its draft and the numbers of the point, its device and its scene.
+    /// Makes a point from its label, the draft of its record, and the numbers of the point, its device and its scene.
     pub fn new([point, device, scene]: [usize; 3], label: String, record: Record) -> Self {
         Self {
             point,

@@ -72,7 +72,7 @@ pub enum Request {
     Check {
         /// The point.
         point: usize,
-        /// The key that it must have.
+        /// The key that the point's record must have.
         key: String,
         /// The hash of its picture, if an earlier launch has verified it: an identical picture is not
         /// compared again.

@@ -29,7 +29,7 @@ pub struct RequestHandler<'a> {
     checker: Checker<'a>,
     /// The current scene, with its number.
     scene: Option<(usize, Hashed)>,
-    /// The current group, identified by one of its points; all points that passed are ready.
+    /// The current group, identified by one of its points; `entries` has those of its points that passed the check.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
     /// The anchor, after its first use.
@@ -160,9 +160,9 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Casts frames that are not recorded. The check has cast one already, so fewer are cast if frames are long
-/// compared with the time limit. A frame that fails here will fail again when it is timed, and is reported
-/// then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
+/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer are cast than
+/// requested, since the check has cast one already. A frame that fails here will fail again when it is timed, and is
+/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,

@@ -54,7 +54,7 @@ impl Opened {
         Ok(Self { rest: Some(file), head, length, filetype })
     }
 
-    /// Makes a file of bytes that were read completely.
+    /// Returns the file whose bytes have all been read already.
     fn held(bytes: Vec<u8>, path: &Path) -> Self {
         let length = bytes.len() as u64;
         let filetype = recognised(&bytes[..bytes.len().min(HEAD_BYTES)], length, path);

@@ -192,7 +192,8 @@ mod tests {
     #[test]
     fn each_frame_of_an_animated_png_is_shown_for_its_part_of_a_second() {
         let file = animated();
-        // The delay in seconds, two numbers of 16 bits, follows the name of the chunk and five of 32 bits.
+        // The chunk begins with its name and five numbers of 32 bits. Two numbers of 16 bits follow: the delay in
+        // seconds, as a fraction.
         let chunks = file.windows(28).filter(|bytes| bytes.starts_with(b"fcTL"));
         let delays: Vec<Vec<u8>> = chunks.map(|chunk| chunk[24..].to_vec()).collect();
         assert_eq!(delays, vec![vec![0, 1, 0, 25]; 2]);

@@ -344,9 +344,9 @@ impl Caster {
         Ok(hits.map(|hits| (picture, hits)))
     }
 
-    /// Reads the shown image of a device with separate memory, which applies the display transform itself. `take`
-    /// receives the rows from the top as red, green and blue, in multiples of `together` rows except for the
-    /// last call.
+    /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
+    /// transform itself. `take` receives the rows from the top as red, green and blue, in multiples of `together`
+    /// rows except for the last call.
     pub fn show(
         &self,
         program: &ShowProgram,

@@ -19,7 +19,8 @@ pub(super) enum Step {
     Fill(Buffer<i32>, i32),
     /// Runs a kernel.
     Run(Kernel),
-    /// Runs a kernel whose work-items own rays: a frame with several samples per pixel needs more work-items.
+    /// Runs a kernel in which every work-item has rays of its own, so that a frame with several samples per pixel
+    /// needs more work-items.
     Cast(Kernel),
 }
 
@@ -32,7 +33,8 @@ impl Step {
         }
     }
 
-    /// Enqueues the command. A kernel whose work-items own rays gets as many work-items as the frame's rays need.
+    /// Enqueues the command. A kernel in which every work-item has rays of its own gets as many work-items as the
+    /// frame's rays need.
     pub fn enqueue(&self, queue: &Queue, extent: Extent) -> ocl::Result<Event> {
         let mut event = Event::empty();
         match self {

@@ -24,8 +24,8 @@ fn bits_for(samples: usize) -> u32 {
 }
 
 /// Returns the finest division of pixels in a frame of a strategy, as the binary logarithm of the sub-pixels across.
-/// Only tiles have a place for each ray of a pixel. If the sky's picture is seen, pixels are not divided, since the
-/// kernel that adds the picture knows only whole pixels.
+/// Only tiles have places for several rays of one pixel. If the sky's picture is seen, pixels are not divided, since
+/// the kernel that adds the picture knows only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -55,8 +55,8 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
     })
 }
 
-/// Sets which samples a frame casts, all of one round, and returns how finely it divides pixels. A single sample is
-/// at the centre of its pixel; the camera is shifted instead.
+/// Adds the samples that a frame casts to its arguments, and returns how finely the frame divides pixels. All samples
+/// belong to one round. A single sample is at the centre of its pixel; the camera is shifted instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let place = |axis: usize| {

@@ -72,8 +72,8 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// The same for tiles that groups share: `places` has x and y of each sample in its pixel. The frame casts only the
-/// rough blocks of pixels; it casts all blocks if the number of rough ones is 0.
+/// The same for tiles that are shared by groups of work-items: `places` has x and y of each sample in its pixel. The
+/// frame casts only the rough blocks of pixels; it casts all blocks if the number of rough ones is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),

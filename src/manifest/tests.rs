@@ -45,7 +45,7 @@ const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
 /// A scene whose sky is a picture.
 const ENVIRONMENT: Workload = Workload { sky_texels: 1, ..SOFT };
 
-/// Returns the program of a strategy for another scene.
+/// Returns the program of a strategy for the scene that `workload` describes.
 fn spec_for(sources: &Sources, strategy: &Strategy, workload: Workload) -> ProgramSpec {
     let workload = Workload { local_size: [32, 1], ..workload };
     let builtins =

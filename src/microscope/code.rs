@@ -11,8 +11,8 @@ pub struct Instruction {
     pub text: String,
     /// Its line in the source, by the compiler's line table.
     pub line: Option<u32>,
-    /// The part of the kernel to which it belongs. In PTX and SASS this is the label before it, or empty before the
-    /// first label; on a CPU it is its function.
+    /// The part of the kernel to which it belongs. In PTX and SASS, this is the label before the instruction, or
+    /// empty before the first label; on a CPU, it is the instruction's function.
     pub part: String,
     /// What it does. Empty for instructions that do nothing, and for those of a processor that is not known here.
     pub kinds: Vec<Kind>,

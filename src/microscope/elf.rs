@@ -30,7 +30,7 @@ fn length(file: &[u8]) -> Option<usize> {
 mod tests {
     use super::*;
 
-    /// A file of so many bytes, with a table of two sections at its end.
+    /// A file of `bytes` bytes, with a table of two sections at its end.
     fn file(bytes: usize, fill: u8) -> Vec<u8> {
         let mut file = vec![fill; bytes];
         file[..6].copy_from_slice(&MAGIC);

@@ -1,10 +1,10 @@
 //! The microscope: what a compiler made of each line of a kernel.
 //!
 //! The program is compiled once more, from the text that `raycl kernel` prints, with a line table. Each line of that
-//! text stands for one place in the program: conditions are decided, macros expanded, and a file that is included
-//! twice is there twice. The instructions are then read from the binary: PTX text, or the machine code of a CPU by
-//! `objdump`, and for PTX also the SASS of an installed `ptxas`. Instructions without a line table are counted by
-//! parts of the kernel.
+//! text stands for one place in the program: `#if` conditions are already evaluated, macros are expanded, and a file
+//! that is included twice appears twice. The instructions are then read from the binary: PTX text, or the machine
+//! code of a CPU by `objdump`, and for PTX also the SASS of an installed `ptxas`. Instructions without a line table
+//! are counted by parts of the kernel.
 
 mod code;
 mod elf;

@@ -16,7 +16,7 @@ pub const LIST: &str = "raycl.b3sum";
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// True if this is a folder of results, which has no list: all files with raycl's names are raycl's.
+    /// True if this is a folder of results. It has no list; every file in it whose name raycl uses counts as raycl's.
     results: bool,
     /// Hash and name of every file that raycl wrote.
     made: BTreeSet<(String, String)>,

@@ -125,7 +125,7 @@ impl Peak {
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Adds to a record which share of its device's peak multiply-add rate its tests reach.
+    /// Adds to a record the share of its device's peak multiply-add rate that its ray-triangle tests reach.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

@@ -82,7 +82,7 @@ impl BuiltProgram {
             return self.from_cache;
         }
         let log = self.log();
-        // A compiler prints registers only when it compiles, so a program from the driver's cache has none.
+        // A compiler prints registers only when it compiles, so for a program from the driver's cache the log is empty.
         if self.verbose && log.is_empty() {
             return false;
         }

@@ -26,7 +26,7 @@ pub(super) struct Joiner<'a> {
     pub defines: &'a [(&'static str, u64)],
     /// The joined text.
     pub text: String,
-    /// The files that it consists of, each once, in order.
+    /// The files that make up the text, each once, in order.
     pub files: Vec<String>,
     /// The files that are being added, outermost first.
     pub chain: Chain,

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 /// The file in which `raycl merge` describes the attempts from which a folder was merged.
 pub const MERGE: &str = "merge.json";
 
-/// The records of a run, and where and how it was made.
+/// The records of a run, and where and how they were measured.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
     /// Its path.

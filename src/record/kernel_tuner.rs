@@ -65,7 +65,7 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     names
 }
 
-/// Returns every value of a parameter.
+/// Returns, for each parameter, its different values.
 fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String, Value> {
     let of = |name: &String| {
         let mut values: Vec<Value> = Vec::new();

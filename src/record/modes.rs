@@ -59,8 +59,8 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// If the slowest fast sample counted as slow, it would be more than a tenth of a launch of seven samples, and
-    /// that launch would have two modes.
+    /// One of seven samples is more than a tenth of them: if the slowest sample of the fast mode counted as slow, its
+    /// launch would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

@@ -36,7 +36,7 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns the first kind of name that differs for all scenes; the last kind is their hashes.
+/// Returns the scenes' names of the first kind by which all of them differ; the last kind is their hashes.
 fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
     let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
     let mut kinds =

@@ -161,7 +161,7 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them, with their positions among each other.
+    /// Returns records as a folder shows them, each with its position among those that were measured with it.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

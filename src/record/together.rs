@@ -195,7 +195,7 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks those of some records that were measured, by their times. The winners are the fastest, and every other that
+/// Ranks the measured ones among these records by their times. The winners are the fastest, and every other that
 /// ties with it: the samples do not show that it takes more than 1% longer. A record with too few samples has
 /// no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
@@ -320,7 +320,8 @@ mod tests {
 
     #[test]
     fn a_tie_is_decided_by_the_intervals_end() {
-        // In one launch as fast as the first, in the other 6% slower: 3% on average, and uncertain.
+        // In one launch, this point is as fast as the other point; in the other launch, it is 6% slower. That is 3%
+        // on average, and uncertain.
         let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
         let records = judged([launches("naive", 10.0, 0.0), wavers]);
         assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);

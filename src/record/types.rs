@@ -16,7 +16,7 @@ pub const HOST: &str = "host";
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The device or the host has too little memory; `reason` contains the arithmetic.
+    /// The device or the host has too little memory; `reason` shows how the needed memory is computed.
     Infeasible,
     /// Its preset is meant for devices of another kind, so it was neither built nor timed.
     OtherKind,
@@ -186,8 +186,7 @@ pub struct Record {
     /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. They are compared
     /// with the range of values of such rays.
     pub uncertain_pixels: Option<u64>,
-    /// Number of uncertain pixels that equal none of the values of their moved rays; verification limits this
-    /// number.
+    /// Number of uncertain pixels whose values are outside that range; verification limits this number.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,

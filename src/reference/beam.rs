@@ -91,8 +91,8 @@ impl Beam {
     }
 
     /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. Every other
-    /// triangle must lie farther behind it than the fraction `rival` of its distance. `None` if the result is
-    /// uncertain.
+    /// triangle must lie behind that triangle by more than `rival` times that triangle's distance. `None` if the
+    /// result is uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.angle * tree.reach(self.origin);
         let ray = Ray { origin: self.origin, direction: self.direction, near: 0.0, far: f64::INFINITY };

@@ -21,8 +21,8 @@ pub struct Grazing<R: Real> {
 }
 
 impl<R: Real> Grazing<R> {
-    /// Returns whether a shadow ray in this direction starts no farther from the triangle's plane than rounding
-    /// errors.
+    /// Returns whether a shadow ray in this direction starts so close to the triangle's plane that rounding may move
+    /// the start to the other side.
     fn is_of(&self, w_i: R::Vector) -> bool {
         self.is_less(self.bias * w_i.dot(self.normal))
     }
@@ -47,7 +47,8 @@ impl<'a, R: Real> Caster<'a, R> {
         Self { scene, finder: Solid::new(finder, &scene.mesh.textures), frame }
     }
 
-    /// Returns casters for which rounding moved the edges of holes in triangles; none if there are no holes.
+    /// Returns two casters: one in which the holes in triangles are smaller by the rounding error, and one in which
+    /// they are larger; none if there are no holes.
     pub fn leaning(&self) -> impl Iterator<Item = Self> {
         self.finder.leaning().map(|finder| Self { finder, ..*self })
     }
@@ -246,7 +247,8 @@ mod tests {
         for (behind, count) in [(0.0, 1), (5e-7, 1), (1e-5, 0)] {
             let mut scene = fixtures::single_triangle();
             let mut other = (*fixtures::single_triangle().mesh).clone();
-            // Every corner moves straight away from the eye, so that a ray's length and a depth grow alike.
+            // Every corner moves straight away from the eye, so that a hit's distance along its ray and its depth
+            // grow by the same factor.
             other.positions.iter_mut().for_each(|position| *position *= 1.0 + behind);
             scene.mesh_mut().append(other);
             let caster = exhaustive::<f64>(&scene, [80, 50]);

@@ -15,9 +15,9 @@ use glam::DVec3;
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
 /// agree on a pixel that does not change under them.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: 16 times the rounding error of single precision. It is up to twice the angle by which
-/// rounding can turn a ray (a direction has four roundings, cross and dot products six). Pixels that change only
-/// under wide nudges are verified too.
+/// The angle of narrow nudges: 16 times the rounding error of single precision. It is at most twice the angle by
+/// which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
+/// change only under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
 /// rounding.
@@ -27,15 +27,15 @@ const RIVAL: f64 = 1e-6;
 /// Nudges of the pixel's ray do not reveal this.
 const OFF_PLANE: f64 = 1e-6;
 
-/// Up to twice the angle by which rounding may turn the direction in which a pixel sees the sky, since its sines and
-/// its normal are rounded.
+/// At most twice the angle by which rounding may turn the direction in which a pixel sees the sky. The direction is
+/// computed from rounded sines and a rounded normal.
 const SKY_NUDGE: f64 = 1e-6;
 /// The same angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
 /// picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
-/// A surface may or may not occlude a light if it is this close to it, relative to the light's distance or to its
-/// coordinates.
+/// A surface that is this close to a light may or may not occlude it. The distance is relative to the light's
+/// distance or to the light's coordinates.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs for one sample of a pixel.
@@ -73,7 +73,8 @@ impl Asked<'_> {
         }
     }
 
-    /// Returns the length to which rounding errors at a light are relative.
+    /// Returns the length by which rounding errors at a light are scaled: a relative error times this length is an
+    /// absolute one.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
@@ -298,7 +299,7 @@ mod tests {
     #[test]
     fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
         let mut scene = fixtures::figure_4();
-        // All of the triangle and of its twin is one hole; the ground is solid.
+        // The masks make the whole triangle and its twin a hole; the ground is solid.
         let clear = Texture {
             size: [1, 1],
             wrap: [Wrap::Repeat; 2],

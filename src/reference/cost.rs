@@ -67,7 +67,7 @@ struct Tally {
     nodes: AtomicU32,
 }
 
-/// Casts each pixel's centre with its own finder, which counts.
+/// Casts each pixel at its centre with a separate finder that counts tests, and returns the counts.
 fn each_pixel<'a, F: Finder<f64> + 'a>(
     scene: &Scene,
     [width, height]: [u32; 2],

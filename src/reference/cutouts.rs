@@ -44,8 +44,8 @@ impl<'a, R: Real> Solid<'a, R> {
     }
 }
 
-/// Returns by how much a mask's alpha can change at most, in steps of an 8-bit channel, if the change of each texture
-/// coordinate is as large as the coordinate's largest value. Alpha changes by at most 255 from texel to texel.
+/// Returns the largest possible change of a mask's alpha, in steps of an 8-bit channel, if each texture coordinate
+/// changes by its own largest value. Alpha changes by at most 255 from texel to texel.
 fn steepness(mask: &Texture, row: &Mapped) -> f64 {
     let along = |axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);
@@ -66,7 +66,7 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         });
     }
 
-    /// Without holes, the inner finder searches, which may have a faster way.
+    /// Without holes, the search is left to the inner finder, which may have a faster way.
     fn any(&self, ray: &Ray<R>) -> bool {
         if self.textures.is_none() {
             return self.finder.any(ray);

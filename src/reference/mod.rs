@@ -47,7 +47,7 @@ use std::sync::Arc;
 use traverse::Exhaustive;
 use tree::Tree;
 
-/// Scenes with more triangles than this are searched by a tree.
+/// In scenes with more triangles than this, hits are found with a tree.
 const EXHAUSTIVE_TRIANGLES: usize = 64;
 
 /// The expected image of a scene.
@@ -83,7 +83,8 @@ impl Reference {
 pub struct Doubt {
     /// Its index in `radiance.pixels`.
     pub pixel: usize,
-    /// True if only wide nudges change it; then its possible values are nearly equal.
+    /// True if only wide nudges (ten times as wide as rounding, see [`certainty`]) change it; then its possible
+    /// values are nearly equal.
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],
@@ -96,9 +97,8 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts only some pixels. Each gets the mean of several samples: as many of `of_pixel` as `count` returns for
-/// the pixel. A pixel is certain if all its samples are. The other pixels are black and
-/// uncertain, and are not used in verification.
+/// Casts only some pixels. Each gets the mean of its samples: the first `count(pixel)` ones of `of_pixel`. A pixel is
+/// certain if all its samples are. The other pixels are black and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],

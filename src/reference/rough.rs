@@ -40,8 +40,8 @@ mod tests {
 
     #[test]
     fn a_pixel_that_differs_is_in_its_block_and_in_those_that_it_touches() {
-        // Blocks have 4 x 4 pixels: the changed pixel is the last one of the first block across and
-        // down, then the first one of the second.
+        // Blocks have 4 x 4 pixels: on both axes, pixel 3 is the last one of the first block, and pixel 4 is the
+        // first one of the second.
         for at in [3, 4] {
             let mut means = Radiance::new(13, 9);
             means.pixels[at * 13 + at] = [0.0, 0.25 / 15.0, 0.0];

@@ -1,4 +1,4 @@
-//! Finds the lights that reach all points near a hit with one search per light, from the light.
+//! Finds the lights that reach all points near a hit. One search per light is enough, which starts at the light.
 
 use super::beam::Beam;
 use super::certainty::AT_LIGHT;

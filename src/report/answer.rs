@@ -61,7 +61,7 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points without a time for the same reason.
+/// Points that have no time, all for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in a word: "local memory", "wrong-image".

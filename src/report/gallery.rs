@@ -11,7 +11,7 @@ use std::path::Path;
 /// Limit on the total size of a page's pictures, so that the page stays under 15 MB. Pictures beyond it are
 /// only named.
 const PICTURE_BYTES: usize = 9_000_000;
-/// Width in pixels of the small picture at an answer.
+/// Width in pixels of the small picture beside an answer.
 const THUMBNAIL: u32 = 120;
 
 /// A picture in the page.

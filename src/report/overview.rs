@@ -162,7 +162,8 @@ mod tests {
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {
-        // The launches lie far apart, so the interval is wide. Of three samples there is none.
+        // The times of the two launches differ much (10 and 15 ms), so the interval is wide. Three samples are too
+        // few for an interval.
         let wide = |device: &str| {
             let samples = (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 15.0 }));
             Record { device: device.into(), ..sampled("naive", samples) }

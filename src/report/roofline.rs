@@ -12,7 +12,7 @@ use crate::peak::{Peak, Traffic, operations_per_test};
 use crate::record::{Folder, Group, Record, significant};
 use crate::words::counted;
 
-/// The unit of operations and bytes in the plot.
+/// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
 /// Returns a plot for every device with points whose tests are counted.

@@ -39,7 +39,7 @@ pub fn size_name(record: &Record) -> String {
     record.local_size.map_or("-".to_owned(), |[across, down]| format!("{across}x{down}"))
 }
 
-/// Formats as "naive at 16 x 16".
+/// Returns a record's title, such as "naive at 16 x 16".
 pub fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", record.name, by(size)),
@@ -47,7 +47,7 @@ pub fn title(record: &Record) -> String {
     }
 }
 
-/// Formats as "teapot, 800 x 500, NVIDIA H200".
+/// Returns a group's title, such as "teapot, 800 x 500, NVIDIA H200".
 pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
@@ -71,7 +71,7 @@ pub fn tip(record: &Record) -> String {
     lines.join("\n")
 }
 
-/// Returns the compiler's figures for its main kernel, if known: "168 registers, 12 B spilled, occupancy
+/// Returns the compiler's figures for a record's main kernel, if known: "168 registers, 12 B spilled, occupancy
 /// 19%".
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
@@ -105,7 +105,7 @@ pub fn first_line(record: &Record) -> &str {
     reason.lines().next().unwrap_or_default()
 }
 
-/// Returns the ratio of `slow` to `fast` as "4.35 times".
+/// Returns the ratio of `slow` to `fast` as "4.35×".
 pub fn times(slow: f64, fast: f64) -> String {
     format!("{}×", significant(slow / fast, 3))
 }

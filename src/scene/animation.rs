@@ -138,8 +138,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. It points to the track that makes the
-    /// document invalid and after which no other track makes it valid again.
+    /// Returns the error for a frame whose document is not a scene. It points to the track that makes the document
+    /// invalid for good: no later track makes it valid again.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Makes a [`Scene`] from the wire types, with the checks that TOML types cannot make.
+//! Makes a [`Scene`] from the types of the TOML file (`wire.rs`), with the checks that these types cannot make.
 
 mod camera;
 mod objects;
@@ -33,7 +33,7 @@ pub(super) struct Assembled {
     pub dressed: bool,
 }
 
-/// Builds the scene that a document describes, for a shot.
+/// Builds the scene that a document describes, for the pictures that `shot` describes.
 pub(super) fn assemble(
     document: &Document,
     wire: SceneWire,

@@ -26,8 +26,8 @@ pub struct Camera {
     pub shift: [f32; 2],
     /// The width of a pixel's cone as a share of the pixel's width; less than 1 if the pixel gets several samples.
     pub cone_share: f32,
-    /// The size of another image whose field of view the camera's image shows, although their shapes may differ
-    /// slightly. Without it, the image's own size determines the field of view.
+    /// The size of another image. The camera's image shows the field of view of that image, although the two shapes
+    /// may differ slightly. Without it, the image's own size determines the field of view.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -105,7 +105,7 @@ impl Camera {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
-    /// Returns the camera of an image that shows the field of view of another one with this size.
+    /// Returns the camera of an image that shows the field of view of another image, whose size is `size`.
     #[must_use]
     pub fn covering(&self, size: [u32; 2]) -> Self {
         Self { covers: Some(size), ..*self }

@@ -30,7 +30,7 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote it.
     pub quotes: bool,
-    /// The opened mesh of such a document, until it is read; a pipe cannot be opened twice.
+    /// The opened mesh of a document with `bare`, until it is read; a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 

@@ -16,8 +16,8 @@ const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii.
 const NEAREST_RADII: f64 = 0.3;
-/// Distance of the lights from the centre in radii: close enough to model the shape, far enough to light it
-/// evenly.
+/// Distance of the lights from the centre in radii: close enough that the shading shows the mesh's shape, far enough
+/// to light it evenly.
 const LIGHT_RADII: f64 = 10.0;
 
 /// The ball that represents a mesh in framing and lighting.

@@ -22,7 +22,7 @@ pub(super) struct Kept {
     keeps: bool,
     /// For each object of this frame, the text from which its mesh is built; empty if no object changes.
     keys: Vec<String>,
-    /// The meshes of this frame's objects, before they were placed, by these texts.
+    /// The meshes of this frame's objects, before they were placed; the keys are these texts.
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
@@ -149,7 +149,7 @@ mod tests {
             [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
             [0.25, 4.0, 0.25]
         );
-        // The last one is not read again.
+        // The picture that was read last is kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut kept, &dark), 0.25);
     }

@@ -19,8 +19,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// The axis about which it turns on a turntable.
     pub orbit: Orbit,
-    /// The number of each object's first triangle: for a TOML scene its objects, for a bare glTF file its
-    /// nodes with meshes.
+    /// For a TOML scene, the number of each object's first triangle; for a bare glTF file, that of each node with a
+    /// mesh.
     pub object_starts: Vec<u32>,
     /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
@@ -42,7 +42,7 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// Suits pictures of any shape that are at least as wide as high.
+    /// Suits square pictures, and all pictures that are wider than high.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
 }
 

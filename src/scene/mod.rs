@@ -101,7 +101,8 @@ pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 pub struct Scene {
     /// Its name in reports.
     pub name: String,
-    /// All triangles, with their two index sets and materials. Frames of moving pictures share it.
+    /// All triangles, with their indices of positions and of normals, and their materials. Frames of moving pictures
+    /// share it.
     pub mesh: Arc<Mesh>,
     /// The lights, in the order of the file.
     pub lights: Vec<Light>,

@@ -25,7 +25,7 @@ pub struct Sky {
     pub up: Vec3,
     /// Surfaces farther away than this, in the scene's units, do not occlude the sky.
     pub reach: f32,
-    /// The radiance from each direction, if it is a picture.
+    /// The radiance from each direction, if a picture defines it.
     pub picture: Option<Arc<SkyPicture>>,
 }
 

@@ -6,12 +6,13 @@ use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Power of key and fill light, relative to the lights of a plain mesh; the sky provides the rest.
+/// Power of the key and the fill light, relative to the lights that a bare mesh has without these surroundings; the
+/// sky provides the rest.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
-/// Radius of the key light, in radii of the mesh's ball. At a distance of ten radii it has an apparent
-/// diameter of nine degrees. A larger light would need more samples.
+/// Radius of the key light, in radii of the ball that represents the mesh. At a distance of ten radii it has an
+/// apparent diameter of nine degrees. A larger light would need more samples.
 const KEY_RADII: f64 = 0.8;
 /// The sky's radiance; a radiance of 1/15 is displayed as white.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
@@ -19,7 +20,7 @@ const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces farther away than this many radii do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
-/// The ground's k_L: darker than that of meshes without a colour.
+/// The ground's k_L, its diffuse reflectance: lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square frames. These are the distances of their edges from the
 /// middle, in radii; the last one is beyond the end of a usual view. Rounding errors of a ray-triangle test grow with
@@ -33,7 +34,7 @@ const GAP_RADII: f64 = 1e-3;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground; `None` for a room, or if the eye is below it.
+    /// The ground; `None` for a room, or if the eye is below the ground.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,

@@ -69,7 +69,7 @@ pub struct Mapped {
     pub corners: [[f32; 2]; 3],
     /// The texture's number in [`Textures::list`]; `None` if the triangle only has its material's colour.
     pub texture: Option<u32>,
-    /// The number of the mask, outside of which the triangle has holes; `None` if it has none.
+    /// The number of the mask that defines the triangle's holes; `None` if the triangle has no mask.
     pub mask: Option<u32>,
 }
 

@@ -67,7 +67,7 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // A kind measures the same points as another if only the build of the program differs, or the device's name
+        // Two kinds measure the same points if they differ only in the build of the program or in the device's name
         // on its machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));

@@ -44,9 +44,9 @@ impl Missing {
     }
 }
 
-/// Returns the points of the plan that have no record, on each kind, and all points of selected kinds that
-/// have not begun. A caster on the host belongs to no kind of device: it is not missing if any kind of host
-/// measured it.
+/// Returns the points of the plan that have no record, on each kind, and all points of selected kinds that have not
+/// begun. A caster on the host does not belong to a kind of device: it is not missing if a host of any kind measured
+/// it.
 pub fn missing(
     plan: &ShardPlan,
     (kinds, not_begun): (&[Kind], &[String]),

@@ -71,8 +71,9 @@ impl ShardPlan {
             return Ok(None);
         }
         let unreadable = |error: &dyn std::fmt::Display| {
-            Error::input(format!("cannot read {}: {error}", path.display()))
-                .with_help("name a folder that `raycl run --shard` wrote, or another one with --out")
+            Error::input(format!("cannot read {}: {error}", path.display())).with_help(
+                "name a folder that `raycl run --shard` wrote, or start the run in another folder with --out",
+            )
         };
         let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))

@@ -64,7 +64,8 @@ struct Process {
     began: String,
 }
 
-/// The processes from this one's parent up to the launcher: a known one, or else the parent itself.
+/// The processes from this one's parent up to the launcher. The launcher is one of [`LAUNCHERS`], or else the parent
+/// itself.
 #[derive(Clone, Debug, Default)]
 struct Chain(Vec<Process>);
 

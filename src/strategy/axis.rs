@@ -86,8 +86,8 @@ macro_rules! axis {
     };
 }
 
-/// Declares an axis whose values are files. A value consists of its name, so that strategies are constants
-/// and can be copied; its properties are in the file. The values named here are those that presets use.
+/// Declares an axis whose values are files. A value consists only of its name, so that strategies can be constants
+/// and can be copied; its other properties are in the file. The values named here are those that presets use.
 macro_rules! file_axis {
     ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
         $($value:ident $name:literal,)+

@@ -65,8 +65,8 @@ pub struct Constants {
     pub single_triangles_a_pixel_inside: f64,
     /// From this number of pixels per compute unit on, there are enough tiles to keep the unit busy.
     pub single_pixels_a_unit: f64,
-    /// Large tiles share more work. From this number of pixels on, there are enough of them to keep the device busy,
-    /// if the limit `large_pixels_a_triangle` is reached too.
+    /// Large tiles share more work. From this number of pixels on, there are enough of them to keep the device busy.
+    /// They are only used if the limit `large_pixels_a_triangle` is reached too.
     pub large_pixels: f64,
     /// The least number of pixels per triangle for large tiles.
     pub large_pixels_a_triangle: f64,

@@ -177,7 +177,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Checks the length of the rows that a kernel prepares for an origin. This length is fixed.
+    /// Checks the number of floats in a row, which is the data of a triangle that a kernel prepares for an origin.
+    /// This number is fixed.
     fn check_planes(&self, found: &Entries) -> Result<()> {
         let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
         let planes =
@@ -220,7 +221,7 @@ impl Reader<'_> {
     }
 }
 
-/// Number of floats in a row of planes.
+/// Number of floats in a row: the planes that are prepared for a triangle and an origin.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
 /// Returns whether the text before a colon can be a key: one word of lower-case letters.

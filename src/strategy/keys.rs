@@ -1,4 +1,5 @@
-//! The keys of headers, by axis: the properties of values that are files, as far as the host needs them.
+//! The keys in the headers of kernel files, by axis. Where a value of an axis is a file, its header states the
+//! properties that the host needs.
 
 use std::fmt;
 use std::ops::RangeInclusive;

@@ -1,4 +1,4 @@
-//! Strategies: one value of every axis. Presets are named strategies, among them the paper's.
+//! Strategies. A strategy is one value of every axis. Presets are named strategies, among them the paper's.
 
 mod axis;
 mod constants;
@@ -160,7 +160,8 @@ impl Strategy {
     }
 
     /// Returns the number of lights in a round: work-items that share a tile cast the shadow rays to these lights at
-    /// the same time. A word has one bit for each pair of a light and a ray of the work-item, and one extra bit.
+    /// the same time. The number is limited by the bits of a word, which has one bit for each pair of a light and a
+    /// ray of the work-item, and one extra bit.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;

@@ -1,4 +1,4 @@
-//! Computes what a strategy needs of a device, with the arithmetic for messages, before anything is compiled.
+//! Computes what a strategy needs of a device before anything is compiled, and keeps the arithmetic for messages.
 
 mod fits;
 
@@ -134,7 +134,7 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Adds the bytes of the whole scene, in one memory.
+/// Adds the bytes of the whole scene, all of which lies in one kind of memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);

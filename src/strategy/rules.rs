@@ -77,7 +77,7 @@ impl Strategy {
             ),
             (
                 records && !tables,
-                "records = once is a table that tests read from global memory, so it needs triangles = global or tiled",
+                "records = once makes a table that tests read from global memory, so it needs triangles = global or tiled",
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
@@ -258,7 +258,7 @@ mod tests {
             assert_eq!(once.contradiction(), None);
             once.set("triangles", value).unwrap_or_else(|error| panic!("{error}"));
             let reason = once.contradiction().unwrap_or_default();
-            assert!(reason.contains("records = once is a table"), "{value}: {reason}");
+            assert!(reason.contains("records = once makes a table"), "{value}: {reason}");
         }
     }
 }

@@ -49,7 +49,7 @@ pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
 
 impl Sources {
     /// Returns the kernel files for a command: the built-in ones, replaced or extended by those of its
-    /// `--cl-dir`. The values that are files become those of `values_of`.
+    /// `--cl-dir`. From then on, `values_of` returns the values that are files in these sources.
     pub fn of(folder: Option<PathBuf>) -> Result<Self> {
         let sources = folder.map_or(Self::Embedded, Self::Folder);
         refuse_names(&sources)?;

@@ -135,10 +135,10 @@ impl Workload {
         }
     }
 
-    /// Returns how finely pixels are divided in a frame whose tiles are shared by groups, so that several samples of
-    /// each pixel are cast: the base-2 logarithm of the number of sub-pixels across. Each ray needs its own place in
-    /// the buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture
-    /// of a sky knows only whole pixels.
+    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are shared by
+    /// groups. With several sub-pixels, several samples of each pixel are cast. Each ray needs its own place in the
+    /// buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture of
+    /// a sky knows only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;

@@ -1,17 +1,17 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]) and within
-//! one step of 256 as displayed. An uncertain pixel is one that changes if its ray is moved by much more than
-//! rounding does. It must lie within the range of its values under narrow nudges, which move the ray by about as much
-//! as rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels outside that
-//! range are counted, and only few are allowed. The number of pixels that hit something must also lie in the range
-//! that the reference allows, since `shadow_rays_per_s` depends on it.
+//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and
+//! within one 8-bit step per channel as displayed. An uncertain pixel is one that changes if its ray is moved by much
+//! more than rounding does. It must lie within the range of its values under narrow nudges, which move the ray by
+//! about as much as rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels
+//! outside that range are counted, and only few are allowed. The number of pixels that hit something must also lie in
+//! the range that the reference allows, since `shadow_rays_per_s` depends on it.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
 
-/// Largest difference of a certain pixel as displayed, in 8-bit steps.
+/// Largest difference that is allowed for a certain pixel as displayed, in 8-bit steps.
 const STEPS_OF_256: u8 = 1;
 
 /// The result of comparing an image with its reference.

@@ -204,8 +204,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.floor = 1e-3;
     reference.radiance.pixels[..2].fill([0.0; 3]);
     let mut image = reference.radiance.clone();
-    // A pixel displayed as equal that is off by nearly a thousandth; and one that is hardly off but displayed
-    // differently.
+    // The first pixel is off by nearly a thousandth but is displayed as equal; the second is hardly off but is
+    // displayed differently.
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];

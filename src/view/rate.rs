@@ -3,7 +3,7 @@
 use crate::measure::Summary;
 use std::time::{Duration, Instant};
 
-/// The time after which the line beside the picture is renewed.
+/// The time after which the line of text beside the picture is renewed.
 const PERIOD: Duration = Duration::from_millis(250);
 
 /// Counts frames since the start, and since the line was last renewed.

@@ -18,7 +18,7 @@ use image::RgbImage;
 pub struct Input {
     /// The keys that were pressed or held.
     pub keys: Vec<Key>,
-    /// The drag that goes around the scene: to the right and down, in heights of the picture.
+    /// The drag that moves the eye around the scene: its distance to the right and down, in heights of the picture.
     pub orbit: [f64; 2],
     /// The drag that moves the eye aside, in the same units.
     pub pan: [f64; 2],

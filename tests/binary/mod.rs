@@ -217,7 +217,8 @@ impl Place {
     }
 }
 
-/// Returns the number of pixels that differ in some channel by more than one step, which rounding may cause.
+/// Returns the number of pixels that differ in some channel by more than one step; rounding may cause a difference of
+/// one step.
 pub fn apart(a: &RgbImage, b: &RgbImage) -> usize {
     let apart = |(a, b): &(&Rgb<u8>, &Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 1);
     a.pixels().zip(b.pixels()).filter(apart).count()

@@ -11,8 +11,8 @@ const MARK: &str = "RAYCL_TEST_APART";
 const LIMIT: Duration = Duration::from_secs(3600);
 
 /// The first line of a test that runs in a process of its own. PoCL compiles one kernel at a time in a process, so
-/// that tests which compile many would leave all cores but one idle; and a driver that crashes makes only the test
-/// fail in which it crashed.
+/// that tests which compile many would leave all cores but one idle. If a driver crashes, only the test in which it
+/// crashed fails.
 macro_rules! apart {
     () => {
         fn here() {}

@@ -1,4 +1,5 @@
-//! Rays and pixels aimed at edges and vertices: of closed meshes, and of nets that fill an image.
+//! Rays aimed at edges and vertices of closed meshes, and nets that fill an image, whose edges and vertices lie on
+//! the rays of pixels.
 
 use glam::{DVec3, Vec3};
 use raycl::launch::Ray;
@@ -27,7 +28,8 @@ fn turn(step: u32, steps: u32) -> (f32, f32) {
 const SPHERE: Vec3 = Vec3::new(0.013, -0.007, 0.021);
 const TORUS: Vec3 = Vec3::new(2.983, 0.011, 0.005);
 
-/// Where rays start: outside both meshes, in the sphere's middle and close under its surface, inside the torus.
+/// Where rays start: two points outside both meshes, one near the sphere's centre, one close under its surface, and
+/// one inside the torus.
 pub const ORIGINS: [Vec3; 5] = [
     Vec3::new(1.3, 0.2, 3.0),
     Vec3::new(-0.3, 2.6, 0.7),
@@ -94,8 +96,8 @@ pub fn closed_meshes() -> Scene {
     scene
 }
 
-/// Returns rays from one point towards points on edges, every fifth towards a vertex, and the distances of these
-/// points, beyond which no ray may get.
+/// Returns rays from one point towards points on edges, about every fifth towards a vertex, and the distances of
+/// these points. No ray may pass its point.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
@@ -148,7 +150,7 @@ fn add_flat(mesh: &mut Mesh, positions: [u32; 3]) {
     mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
 }
 
-/// A number from 0 to 1 that follows from two others.
+/// A repeatable random number from 0 to 1, computed from two others.
 fn jitter(x: f64, y: f64) -> f64 {
     let mixed = (x * 12.9898 + y * 78.233).sin() * 43758.5453;
     mixed - mixed.floor()
@@ -174,8 +176,8 @@ pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
 }
 
-/// A floor seen from below, a light above it, and, if `shaded`, a net between the two. The shadow rays to the points
-/// at pixels' centres meet the net's vertices and edges.
+/// A floor seen from below, a light above it, and, if `shaded`, a net between the two. The shadow rays of the floor
+/// points that are seen at pixels' centres meet the net's vertices and edges.
 pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     let (from, to) = (Vec3::new(0.3, 0.2, -3.0), Vec3::new(0.1, 0.0, 0.0));
     let camera = Camera::looking_at(from, to, Vec3::Y, 50.0, true).expect("a camera");

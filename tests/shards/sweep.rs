@@ -12,7 +12,7 @@ use std::process::Stdio;
 struct Replay {
     points: usize,
     shards: u32,
-    /// Points of one scene and size.
+    /// Number of points with the same scene and image size.
     group: usize,
 }
 

@@ -37,8 +37,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // Each weight is allowed its rounding error, so that a ray along an edge does not fall through between two triangles.
 // The error grows with the distance to the corner and with the edge in the cross product. (Only the watertight test
 // guarantees for every ray that it does not fall through.) If a triangle is seen nearly edge-on, no digit of the
-// determinant `a` is right after rounding. The paper's guards are constants; the others are proportional to the
-// triangle's size, like the rounding errors that they allow for.
+// determinant `a` is right after rounding. The paper's three thresholds are constants; the thresholds that raycl uses
+// otherwise are proportional to the triangle's size, like the rounding errors that they allow for.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;

@@ -3,7 +3,7 @@
 // prepared_for: pixels
 // exact_signs: no
 // operations: 6
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // The common-origin test with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1),
 // so that neighbours in a row or a column share terms. Operations: 2 for each of three planes.

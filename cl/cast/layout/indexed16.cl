@@ -1,4 +1,4 @@
-// meaning: the OBJ's sets of positions and normals, 16-bit indices
+// meaning: lists of positions and normals as in OBJ files, 16-bit indices
 // index_bits: 16
 
 #include "cast/indexed.cl"

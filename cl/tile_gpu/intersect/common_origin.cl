@@ -1,7 +1,8 @@
-// Prepares and tests a leaf's triangle for the rays of a pass, as in edge_planes.cl, but with a table: tile_prepare
-// computes the planes of every triangle once per frame, for the eye and for each light. The table has a row of quads
-// for each axis of the scene. A triangle's quad contains that axis's component of its three planes and of 1/z. For
-// the axes of any pass, three loads are therefore enough, at neighbouring addresses for the triangles of a leaf.
+// Prepares and tests a leaf's triangle for the rays of a pass (rays that run mainly along one axis, see entry.cl), as
+// in edge_planes.cl, but with a table: tile_prepare computes the planes of every triangle once per frame, for the eye
+// and for each light. The table has a row of quads for each axis of the scene. A triangle's quad contains that axis's
+// component of its three planes and of 1/z. For the axes of any pass, three loads are therefore enough, at
+// neighbouring addresses for the triangles of a leaf.
 
 // The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
 //

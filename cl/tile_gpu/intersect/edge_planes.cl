@@ -4,9 +4,10 @@
 // the plane of the opposite edge, which is not negative inside; the fourth components of the three vectors are the
 // three coefficients of 1/z.
 
-// Returns the plane of an edge p - q, scaled so that triangles overlap by 1, which is half of the overlap in other
-// tests. Swapping p and q only changes all signs. (Measured on a GPU: with the full overlap, one pixel of two million
-// is dark on terrain; with half of it, no pixel is dark, and none of 60,516 rays leaks.)
+// Returns the plane of an edge p - q, scaled so that the number to add for the overlap of neighbouring triangles is
+// 1. This overlap is half of that in other tests. Swapping p and q only changes all signs. (Measured on a GPU: with
+// the full overlap, one pixel of two million is dark on terrain; with half of it, no pixel is dark, and none of
+// 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));

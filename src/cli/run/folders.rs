@@ -3,7 +3,7 @@
 use crate::settings::results;
 use std::path::PathBuf;
 
-/// Returns the latest folder of this name to continue with, or a new one.
+/// Returns the latest folder of this name if `resume` is true and there is one, otherwise a new one.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let free = free_folder(name);
     let latest =

@@ -12,7 +12,8 @@ pub(super) struct Error {
 }
 
 impl Error {
-    /// Returns the half-width of the interval that is exceeded on one side with the probability `risk`.
+    /// Returns the half-width of an interval around the estimate. The true value lies beyond either end with the
+    /// probability `risk` each.
     pub fn reach(self, risk: f64) -> f64 {
         if self.error == 0.0 { 0.0 } else { self.error * t_quantile(1.0 - risk, self.degrees) }
     }

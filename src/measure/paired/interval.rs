@@ -2,7 +2,7 @@
 
 use super::error::Error;
 
-/// The probability that the true value lies below, or above, a 95% interval.
+/// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
 
 /// A value and its 95% interval.

@@ -4,7 +4,7 @@ use super::error::Error;
 use crate::measure::mean_and_sigma;
 use std::f64::consts::LN_2;
 
-/// The largest number of degrees of freedom with which the spread of all points is added to a pair's own.
+/// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
 /// A row's variance counts as at most this multiple of the typical one: four times the standard deviation. By
 /// chance, one variance in nine million exceeds it if all points are alike (two degrees of freedom).
@@ -104,7 +104,7 @@ fn interaction(table: &[&[f64]]) -> f64 {
     let column = |place: usize| table.iter().map(|row| row[place]).sum::<f64>() / rows as f64;
     let columns_means: Vec<f64> = (0..columns).map(column).collect();
     let all = columns_means.iter().sum::<f64>() / columns as f64;
-    // The columns' means take a degree of freedom from all rows together.
+    // The columns' means take columns - 1 degrees of freedom from all rows together.
     let left = (columns - 1) as f64 * (rows - 1) as f64 / rows as f64;
     let of_row = |row: &&[f64]| {
         let mean = row.iter().sum::<f64>() / columns as f64;

@@ -69,7 +69,8 @@ fn a_slow_launch_and_a_slow_hour_are_no_difference() {
 
 #[test]
 fn apart_the_medians_of_all_samples_are_compared() {
-    // Two of three launches are slow. The median of all samples is theirs; the mean of the launches is not.
+    // Two of three launches are slow. The median of all samples is therefore a time of the slow launches; the mean
+    // over the launches is not.
     let mut slow = steady(2, 3, 9);
     slow.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");

@@ -1,4 +1,4 @@
-//! Lays out the remaining text in lines for readers.
+//! Lays out the text that remains after preprocessing in lines that are easy to read.
 
 use super::breaking::{broken, whole_brackets};
 use super::token::{Kind, Token};
@@ -70,7 +70,7 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // Otherwise the line was a call with an empty expansion.
+            // Otherwise the line was a macro call that expanded to nothing.
         }
     }
 

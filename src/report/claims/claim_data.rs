@@ -1,4 +1,4 @@
-//! The data of one device in one run, in which a test finds its points.
+//! The data of one device in one run, in which the test of a claim finds its points.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;

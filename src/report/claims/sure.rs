@@ -167,8 +167,8 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{judged, measured, sampled};
 
-    /// Returns the ratio of two records with three launches of `n` samples each. The times of a record's launches go
-    /// evenly from its least to its greatest time, or back.
+    /// Returns the ratio of two records with three launches of `n` samples each. From launch to launch, a record's
+    /// time changes in equal steps from the first given time to the second.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);

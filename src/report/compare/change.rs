@@ -6,9 +6,10 @@ use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
 /// Returns the ratio of the second time of `pair` to the first, and the time by which both are divided. Both are
-/// divided by the time of the device's anchor. Without an anchor, they are divided by that of the baselines that were
-/// measured in the rounds of both and are the same program; without such baselines, by that of the points of the
-/// rounds that changed by similar factors. `None` if there is nothing to compare with, or too few samples.
+/// divided by the time of the device's anchor. Without an anchor, they are divided by the mean time of the baselines
+/// that both runs measured in the same rounds as the point, with the same program. Without such baselines, they are
+/// divided by the mean time of those points of the rounds whose times changed by similar factors. `None` if there is
+/// nothing to compare with, or too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
@@ -55,7 +56,8 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of plain times, including all other changes between the runs.
+/// Returns the ratio of the measured times, divided by no other time, so that it includes every other difference
+/// between the runs.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
 }

@@ -233,7 +233,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns the folder with the positions of its records, found with the anchors as further points.
+/// Returns the folder with each record's position among the records that were measured together with it; for this,
+/// the anchors count as further points.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

@@ -100,7 +100,7 @@ fn unknown() -> Answer {
     Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
 }
 
-/// Formats as "on teapot ...; on still-life ...".
+/// Joins the texts of several scenes to "on teapot, ...; on still-life, ...".
 fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> String {
     let lines = contests.iter().map(|contest| format!("on {}, {}", contest.group.scene, say(contest)));
     lines.collect::<Vec<_>>().join("; ")
@@ -175,7 +175,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray from global memory at each test (for primary rays alone, {moved} per frame on {}, by arithmetic), and {} reads it from {}; {}",
+        "naive reads the ray from global memory at each test (for primary rays alone, {moved} per frame on {}: calculated, not measured), and {} reads it from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),

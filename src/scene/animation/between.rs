@@ -99,9 +99,9 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe: that of the parabola through three keyframes, where
-/// it does not overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). The nearer line comes
-/// first.
+/// Returns the slope at the first or the last keyframe: that of the parabola through three keyframes, limited so that
+/// the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). In both arguments, the
+/// nearer of the two lines comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

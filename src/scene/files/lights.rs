@@ -5,7 +5,8 @@ use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// For the mean brightness, the distance of a light from the centre counts as at least this fraction of the radius.
+/// When the mean brightness of the channels at the mesh's centre is computed, a light's distance from the centre
+/// counts as at least this fraction of the mesh's radius.
 const NEAREST_RADII: f64 = 0.25;
 
 /// Where the light comes from.

@@ -23,9 +23,9 @@ pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::origin_of;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 
-/// Memory needed to read a mesh, as a multiple of the file's size. It contains the bytes, the points and the
-/// triangles, the last two twice for a short time. (Measured for OBJ: 3.2 with dragons of 202,520 and 810,080
-/// triangles, 2026-11-20.)
+/// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
+/// and the triangles; for a short time there are two copies of the points and triangles. (Measured for OBJ: 3.2 with
+/// dragons of 202,520 and 810,080 triangles, 2026-11-20.)
 const READING_FACTOR: u64 = 4;
 
 /// The sine of the largest angle at a corner of a triangle that counts as a line.

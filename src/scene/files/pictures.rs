@@ -19,7 +19,7 @@ const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// An error about a picture; its words follow the picture's name in a message.
+/// A result. The words of its error follow the picture's name in a message.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.
@@ -96,7 +96,7 @@ impl Pictures {
     }
 }
 
-/// Adds an alpha channel, its brightness, to a picture without transparent texels.
+/// Gives a picture without transparent texels an alpha channel that equals its brightness.
 pub(in crate::scene) fn brightness_to_alpha(texture: &mut Texture) {
     if texture.texels.iter().any(|texel| texel >> 24 < 255) {
         return;
@@ -123,7 +123,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
-    // Needed twice: as decoded, and as stored.
+    // The texels are in memory twice: as decoded, and as stored.
     let needed = 8 * u64::from(width) * u64::from(height);
     let sum = format!("8 B x {width} x {height} texels");
     Available::read()

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// A normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
-/// Number of bytes in which a zero byte shows that a file is not text.
+/// Number of bytes at the start of a file that are searched for a zero byte; a file with a zero byte there is not text.
 const HEAD_BYTES: usize = 1 << 10;
 /// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
 const COLOUR: &[u8] = b"COLOR=";

@@ -1,4 +1,4 @@
-//! The points of a merged folder, with their names: those of every selected kind of device.
+//! The points of a merged folder, with their names. They include the points of every selected kind of device.
 
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};
@@ -44,7 +44,8 @@ impl Planned {
         self.points.iter().map(|point| point.key.as_str())
     }
 
-    /// Names a caster on the host after its kind, so that tables and plots distinguish it.
+    /// Adds the kind of host to the name of a caster on the host, so that tables and plots distinguish it from
+    /// casters on other kinds of host.
     pub fn tell_apart(&self, record: &mut Record) {
         if let Some(what) = self.hosts.get(&record.key) {
             record.strategy = format!("{} ({what})", record.strategy);

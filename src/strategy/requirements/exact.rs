@@ -43,8 +43,8 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
         let w = Workload { half_light, image_size: [200, 101], local_size: [32, 1], ..workload(1, 1) };
         Requirements::of(&of("tile-group"), &w).global_bytes
     };
-    // Each half picture has the same data per pixel as a whole one: image, nearest triangle, one queue entry, the
-    // word of lights. It also has a triangle's planes for the eye and the light.
+    // Each half picture has the same data per pixel as a whole one: image, nearest triangle, one queue entry, and the
+    // word with one bit per light. It also has a triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);
     let scratch = |half_light| {
         let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };
@@ -70,7 +70,7 @@ fn what_a_shared_tile_hands_on_is_counted() {
         let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };
         Requirements::of(&of("tile-group"), &w).global_bytes
     };
-    // Image, nearest triangle, one queue entry, the word of lights.
+    // Per pixel: image, nearest triangle, one queue entry, and the word with one bit per light.
     assert_eq!(bytes(200) - bytes(100), (16 + 4 + 8 + 4) * 30_000);
 }
 
@@ -134,5 +134,5 @@ fn a_sum_that_is_its_limit_fits() {
 fn more_than_32_work_items_across_share_no_tile() {
     let limits = DeviceLimits { lane_operations: LaneOperations::Ptx, ..PAPER_DEVICE };
     let w = Workload { local_size: [64, 1], stack_size: 8, ..workload(1, 1) };
-    assert!(refusal(&of("tile-group"), &w, &limits).contains("32 work-items across"));
+    assert!(refusal(&of("tile-group"), &w, &limits).contains("32 work-items of a row"));
 }

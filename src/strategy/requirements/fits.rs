@@ -30,7 +30,7 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     }
     if x != GROUP_LANES {
         let reason = format!(
-            "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among {GROUP_LANES} work-items across: 32 x 1 to 32 x 8"
+            "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among the {GROUP_LANES} work-items of a row: use 32 x 1 to 32 x 8"
         );
         return Err(Infeasible::beyond(reason));
     }

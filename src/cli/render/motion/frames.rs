@@ -91,8 +91,8 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the missing frames. `key` returns the key of a frame; it is only called for frames whose file exists.
-    /// If the file holds a different picture, it is refused.
+    /// Returns the missing frames. `key` returns the key of a frame, which identifies its picture; it is only called
+    /// for frames whose file exists. A file that holds a different picture is an error, unless files may be replaced.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

@@ -72,7 +72,7 @@ impl Part {
             return Ok(Shape::Other);
         };
         let used = Used::of(primitive, set);
-        // Without positions nothing is visible, although an extension may provide them.
+        // A primitive without positions is left out. (An extension may provide them, but it is not read here.)
         let Some(index) = used.positions else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())

@@ -90,7 +90,7 @@ fn nodes_turn_scale_mirror_and_nest() {
     assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
 }
 
-/// The least number of a signed type is as far from 0 as the one above it (glTF 2.0, 3.11).
+/// The least number of a signed type and the number above it both become -1 (glTF 2.0, 3.11).
 #[test]
 fn normalised_numbers_go_from_minus_one_to_one() {
     let mut quantised = [[0_i8, 0, 0], [-128, 0, 0], [0, 127, -127]].concat();
