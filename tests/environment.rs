@@ -80,7 +80,7 @@ fn directions_are_where_they_belong() {
     // HDR has 8 bits per channel and a common exponent.
     let hdr = render(&place, &["--set", "sky.picture='sky.hdr'"]);
     assert!((hdr[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 1.0).abs() < 0.02);
-    // A background of its own hides the picture.
+    // A background that the user sets hides the picture of the sky.
     let hidden = render(&place, &["--background", "black", "--verify"]);
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
 }
@@ -160,7 +160,8 @@ fn a_shiny_surface_mirrors_what_its_highlight_says_on_average() {
     Rgb32FImage::from_pixel(4, 2, Rgb([radiance; 3])).save(place.path("sky.exr")).expect("a picture");
     let found = render(&place, &["--samples", "64"]);
     let mean = found.pixels().map(|pixel| pixel.0[1]).sum::<f32>() / (61.0 * 43.0);
-    // The integral over half vectors with the cosine c: their density, c, and the mirrored direction's cosine 2 c^2 - 1.
+    // The integral, over half vectors with the cosine c, of the product of their density, c, and the mirrored
+    // direction's cosine 2 c^2 - 1.
     let steps = 100_000;
     let density = |c: f32| (20.0 + 8.0) * c.powf(20.0) * c * (2.0 * c * c - 1.0).max(0.0);
     let integral =

@@ -251,7 +251,7 @@ fn records_keep_to_their_schema_and_the_page_has_every_field() {
     assert!(seen > 500, "{seen} records");
 }
 
-/// Words of docs/python.md's lines that are no fields: names of types, of what the lines make, and of SQL.
+/// Words in the lines of docs/python.md that are not fields: types, names that these lines define, and words of SQL.
 const NO_FIELDS: [&str; 21] = [
     "properties",
     "type",

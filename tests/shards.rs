@@ -103,7 +103,8 @@ fn kill(process: u32) {
     let _ = kill_process(process, Signal::KILL);
 }
 
-/// Every file of a folder with its bytes, but those that are never the same: the report, whose script has a random name, and its hash.
+/// Every file of a folder with its bytes, except the two that differ from run to run: the report, whose script has a
+/// random name, and the file with its hash.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let same =
@@ -118,7 +119,7 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // Two groups in three shards: one is cut, and its pieces share a control point.
+    // Two groups in three shards: one group is cut, and its pieces share a control point.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let records = ground.records("out/records.jsonl");
@@ -187,7 +188,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     ground.is_whole();
 }
 
-/// Whole lines of a file that may not be there yet.
+/// Returns the number of whole lines of a file that may not exist yet.
 fn lines(path: &Path) -> usize {
     std::fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count())
 }
@@ -250,7 +251,8 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     lose_launcher("slurmstepd", "1/1");
 }
 
-/// The launcher may be any program that is not a shell; it may be a shell if it numbers its processes.
+/// The launcher may be any program that is not a shell; it may also be a shell if it gives each process its shard's
+/// number, so that `--shard auto/N` finds it.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {

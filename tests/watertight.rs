@@ -1,6 +1,6 @@
-//! Rays aimed at edges and vertices: single rays at closed meshes, and frames whose every primary or shadow ray meets
-//! a net. No ray leaks with the watertight test under any traversal, nor with the rasteriser. The leaks of the other
-//! tests are counted, to show that the rays do meet edges.
+//! Rays aimed at edges and vertices: single rays at closed meshes, and frames in which every primary or shadow ray
+//! meets a net, which is a grid of triangles. No ray leaks with the watertight test under any traversal, nor with the
+//! rasteriser. The leaks of the other tests are counted, to show that the rays do meet edges.
 
 use crate::common::apart::apart;
 use crate::common::edges::{
@@ -16,7 +16,7 @@ use raycl::strategy::{
 
 /// Total number of rays per traversal.
 const RAYS: usize = 60_000;
-/// The side of an image with at least as many pixels, at whose edges tiles and work-groups lie partly outside.
+/// The side of an image with at least as many pixels. At the image's edges, tiles and work-groups lie partly outside.
 const SIDE: u32 = 246;
 const PIXELS: usize = (SIDE * SIDE) as usize;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
@@ -47,7 +47,7 @@ fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     with(intersector, all)
 }
 
-/// Every way to cast a camera's rays but the rasteriser.
+/// Every way to cast a camera's rays, except the rasteriser.
 fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
     let [tree, tile] = ["bvh", "tile"].map(of);
     let all = vec![
@@ -126,7 +126,7 @@ fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     built.cast_rays(&rays).expect("a cast").into_iter().flatten().count()
 }
 
-/// Returns how many of as many shadow rays pass through the net in front of the light.
+/// Returns how many of [`PIXELS`] shadow rays pass through the net in front of the light.
 fn leaks_from(strategy: &Strategy) -> usize {
     lit_and_hit(net_before_the_light(SIDE, true), strategy).0
 }
@@ -175,10 +175,10 @@ fn rays_beside_an_edge_miss() {
     }
 }
 
-/// These tests are not watertight and guarantee nothing, but their edges overlap by a few roundings or are shared.
-/// Wherever leaks were counted, this was enough: no ray leaked. On a device that rounds differently, one ray in ten
-/// thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the
-/// table of docs/reliability.md.
+/// These tests are not watertight and guarantee nothing, but neighbouring triangles overlap by a rounding error, or
+/// share the planes of their edges and overlap by less. In every measurement of leaks, this was enough: no ray leaked.
+/// On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo
+/// test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();

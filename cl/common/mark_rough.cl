@@ -5,7 +5,8 @@
 #error "ROUGH_STEPS: the difference of neighbouring pixels as displayed, in steps of 256, from which a block is rough"
 #endif
 
-// Returns a pixel nearly as displayed, from 0 to 255: with a gamma of 2. Pixels beyond the image repeat the last ones.
+// Returns a pixel's channels from 0 to 255, nearly as they are displayed: the gamma is 2. Pixels beyond the image
+// repeat the last ones.
 float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure) {
     const float4 mean = image[(size_t)clamp(y, 0, image_size.y - 1) * image_size.x + clamp(x, 0, image_size.x - 1)];
     const float4 shown = 255.0f * sqrt(clamp(exposure * mean, 0.0f, 1.0f));
@@ -13,7 +14,7 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
 }
 
 // Sets how many samples a block wants: `most` if it is rough. It is then also added to the list of rough blocks. The
-// pixels around it count too, since the filter of a pixel's samples reaches into them.
+// pixels directly around the block are compared too, since the filter of a pixel's samples reaches into them.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
@@ -32,6 +33,7 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     // One channel that differs visibly is enough.
     const int is_rough = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;
-    // The order of the list varies from run to run, but each block is cast alone.
+    // The order of the list varies from run to run, but this has no effect, since the blocks are cast independently
+    // of each other.
     if (is_rough) rough[atomic_inc(rough_counter)] = ROUGH_BLOCK(block % across, block / across);
 }

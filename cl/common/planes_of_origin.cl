@@ -7,7 +7,7 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 }
 
 // Returns the largest power of two that is not greater than the argument. Scaling by it does not round, so that
-// neighbours keep equal planes.
+// neighbouring triangles keep equal planes for the edge that they share.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
 // Returns a row that no ray hits, since every ray is outside one of the first two edges.
@@ -21,18 +21,20 @@ Row row_of_nothing() {
 }
 
 // Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is
-// never hit. `front` is the sign of N.A of a front face. Edges are computed from the stored corners: differences of
-// corners relative to a distant origin would have lost their last digits.
+// never hit. `front` is the sign that the dot product of the normal and the corner A, relative to the origin, has for
+// a front face. Edges are computed from the stored corners: differences of corners relative to a distant origin would
+// have lost their last digits.
 //
-// The planes are divided by a bound of the rounding error of edges, so that the overlap becomes 1. The bound is rounded
-// to a power of two, so that the division is exact.
+// The planes are divided by a bound of the rounding error of edges, so that the overlap of neighbouring triangles,
+// which allows for this error, becomes 1. The bound is rounded to a power of two, so that the division is exact.
 Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 a = uniform_difference(corners.a, origin);
     const Uniform3 b = uniform_difference(corners.b, origin);
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume between the origin and the triangle: near zero, the origin lies in the triangle's plane.
+    // Six times the volume of the tetrahedron that the origin and the triangle form. If it is near zero, the origin
+    // lies in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;

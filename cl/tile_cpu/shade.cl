@@ -126,7 +126,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
-    // It ends at t = 1, less the bias.
+    // The shadow ray ends at t = 1, less the bias.
     bundle->inv_t[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
     bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};

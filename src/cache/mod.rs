@@ -1,4 +1,4 @@
-//! Stores data between runs that raycl can recompute: compiled programs and lists of devices. Each entry is
+//! Stores data for later runs: compiled programs and lists of devices, which raycl can also recompute. Each entry is
 //! one file in a folder that belongs to the user. An entry that is corrupt, has another key or belongs to
 //! another user is ignored.
 

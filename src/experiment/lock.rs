@@ -13,8 +13,8 @@ pub struct Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file would not release the lock: a process that is being started also has it open until
-        // it runs its own program.
+        // Closing the file would not always release the lock: a child process that is being started shares the open
+        // file until it runs its own program.
         let _ = self.file.unlock();
     }
 }
@@ -35,7 +35,7 @@ impl Lock {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
-            // Some network file systems do not support locks; raycl then runs without.
+            // Some network file systems do not support locks. On these, raycl runs without a lock.
             Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }

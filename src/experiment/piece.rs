@@ -17,8 +17,8 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Returns the indices of all points to be measured. The control point comes first, so that it has its
-    /// record even if the run is interrupted while it writes records.
+    /// Returns the indices of all points to be measured. The control point comes first, so that its record exists
+    /// even if the run is interrupted while records are being written.
     pub fn places(&self) -> Vec<usize> {
         let others = self.points.iter().filter(|place| Some(**place) != self.control);
         self.control.iter().chain(others).copied().collect()
@@ -56,7 +56,8 @@ impl Plan {
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
     }
 
-    /// Returns the index, on each device, of each point of the plan for one device.
+    /// Returns the indices, in this plan, of the points of the plan for one device. The key is a point's index in
+    /// that plan, and the device that measures the point.
     pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self

@@ -75,9 +75,9 @@ impl Results {
         Self::open(folder, environment)
     }
 
-    /// Makes the folder of an attempt at a part of an experiment on this host. It continues where earlier
-    /// attempts ended: their records count as finished, and the samples of unfinished points are copied with
-    /// their origin. The earlier folders are not changed.
+    /// Makes the folder of an attempt at a part of an experiment on this host. It continues where earlier attempts
+    /// ended: their records count as finished, and the samples of unfinished points are copied, each with the attempt
+    /// and launch that took it. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -180,8 +180,8 @@ impl Results {
         plan.write(&self.folder)
     }
 
-    /// Writes the summaries of the points in the folder's plan, renews the intervals in the journal, and returns
-    /// these points.
+    /// Writes the summaries of the points in the folder's plan, brings the intervals in the journal up to date, and
+    /// returns the records of these points.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
         let journal = self.folder.join("records.jsonl");
@@ -216,7 +216,7 @@ impl Past {
             };
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
             let taken = past.samples.entry(sample.key).or_default();
-            // Samples of earlier versions have no time, only a round.
+            // Samples of earlier versions do not say when they were taken, only in which round.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
             taken.push(Taken { launch: sample.launch, at_ms, times });
         }

@@ -14,9 +14,9 @@ use crate::scene::{Sampling, Scene};
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// A scene on an open device. For a strategy and sizes it checks that they are valid and fit into the memory of
-/// device and host, builds the tree and the program, uploads the scene and the tree, and returns a `Prepared`, which
-/// makes casters. Its strategies share the scene.
+/// A scene on an open device. For a strategy and sizes, it checks that they are valid and fit into the memory of
+/// device and host. It then builds the tree and the program, uploads the scene and the tree, and returns a
+/// `Prepared`, which makes casters. Its strategies share the scene.
 pub struct Session {
     queue: Queue,
     scene: Arc<Scene>,
@@ -94,8 +94,8 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. If the scene has
-    /// no soft light, or a picture of the sky, nothing is cast at half resolution.
+    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Nothing is cast at
+    /// half resolution if the scene has no soft light, or if it has a picture of the sky.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let Scene { sky, lights, .. } = &*self.scene;

@@ -38,8 +38,9 @@ impl<'a> Listing<'a> {
     /// Returns each kernel: its own function, then those that it calls.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function for a kernel runs a whole work-group. Two more of its functions contain a copy of it,
-            // after the code that reads the arguments; copies have no lines and are left out.
+            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL contain a copy of
+            // that function, after the code that reads the arguments. The copies have no source lines and are left
+            // out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let mut reached = vec![names.iter().find_map(|name| self.function(name))?];
             let mut at = 0;
@@ -74,7 +75,7 @@ impl<'a> Listing<'a> {
     }
 }
 
-/// Returns the name of a function and its lines from "0000000000001130 <name>:" on.
+/// Returns the name and the lines of a function, whose text begins with "0000000000001130 <name>:".
 fn function(text: &str) -> Option<(&str, &str)> {
     let (head, body) = text.trim_start_matches('\n').split_once('\n')?;
     let name = head.split_once(" <")?.1.strip_suffix(">:")?;
@@ -104,7 +105,8 @@ fn instruction(line: &str) -> Option<(u64, &str)> {
     Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
 }
 
-/// Returns the address and the line of "kernel.cl 157 0x100b x". Line 0 stands for none, "-" for the end.
+/// Returns the address and the line of "kernel.cl 157 0x100b x". Line 0 means that an instruction has no line; "-"
+/// marks the end of a sequence of instructions.
 fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
     let mut words = row.split_whitespace();
     let (name, number, address) = (words.next()?, words.next()?, words.next()?);

@@ -56,7 +56,7 @@ pub(super) fn permit(
         let help = choice.help("replaces the link and not its target");
         return refuse(format!("'{name}' is a link that raycl did not make"), help);
     }
-    // A file that cannot be read was not made by raycl.
+    // A file that cannot be read is treated as not made by raycl.
     match File::open(path).and_then(|mut file| maker(&mut file)).unwrap_or(Maker::Other) {
         Maker::Raycl => Ok(Name::Replaceable),
         Maker::Changed => {

@@ -16,7 +16,7 @@ pub trait Real:
     + Div<Output = Self>
     + 'static
 {
-    /// A vector of three.
+    /// A vector of three such numbers.
     type Vector: Vector<Self>;
     /// 0.
     const ZERO: Self;

@@ -91,8 +91,8 @@ pub fn mean_of_sky<R: Real>(sky: &Sky, normal: R::Vector) -> R::Vector {
 }
 
 /// Returns a light with a radius as a sample sees it: a point of its ball. The points are those of a uniform
-/// distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
-/// bright all over from every side, like a disc.
+/// distribution on a sphere in four dimensions, projected to three. Seen from afar, the ball then looks like a
+/// uniformly bright disc from every side.
 fn placed(light: &Light, number: u32, sample: Sample, pixel: [u32; 2]) -> Light {
     if light.radius == 0.0 {
         return *light;
@@ -175,8 +175,8 @@ mod tests {
                 })
                 .collect();
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
-                // The ball looks like a disc. A smaller concentric disc, with a fraction of its radius, has the
-                // square of that fraction of its area.
+                // The ball looks like a disc. If the radius of a concentric disc is a fraction of this disc's radius,
+                // its area is the square of that fraction of this disc's area.
                 for part in [0.25_f32, 0.5, 0.75, 1.0] {
                     let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
                     let expected = part * part * 1024.0;
@@ -260,7 +260,8 @@ mod tests {
                 way_to_sky::<f64>(point, normal).dot(normal)
             })
             .collect();
-        // On a hemisphere weighted by the cosine, the fraction below a cosine is its square.
+        // If directions on a hemisphere are weighted by their cosine, the fraction of them whose cosine is below a
+        // value is the square of this value.
         for part in [0.1, 0.3, 0.7, 0.9] {
             let below = cosines.iter().filter(|cosine| **cosine < part).count() as f64 / 4096.0;
             assert!((below - part * part).abs() < 5e-3, "{part}: {below}");

@@ -85,7 +85,7 @@ fn ranking(ranks: &[f64]) -> String {
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
         m if m > 0.7 => "it ranks local sizes well",
-        m if m > 0.3 => "the prediction ranks local sizes partly",
+        m if m > 0.3 => "the prediction ranks local sizes moderately well",
         m if m > -0.3 => "the prediction says almost nothing about which local size is fast",
         _ => "the fast local sizes tend to be those with a lower prediction",
     };

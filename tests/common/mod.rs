@@ -18,7 +18,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The device tests run on: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
+/// The device on which tests run: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
 pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
@@ -64,7 +64,7 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// Does the same with kernels of other sources, and with other built-ins than the device's.
+    /// Makes a stand with kernels of other sources, and with other built-ins than the device's.
     pub fn of(
         sources: &Sources,
         scene: Scene,

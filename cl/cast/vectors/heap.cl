@@ -17,8 +17,9 @@ typedef struct {
         working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
 // A bump allocator: the counter only grows, and all work-items contend for it. The pool contains the vectors in the
-// order in which work-items allocate them, which may be any order: | item 7: x y z | item 2: x y z | item 7: x y z |
-// item 0: x y z | ...          heap_top -> next free
+// order in which work-items allocate them, which may be any order:
+//
+//     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {
     // One addition reserves all the varyings: no other work-item gets them.
     const uint at = atomic_add(heap_top, count);

@@ -7,11 +7,11 @@
 //
 // Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span
 // the plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has
-// the right sign. The triangle next door has the plane with the opposite sign, to the last bit. (Embree's robust mode
-// uses the same planes.) At a vertex, rounding could let a ray slip through. Planes are therefore scaled so that the
-// overlap of neighbouring triangles is 1. With a = d.(e2 x e1), the product a t is the same for all rays: the height.
-// A hit lies in front of the ray's origin if a has the height's sign. Planes are multiplied by that sign once, so
-// that no test has to do this.
+// the right sign. The neighbouring triangle has the same plane with the opposite sign, to the last bit. (Embree's
+// robust mode uses the same planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles
+// therefore overlap a little. Planes are scaled so that this overlap is 1. With a = d.(e2 x e1), the product a t is
+// the same for all rays: the height. A hit lies in front of the ray's origin if a has the height's sign. Planes are
+// multiplied by that sign once, so that no test has to do this.
 
 #define PREPARED TOGETHER
 
@@ -38,7 +38,7 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// Returns the largest powers of two that are not greater; division of planes by them does not round.
+// Returns the largest powers of two that are not greater than the arguments. Dividing planes by them does not round.
 float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
 // Prepares the triangles from `first` on. Returns those that a ray can hit, one bit each. Edges are computed from the
@@ -57,7 +57,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // The rounding error of edges. Division by it, as a power of two, makes the overlap 1 and keeps every bit.
+    // A bound of the rounding error of edges, rounded to a power of two. Dividing planes by it makes the overlap 1,
+    // and does not round.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     // 1 / t = d . n / height, oriented so that triangles in front of the origin have a positive d . n.
@@ -113,5 +114,5 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     return changed;
 }
 
-// These planes only need directions.
+// There is nothing to prepare, since tests against these planes only need the rays' directions.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

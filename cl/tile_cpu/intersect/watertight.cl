@@ -8,7 +8,8 @@ varying along_axis(const Bundle *bundle, int vector, int axis) {
     return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
 }
 
-// Finds the axis along which a vector's rays run most, all in the same direction, and the rays' shears.
+// Finds the axis along which all rays of a vector run in the same direction, and run furthest. Then computes the
+// rays' shears.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;

@@ -186,8 +186,8 @@ fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further
     best
 }
 
-/// Returns whether a line may be broken at a token: this is a blank after a comma, before an operator, or before the
-/// body of a loop.
+/// Returns whether a line may be broken at a token. It may be broken at a blank after a comma, before an operator, or
+/// before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;

@@ -11,8 +11,8 @@ pub(super) fn gourd(triangles: u32) -> Mesh {
     revolve(segments, rings, profile)
 }
 
-/// Returns a gourd with typical modelling mistakes: vertices are displaced, facets are flat, and about one in
-/// six faces inwards, so that no light reaches it.
+/// Returns a gourd with typical modelling mistakes: vertices are displaced, facets are flat, and about one facet in
+/// six is turned inwards, so that no light reaches it.
 pub(super) fn broken(triangles: u32) -> Mesh {
     const OFF: f32 = 0.05;
     let mut mesh = gourd(triangles);

@@ -1,4 +1,4 @@
-//! Numbers of a scene file that refuse values out of range.
+//! Types for the numbers of a scene file. They refuse values out of range.
 
 use crate::scene::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;
@@ -51,7 +51,7 @@ ranges! {
     Positive: "a finite number of more than 0", |value| value > 0.0, { "exclusiveMinimum": 0 };
     /// For scales.
     NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
-    /// For the height of a camera.
+    /// For the angle of a camera above the horizon.
     Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value),
         { "minimum": -90, "maximum": 90 };
     /// For angles between faces.
