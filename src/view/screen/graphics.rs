@@ -39,7 +39,14 @@ impl Graphics {
     /// Asks the terminal what it can show. It has to be in raw mode.
     pub fn of_terminal() -> Self {
         let answer = xterm_query::query_osc(QUESTION, PATIENCE_MS);
-        answer.map_or(Self::Blocks, |answer| Self::answered(&answer))
+        let best = answer.map_or(Self::Blocks, |answer| Self::answered(&answer));
+        best.shown_by_tmux(std::env::var_os("TMUX").is_some())
+    }
+
+    /// Returns half blocks instead of sixels if tmux answered: it takes sixels (since version 3.4) even if the terminal
+    /// around it draws none, and then shows nothing or a placeholder.
+    fn shown_by_tmux(self, is_tmux: bool) -> Self {
+        if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
 
     /// Returns the best form in which a terminal with this answer can show pictures.
@@ -137,6 +144,13 @@ mod tests {
         assert_eq!(answered("[?1;2c\x1b"), Graphics::Blocks);
         assert_eq!(answered("[?62;14;44c\x1b"), Graphics::Blocks);
         assert_eq!(answered(""), Graphics::Blocks);
+    }
+
+    #[test]
+    fn tmux_is_not_believed_that_sixels_are_shown() {
+        assert_eq!(Graphics::Sixel.shown_by_tmux(true), Graphics::Blocks);
+        assert_eq!(Graphics::Sixel.shown_by_tmux(false), Graphics::Sixel);
+        assert_eq!(Graphics::Kitty.shown_by_tmux(true), Graphics::Kitty);
     }
 
     #[test]
