@@ -89,7 +89,8 @@ fn a_distant_chequer_is_close_to_its_mean() {
 fn where_texels_are_larger_than_pixels_nothing_changes() {
     let place = floor();
     let [with, without] = [place.picture(&[]).0, place.picture(&OFF).0];
-    // The wall is in the left half of the picture, in front of the rows at the horizon and some rows above and below.
+    // The wall is in the left half of the picture. It hides the rows at the horizon, and some rows above and below
+    // them.
     let wall = |picture: &RgbImage| image::imageops::crop_imm(picture, 16, 17, 12, 11).to_image();
     assert_eq!(wall(&with), wall(&without));
     let shades = wall(&with).pixels().map(|pixel| pixel.0).collect::<std::collections::BTreeSet<_>>().len();

@@ -1,6 +1,6 @@
 //! Rays aimed at edges and vertices: single rays at closed meshes, and frames in which every primary or shadow ray
 //! meets a net, which is a grid of triangles. No ray leaks with the watertight test under any traversal, nor with the
-//! rasteriser. The leaks of the other tests are counted, to show that the rays do meet edges.
+//! rasteriser. The leaks of the other ray-triangle tests are counted, to show that the rays do meet edges.
 
 use crate::common::apart::apart;
 use crate::common::edges::{

@@ -13,8 +13,8 @@
 //
 // It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 stands for an alpha of 1.
 //
-// Masks have no mip levels: a mean of alpha would be above or below the least one for whole regions, so that distant leaves
-// would grow or vanish.
+// Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions,
+// so that distant leaves would grow or vanish.
 
 // Returns whether a point of a triangle, with these weights, is on its surface and not in a hole.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {

@@ -15,7 +15,8 @@ typedef struct {
     float u, v, w;
 } Row;
 
-// Three float4: a and u, b and v, c and w. Rows are aligned to 16 bytes.
+// In memory, a row is three float4: the first has a and u, the second b and v, the third c and w. Rows are aligned to
+// 16 bytes.
 #define ROW_UNIT float4
 #define ROW_UNITS 3
 #define LOAD_ROW(row, quads)                                     \

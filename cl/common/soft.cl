@@ -29,8 +29,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// If soft light is cast at half resolution (half_light.cl), some pictures have unoccluded light. This is denoted by 0
-// samples. Lights are then points, and the sky has its mean radiance.
+// If soft light is cast at half resolution (half_light.cl), some of its pictures contain the unoccluded light. For
+// these, the number of samples is set to 0. Lights are then points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"

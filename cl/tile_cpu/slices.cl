@@ -14,7 +14,8 @@ typedef struct {
     int mixed[3], negative[3];
 } Cone;
 
-// The same for each vector, with one lane per vector. Lanes without rays have the interval from FAR to -FAR.
+// The same intervals for each vector of rays, with one lane per vector. Lanes without rays have the interval from FAR
+// to -FAR.
 typedef struct {
     float16 low[3][PARTS], high[3][PARTS];
     float16 reach[PARTS]; // the largest t at which something can be hit

@@ -97,7 +97,7 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 
 // Chooses a leader and the rays of `todo` that go with it, and makes their shaft and beam. With `close`, only rays
 // close to the leader's direction are chosen. Returns this lane's rays in the pass. The leader's ray is among them,
-// unless it has no direction.
+// unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
     // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.

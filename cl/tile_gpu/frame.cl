@@ -31,8 +31,8 @@
 #endif
 #define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
 
-// Returns where a group's tile begins in the grid of rays, if tiles cover the whole grid. `row` is its row of
-// work-groups.
+// Returns where a group's tile begins in the grid of rays, if tiles cover the whole grid. `row` is the row of
+// work-groups that contains the tile.
 INLINED int2 tile_in_row(Group *group, int row) {
     // The first tile of the work-group, plus the place of the group's tile within it.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;

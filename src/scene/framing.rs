@@ -170,8 +170,9 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     }
 }
 
-/// Returns the power with which a surface with a k_L of 0.8 that faces the light at `distance` is displayed as 88%:
-/// from `15 L = 0.88^2.2` and `L = power / (4 pi distance^2) * 0.8 / pi`.
+/// Returns the power of a light for which a surface at `distance`, which faces the light and has a k_L of 0.8, is
+/// displayed as 88% of white. This follows from `15 L = 0.88^2.2`, with the default exposure 15 and gamma 2.2, and
+/// from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
 fn key_power(distance: f64) -> f64 {
     let radiance = 0.88_f64.powf(2.2) / 15.0;
     radiance * 4.0 * std::f64::consts::PI.powi(2) * distance * distance / 0.8

@@ -28,7 +28,7 @@ pub(super) struct Kept {
     earlier: HashMap<String, MeshFile>,
     /// The text of all objects of this frame.
     objects: String,
-    /// The joined objects of the frame before, with their text.
+    /// The text of all objects of the previous frame, and the joined objects that were made from it.
     joined: Option<(String, Joined)>,
     /// The bounds of the last mesh.
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,

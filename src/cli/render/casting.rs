@@ -184,8 +184,8 @@ mod tests {
     /// Smaller than a frame, its triangles and its tree, so that each is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
-    /// Calls a function with a caster for a scene. The device may be a CPU that is treated as one with
-    /// separate memory.
+    /// Calls a function with a caster for a scene. With `is_apart`, the device, even if it is a CPU, is treated as a
+    /// device with separate memory.
     fn with_caster<T>(
         strategy: &str,
         is_apart: bool,

@@ -71,8 +71,8 @@ impl Timeline {
     }
 }
 
-/// Returns the processor time of this process. Before its first thread and its first wait, that is the time
-/// since it was started.
+/// Returns the processor time of this process. As long as the process has started no other thread and has not waited,
+/// that is the time since its start.
 #[cfg(unix)]
 fn own_work() -> Duration {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);

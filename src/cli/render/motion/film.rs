@@ -89,7 +89,7 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Makes the keys of a film, which is cast with these kernels.
+    /// Prepares the keys of a film's frames, which are cast with these kernels.
     pub fn of(args: &Args, film: &Film, sampling: Sampling, strategy: &Strategy, kernels: &Sources) -> Self {
         let (width, height, version) = (args.subject.width, args.subject.height, env!("CARGO_PKG_VERSION"));
         let Sampling { first, most, half_light } = sampling;
