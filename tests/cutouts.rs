@@ -213,8 +213,8 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = place.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // The hole alone. If one unit were not subtracted from the least alpha, rounding would make holes of an eighth of
-    // the solid pixels too.
+    // The hole alone. If the kernel did not subtract one unit from the least alpha, rounding would also turn an
+    // eighth of the solid pixels into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(place.path("leaf.png")).expect("a picture");

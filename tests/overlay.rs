@@ -192,8 +192,9 @@ fn each_axis_of_files_takes_a_new_one() {
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
-/// A triangle's record that is longer or shorter than those of the built-in ray-triangle tests is correct if it is
-/// read from a table, if it is read from a tile, and if it is computed at each test.
+/// A user's ray-triangle test may have records of triangles that are longer or shorter than those of the built-in
+/// tests. Its pictures agree with the reference if records are read from a table in global memory, if they are read
+/// from a tile of triangles in `__local` memory, and if they are computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let place = Place::new();

@@ -222,8 +222,9 @@ impl DeviceInfo {
         self.has_extension("cl_nv_compiler_options")
     }
 
-    /// Returns whether its driver can return a compiled program's binary without further work. PoCL would
-    /// compile every kernel again for it, because local sizes are only known at the launch.
+    /// Returns whether its driver can return a compiled program's binary without further work. To return it, PoCL
+    /// would compile every kernel again, since it compiles kernels for a local size, which is only known at the
+    /// launch.
     pub fn has_binaries_at_hand(&self) -> bool {
         !self.platform.to_lowercase().contains("portable computing language")
     }

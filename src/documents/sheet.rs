@@ -45,7 +45,7 @@ enum Block {
 pub struct Device {
     /// The device's name in documents.
     pub head: String,
-    /// The sources with records of the paper's configs.
+    /// The names of the folders of results (see [`Sources`]) that have records of the paper's configs.
     pub folders: Vec<String>,
 }
 
