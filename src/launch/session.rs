@@ -26,6 +26,7 @@ pub struct Session {
     compute_capability: Option<String>,
     verifies: bool,
     sampling: Sampling,
+    twins_before: usize,
     kept: Kept,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
@@ -50,6 +51,7 @@ impl Session {
             compute_capability: info.hardware.compute_capability.clone(),
             verifies: false,
             sampling: Sampling::ONE,
+            twins_before: 0,
             kept: Kept::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
@@ -74,6 +76,14 @@ impl Session {
     #[must_use]
     pub fn keeping(self, kept: Kept) -> Self {
         Self { kept, ..self }
+    }
+
+    /// Sets how many devices of the same name cast in this process with lower numbers. If there are any, programs
+    /// get a define of their own: PoCL 5.0 is aborted by an assertion (`pocl_release_dlhandle_cache`) if two of its
+    /// devices run the same program in one process.
+    #[must_use]
+    pub fn among_twins(self, twins_before: usize) -> Self {
+        Self { twins_before, ..self }
     }
 
     /// Adds a program that was built before the scene was loaded, for the next strategy that needs it.
@@ -153,7 +163,11 @@ impl Session {
 
     /// Does the second step: determines the source to be compiled.
     pub fn spec(&self, strategy: &Strategy, workload: &Workload) -> Result<ProgramSpec> {
-        ProgramSpec::new(&self.sources, strategy, workload, self.builtins)
+        let mut spec = ProgramSpec::new(&self.sources, strategy, workload, self.builtins)?;
+        if self.twins_before > 0 {
+            spec.options += &format!(" -D TWINS_BEFORE={}", self.twins_before);
+        }
+        Ok(spec)
     }
 
     /// Does the last step: compiles and uploads, after a check that everything fits.
@@ -227,4 +241,35 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
         return refused;
     }
     Infeasible::beyond(format!("{}, in addition to {held_bytes} B of other points", refused.reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::discover;
+    use crate::scene::load_scene;
+    use crate::strategy::preset;
+    use std::path::Path;
+
+    #[test]
+    fn twins_run_programs_of_their_own_and_a_single_device_the_ordinary_one() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let strategy = preset("deferred").unwrap().strategy;
+        let spec = |twins_before| {
+            let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+            let mut session = session.among_twins(twins_before);
+            let workload = session.workload(&strategy, [8, 8], [1, 1]).map_err(|refused| refused.reason());
+            session.spec(&strategy, &workload.unwrap()).unwrap()
+        };
+        let workload = Workload::of(&scene, [8, 8], [1, 1]);
+        let ordinary =
+            ProgramSpec::new(&Sources::Embedded, &strategy, &workload, device.info.builtins()).unwrap();
+        let specs = [0, 1, 2].map(spec);
+        assert_eq!(specs[0], ordinary);
+        assert!(specs.iter().all(|spec| spec.source == ordinary.source));
+        assert_ne!(specs[1].hash(), specs[0].hash());
+        assert_ne!(specs[2].hash(), specs[1].hash());
+    }
 }

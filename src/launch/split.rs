@@ -194,7 +194,9 @@ impl Split<'_> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
         let label = device.info.label.clone();
-        let session = Session::open(device, self.sources, Arc::clone(&self.scene))?;
+        // Several GPUs of one name can share a compiled program, and do.
+        let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
+        let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&label))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();

@@ -179,7 +179,7 @@ fn why(contests: &[Contest<'_>]) -> String {
         best.scene,
         best.name,
         place_of_vectors(best),
-        against(&facts(best), &facts(naive))
+        against(&best.name, &facts(best), &facts(naive))
     )
 }
 
@@ -209,14 +209,17 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties known for both: "62 registers (naive: 67), ...".
-fn against(best: &[(&str, String)], naive: &[(&str, String)]) -> String {
-    let pair = |(name, value): &(&str, String)| {
-        let (_, other) = naive.iter().find(|(known, _)| known == name)?;
-        Some(format!("{value} {name} (naive: {other})"))
+/// Compares the properties known for both: "private: 62 registers (naive: 67), ...".
+fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
+    let pair = |(fact, value): &(&str, String)| {
+        let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
+        Some(format!("{value} {fact} (naive: {other})"))
     };
     let pairs: Vec<String> = best.iter().filter_map(pair).collect();
-    if pairs.is_empty() { "the compiler does not report registers".to_owned() } else { pairs.join(", ") }
+    match pairs.is_empty() {
+        true => "the compiler does not report registers".to_owned(),
+        false => format!("{name}: {}", pairs.join(", ")),
+    }
 }
 
 /// Returns the ratio of naive's time to the best, and which points tie.
