@@ -2,15 +2,18 @@
 //! compiles one program at a time in a process. Each program is built once, however many scenes, sizes and
 //! launches use it.
 
+mod builder;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests;
 
-use super::protocol::{Built, Reply, Request};
-use super::supervisor::{Spawner, Wait, Worker};
+pub use builder::Builder;
+
+use super::protocol::Built;
 use crate::accel::FINGERPRINT;
 use crate::error::{Error, Result};
 use crate::program::Kept;
+use builder::{Patience, Pool};
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -123,19 +126,18 @@ impl Ahead {
         Self { kept, ..Self::default() }
     }
 
-    /// Calls `work` while builders run in parallel, one for each spawner. `limit` is the longest time for
-    /// building a program.
+    /// Calls `work` while builders run in parallel. `limit` is the longest time for building a program.
     pub fn beside<R>(
         &self,
-        builders: Vec<Box<dyn Spawner + Send>>,
+        builders: Vec<Builder>,
         limit: Duration,
         interrupted: &AtomicBool,
         work: impl FnOnce() -> R,
     ) -> R {
         std::thread::scope(|scope| {
             let _closing = Closing(self);
-            for mut spawner in builders {
-                scope.spawn(move || self.serve(spawner.as_mut(), limit, interrupted));
+            for builder in builders {
+                scope.spawn(move || self.serve(builder, &Patience { limit, interrupted }));
             }
             work()
         })
@@ -186,26 +188,16 @@ impl Ahead {
 
     /// The loop of a builder: builds programs until the run ends. If a process dies or hangs, its program
     /// stays unbuilt; the point's own worker will try again and report the error.
-    fn serve(&self, spawner: &mut dyn Spawner, limit: Duration, interrupted: &AtomicBool) {
-        let mut workers: HashMap<usize, Box<dyn Worker>> = HashMap::new();
-        while let Some(Order { program, point }) = self.next() {
-            let worker = workers
-                .remove(&program.device)
-                .or_else(|| started(spawner, program.device, limit, interrupted));
-            let mut built = None;
-            if let Some(mut worker) = worker {
-                worker.send(&Request::Build { point });
-                match wait(worker.as_mut(), limit, interrupted) {
-                    Some(Reply::Built(found)) => built = found,
-                    Some(_) => {}
-                    None => {
-                        self.finish(program, None);
-                        continue;
-                    }
-                }
-                workers.insert(program.device, worker);
+    fn serve(&self, builder: Builder, patience: &Patience<'_>) {
+        let mut usual = Pool::new(builder.usual);
+        let mut without_driver_cache = Pool::new(builder.without_driver_cache);
+        while let Some(order) = self.next() {
+            let mut built = usual.build(&order, patience);
+            // The driver has it from an earlier time, but not its registers, which only a compiler prints.
+            if built.as_ref().is_some_and(|built| built.lacks_log) {
+                built = without_driver_cache.build(&order, patience);
             }
-            self.finish(program, built);
+            self.finish(order.program, built);
         }
     }
 
@@ -241,30 +233,5 @@ impl Ahead {
 
     fn locked(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Starts a worker and waits until its device is open; `None` if that fails, which the run will notice
-/// itself.
-fn started(
-    spawner: &mut dyn Spawner,
-    device: usize,
-    limit: Duration,
-    interrupted: &AtomicBool,
-) -> Option<Box<dyn Worker>> {
-    let mut worker = spawner.spawn(device).ok()?;
-    matches!(wait(worker.as_mut(), limit, interrupted), Some(Reply::Started)).then_some(worker)
-}
-
-/// Returns a worker's reply; `None` if it died, hangs or is no longer needed.
-fn wait(worker: &mut dyn Worker, limit: Duration, interrupted: &AtomicBool) -> Option<Reply> {
-    let start = Instant::now();
-    loop {
-        match worker.wait(LOOK_UP.min(limit)) {
-            Wait::Reply(reply) => return Some(reply),
-            Wait::Dead(_) => return None,
-            Wait::Silence if start.elapsed() >= limit || interrupted.load(Ordering::Relaxed) => return None,
-            Wait::Silence => {}
-        }
     }
 }

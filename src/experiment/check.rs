@@ -151,8 +151,9 @@ fn build_kernel(
     let key = prepared.program.stored_as().map(str::to_owned);
     let launch_ms = start.elapsed().as_secs_f64() * 1e3 - frame_ms;
     prepared.program.rehearse();
+    let lacks_log = prepared.program.lacks_log();
     let BuiltProgram { build_ms, from_cache, .. } = prepared.program;
-    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key })
+    Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key, lacks_log })
 }
 
 /// Casts the first frame, during which drivers may still compile, and records what becomes known on the way.

@@ -43,7 +43,7 @@ mod supervisor;
 mod views;
 mod worker;
 
-pub use ahead::{Ahead, Tally};
+pub use ahead::{Ahead, Builder, Tally};
 pub use complete::Taken;
 pub use device_list::{find_devices, list_devices, lists_devices};
 pub use dry_run::{Forecast, dry_run};

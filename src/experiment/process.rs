@@ -20,23 +20,23 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Starts workers as processes of this program.
 pub struct Processes {
     jobs: Vec<Job>,
-    /// True if workers may take programs from the driver's cache. It keeps no compiler messages, and so
-    /// no numbers of registers.
-    trust_driver: bool,
+    /// True if workers use the driver's cache of programs. It keeps no compiler messages, and so no numbers of
+    /// registers.
+    driver_cache: bool,
 }
 
 impl Processes {
     /// Makes workers; `jobs[i]` is the job of the worker for device `i`.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
-        Self { jobs, trust_driver: false }
+        Self { jobs, driver_cache: false }
     }
 
-    /// Makes workers for programs that builders have compiled; the compiler's messages are stored with the
-    /// programs.
+    /// Lets workers use the driver's cache of programs: builders, which store machine code there for the other
+    /// workers, and workers whose programs builders have stored with the compiler's messages.
     #[must_use]
-    pub fn after_builders(self) -> Self {
-        Self { trust_driver: true, ..self }
+    pub fn using_driver_cache(self) -> Self {
+        Self { driver_cache: true, ..self }
     }
 }
 
@@ -54,7 +54,7 @@ impl Spawner for Processes {
         command.env("RUST_BACKTRACE", "0");
         // A compiler prints registers only when it compiles. Users who want the driver's cache can set the
         // variable themselves.
-        if !self.trust_driver && std::env::var_os(CACHE_DISABLE).is_none() {
+        if !self.driver_cache && std::env::var_os(CACHE_DISABLE).is_none() {
             command.env(CACHE_DISABLE, "1");
         }
         let mut child = command.spawn().map_err(failed)?;

@@ -62,6 +62,8 @@ pub struct Built {
     pub from_cache: bool,
     /// The key under which the cache stores it; `None` if it could not be stored.
     pub key: Option<String>,
+    /// True if it could not be stored because the driver took it from its own cache, and so printed no registers.
+    pub lacks_log: bool,
 }
 
 /// A request to a worker; numbers are indices in the plan.

@@ -81,13 +81,17 @@ impl BuiltProgram {
         if self.from_cache || !self.kept.keeps() {
             return self.from_cache;
         }
-        let log = self.log();
-        // A compiler prints registers only when it compiles, so for a program from the driver's cache the log is empty.
-        if self.verbose && log.is_empty() {
+        if self.lacks_log() {
             return false;
         }
         let binary = self.binary();
-        !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log, binary })
+        !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log: self.log(), binary })
+    }
+
+    /// Returns whether the compiler printed no registers although it can. It prints them only when it compiles, so
+    /// the driver took this program from its own cache.
+    pub fn lacks_log(&self) -> bool {
+        self.verbose && !self.from_cache && self.log().is_empty()
     }
 
     /// Returns the key under which it is stored, if it is.

@@ -4,7 +4,7 @@ use super::Args;
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 use crate::error::Result;
-use crate::experiment::{Ahead, Observer, Processes, Results, Run, Spawner};
+use crate::experiment::{Ahead, Builder, Observer, Processes, Results, Run, Spawner};
 use crate::program::Kept;
 use crate::record::Record;
 use std::path::Path;
@@ -32,7 +32,7 @@ pub fn execute(
     let builders = if keeps { builders(&run, folder) } else { Vec::new() };
     let measured = ahead.beside(builders, args.hang_limit, interrupted, || {
         let workers = || Processes::new(run.jobs(folder, args.fault));
-        let workers = || if keeps { workers().after_builders() } else { workers() };
+        let workers = || if keeps { workers().using_driver_cache() } else { workers() };
         if !run.spread {
             return run.execute(results, observer, &mut workers(), interrupted);
         }
@@ -49,11 +49,15 @@ pub fn execute(
 }
 
 /// Returns the builders: one per core, but no more than the devices' memory allows.
-fn builders(run: &Run<'_>, folder: &Path) -> Vec<Box<dyn Spawner + Send>> {
+fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     let most = run.devices.iter().map(room).fold(MOST_BUILDERS, usize::min);
-    let builder = |_| Box::new(Processes::new(run.jobs(folder, None))) as Box<dyn Spawner + Send>;
+    let processes = || Processes::new(run.jobs(folder, None));
+    let builder = |_| Builder {
+        usual: Box::new(processes().using_driver_cache()),
+        without_driver_cache: Box::new(processes()),
+    };
     (0..cores.min(most)).map(builder).collect()
 }
 

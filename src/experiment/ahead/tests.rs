@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::experiment::pending::PendingPoint;
-use crate::experiment::supervisor::Death;
+use crate::experiment::protocol::{Reply, Request};
+use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
 use crate::program::KeptProgram;
 use crate::record::Record;
 use std::sync::Arc;
@@ -15,25 +16,29 @@ const LIMIT: Duration = Duration::from_secs(120);
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
     deadly: Option<usize>,
+    /// The point whose program the driver takes from its own cache, without its messages.
+    unlogged: Option<usize>,
 }
 
-struct Builder {
+struct Fake {
     of: Noting,
     answer: Wait,
 }
 
 impl Spawner for Noting {
     fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
-        Ok(Box::new(Builder { of: self.clone(), answer: Wait::Reply(Reply::Started) }))
+        Ok(Box::new(Fake { of: self.clone(), answer: Wait::Reply(Reply::Started) }))
     }
 }
 
-impl Worker for Builder {
+impl Worker for Fake {
     fn send(&mut self, request: &Request) {
         let Request::Build { point } = request else { return };
         self.of.built.lock().unwrap().push(*point);
         let key = Some(format!("the program of point {point}"));
-        let built = Built { build_ms: 1000.0, from_cache: *point == 0, key };
+        let lacks_log = self.of.unlogged == Some(*point);
+        let key = key.filter(|_| !lacks_log);
+        let built = Built { build_ms: 1000.0, from_cache: *point == 0, key, lacks_log };
         self.answer = match self.of.deadly == Some(*point) {
             true => Wait::Dead(Death::default()),
             false => Wait::Reply(Reply::Built(Some(built))),
@@ -56,6 +61,10 @@ fn open(point: usize, scene: usize, program: &str, traversal: &str) -> PendingPo
     PendingPoint::new([point, 0, scene], String::new(), record)
 }
 
+fn builder(usual: &Noting, without_driver_cache: &Noting) -> Builder {
+    Builder { usual: Box::new(usual.clone()), without_driver_cache: Box::new(without_driver_cache.clone()) }
+}
+
 /// Returns which programs are built for groups of points, one group after the other, and the points they were
 /// built for.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
@@ -68,7 +77,7 @@ fn built_by(
     groups: &mut [Vec<PendingPoint>],
 ) -> (Vec<usize>, Vec<usize>, Tally) {
     let (noting, never) = (Noting { deadly, ..Noting::default() }, AtomicBool::new(false));
-    let builders = (0..3).map(|_| Box::new(noting.clone()) as Box<dyn Spawner + Send>).collect();
+    let builders = (0..3).map(|_| builder(&noting, &noting)).collect();
     ahead.beside(builders, LIMIT, &never, || {
         groups.iter_mut().flatten().for_each(|point| ahead.need(point, &never).unwrap());
     });
@@ -108,6 +117,21 @@ fn a_builder_that_dies_costs_its_program_and_nothing_waits_for_ever() {
     let (points, with, tally) = built(Some(1), &mut [group]);
     assert_eq!((points, with), (vec![0, 1, 2], vec![0, 2]));
     assert_eq!(tally.compiled + tally.kept, 2);
+}
+
+#[test]
+fn a_program_of_the_driver_s_cache_is_compiled_again_for_its_messages_and_no_other_is() {
+    let (usual, again) = (Noting { unlogged: Some(1), ..Noting::default() }, Noting::default());
+    let never = AtomicBool::new(false);
+    let mut points = [open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive")];
+    let ahead = Ahead::default();
+    ahead.beside(vec![builder(&usual, &again)], LIMIT, &never, || {
+        points.iter_mut().for_each(|point| ahead.need(point, &never).unwrap());
+    });
+    assert_eq!(*usual.built.lock().unwrap(), [0, 1]);
+    assert_eq!(*again.built.lock().unwrap(), [1]);
+    assert!(points.iter().all(|point| point.built.as_ref().is_some_and(|built| built.key.is_some())));
+    assert_eq!(ahead.tally().compiled + ahead.tally().kept, 2);
 }
 
 #[test]
