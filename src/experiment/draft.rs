@@ -56,6 +56,7 @@ impl Drafter<'_> {
             seed: Some(experiment.timing.seed),
             revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),
             device: device.map_or(HOST, |device| &device.label).to_owned(),
+            device_kind: device.map(|device| device.kind.name().to_owned()),
             threads: device.and_then(|device| device.threads),
             ..Record::default()
         };

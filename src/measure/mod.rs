@@ -19,10 +19,11 @@ pub use compare::Verdict;
 pub use enough::{MIN_SAMPLES, not_enough};
 pub use modes::Modes;
 pub use order::round_order;
-pub use paired::{Interval, Paired, PairedSample, Standing};
+pub use paired::{BetweenRuns, Interval, Paired, PairedSample, Standing};
 pub use ranking::Ranking;
 pub use stopping::{StopReason, StoppingRule};
 pub use summary::Summary;
+pub(crate) use summary::quantile;
 
 /// Returns the mean and the sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
 fn mean_and_sigma(samples: &[f64]) -> (f64, f64) {

@@ -56,7 +56,7 @@ pub(super) fn median_of(values: &[f64]) -> Option<f64> {
 
 /// Returns the quantile `q` (0 to 1) of at least one sorted value, by linear interpolation (type 7 of Hyndman
 /// and Fan 1996, as in R and NumPy).
-pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
+pub(crate) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let place = q * (sorted.len() - 1) as f64;
     let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
     below + (above - below) * place.fract()

@@ -237,8 +237,9 @@ mod tests {
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
-            "42.0 times (42.0 to 42.0) as fast as serial-f32.",
-            "8.40 times (8.40 to 8.40) as fast as naive at 8 x 8.",
+            // No sample differs: the ranges are what the next run may differ by.
+            "42.0 times (39.7 to 44.4) as fast as serial-f32.",
+            "8.40 times (8.35 to 8.45) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
@@ -260,7 +261,7 @@ mod tests {
         ]);
         let text = summary_markdown(&records, &[], "?", "!");
         let fastest = text.lines().find(|line| line.starts_with("Fastest")).expect("a winner");
-        assert!(fastest.contains(" 42.0 times (42.0 to 42.0) as fast as serial-f32."), "{text}");
+        assert!(fastest.contains(" 42.0 times (39.7 to 44.4) as fast as serial-f32."), "{text}");
     }
 
     #[test]

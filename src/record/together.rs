@@ -5,8 +5,9 @@ use super::anchors::AnchorSample;
 use super::control::find_controls;
 use super::numbers::{by, significant};
 use super::place::Place;
-use super::types::{Outcome, Record};
-use crate::measure::{Interval, Paired, PairedSample, Ranking, Standing};
+use super::types::{HOST, Outcome, Record};
+use crate::device::DeviceKind;
+use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// Points that differ by less than this fraction are a tie, however certain the difference is.
@@ -55,6 +56,9 @@ impl Table {
             anchors.iter().filter(|anchor| launches.contains(&anchor.launch)).collect();
         let names = names(&beside);
         let paired = Paired::of(&in_order(own(), &beside), places.len() + names.len());
+        let of_device = |device: &str| own().find(|record| record.device == device).map(between_runs);
+        let of_anchors = names.iter().map(|(_, device)| of_device(device).unwrap_or_default());
+        let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
         let anchors = names.iter().map(|(name, device)| ((*name).to_owned(), (*device).to_owned())).collect();
         Self { together, places, anchors, paired }
     }
@@ -70,6 +74,16 @@ impl Table {
                 paired.standing(point).map(|standing| Place { together, standing, anchor, control: None });
         }
     }
+}
+
+/// Returns how much the next run may differ on the device of a record. Records of earlier versions do not have the
+/// device's kind; in those, only a driver for processors reports threads.
+fn between_runs(record: &Record) -> BetweenRuns {
+    let is_processor = match record.device_kind.as_deref() {
+        Some(kind) => kind == DeviceKind::Cpu.name(),
+        None => record.device == HOST || record.threads.is_some(),
+    };
+    if is_processor { BetweenRuns::ON_PROCESSORS } else { BetweenRuns::ON_OTHER_DEVICES }
 }
 
 /// Returns the names of the anchors, each with its device.
@@ -281,7 +295,8 @@ mod tests {
     fn what_slows_all_is_in_the_interval_and_not_in_the_ratio() {
         let records = judged([launches("naive", 10.0, 0.5), launches("wide", 5.0, 0.5)]);
         let found = ratio(&records[0], &records[1]).expect("enough samples");
-        assert!((found.low - 2.0).abs() < 1e-9 && (found.high - 2.0).abs() < 1e-9, "{found:?}");
+        let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
+        assert!((found.high / found.low - (2.0 * only_runs).exp()).abs() < 1e-5, "{found:?}");
         let [low, high] = interval(&records[0]).expect("enough samples");
         assert!(low < 5.0 && high > 20.0, "{low} {high}");
     }
@@ -314,7 +329,10 @@ mod tests {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
         assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-        assert_eq!(how_sure(&several), ["Differences below 1.0% cannot be detected here."]);
+        assert_eq!(how_sure(&several), ["Differences below 1.6% cannot be detected here."]);
+        let on_processors = |name| Record { threads: Some(2), ..launches(name, 10.0, 0.0) };
+        let several = judged([on_processors("naive"), on_processors("wide")]);
+        assert_eq!(how_sure(&several), ["Differences below 3.3% cannot be detected here."]);
         assert!(how_sure(&[]).is_empty());
     }
 
@@ -332,7 +350,9 @@ mod tests {
     fn what_can_be_told_apart_is_beyond_a_tie() {
         let records = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
         let [low, high] = resolution(&records).expect("two points");
-        assert!((low - TIE).abs() < 1e-9 && (high - TIE).abs() < 1e-9, "{low} {high}");
+        let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
+        let expected = only_runs.exp() * (1.0 + TIE) - 1.0;
+        assert!((low - expected).abs() < 1e-5 && (high - expected).abs() < 1e-5, "{low} {high}");
     }
 
     #[test]

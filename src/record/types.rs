@@ -76,6 +76,9 @@ pub struct Record {
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
     pub device: String,
+    /// The device's kind: cpu, gpu, accelerator or other; null for a baseline.
+    #[serde(default)]
+    pub device_kind: Option<String>,
     /// The device on which it was measured, if points were distributed over several devices of one kind.
     #[serde(default)]
     pub measured_on: Option<String>,

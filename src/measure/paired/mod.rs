@@ -16,9 +16,13 @@
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of
 //!    two points, these cancel. Its degrees of freedom are the number of launches less one.
 //!
+//! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. What runs differ by was
+//!    measured once for each kind of device, and is added to every interval ([`between`]).
+//!
 //! With a single launch, its time is split into five parts that take the place of launches. Such a result is
 //! preliminary: its intervals do not include differences between launches.
 
+mod between;
 mod drift;
 mod error;
 mod interval;
@@ -29,6 +33,7 @@ mod spread;
 #[cfg(test)]
 mod tests;
 
+pub use between::BetweenRuns;
 pub use interval::Interval;
 pub use sample::PairedSample;
 
@@ -48,6 +53,8 @@ pub struct Paired {
     launches: usize,
     /// The points; `None` for a point with too few samples.
     points: Vec<Option<Point>>,
+    /// How much runs differ, for each point; nothing if unknown.
+    between: Vec<BetweenRuns>,
     pooled: Pooled,
 }
 
@@ -69,6 +76,7 @@ pub struct Standing {
     point: Point,
     /// Number of points of which this is the mean.
     points: usize,
+    between: BetweenRuns,
     pooled: Pooled,
 }
 
@@ -80,7 +88,12 @@ impl Standing {
 
     /// Returns the median of all samples, in milliseconds.
     pub fn median_ms(&self) -> Interval {
-        interval(self.point.median, self.pooled.of_level(&self.point.plain))
+        interval(self.point.median, self.error_of_level())
+    }
+
+    fn error_of_level(&self) -> Error {
+        let between = self.between.of_level(self.points);
+        Error::of_sum([self.pooled.of_level(&self.point.plain), between])
     }
 
     /// Returns the value by which points are ranked: the logarithm of the time without drift.
@@ -93,17 +106,17 @@ impl Standing {
     pub fn ratio(&self, other: &Self) -> Interval {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
-        interval(
-            self.level() - other.level(),
-            self.pooled.of_difference(&differences, [self.points, other.points]),
-        )
+        let points = [self.points, other.points];
+        let between = self.between.of_ratio(other.between, points);
+        let within = self.pooled.of_difference(&differences, points);
+        interval(self.level() - other.level(), Error::of_sum([within, between]))
     }
 
     /// Returns the ratio for a point that was measured at another time. It includes changes of the machine in
     /// between.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
-        let error = |standing: &Self| standing.pooled.of_level(&standing.point.plain);
-        interval(self.point.median - other.point.median, Error::of_sum([error(self), error(other)]))
+        let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
+        interval(self.point.median - other.point.median, error)
     }
 
     /// Returns the mean of points that were measured together; `None` if there are none.
@@ -124,7 +137,7 @@ impl Standing {
 
     /// As [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
+        resolution(&self.pooled, self.between)
     }
 }
 
@@ -161,7 +174,14 @@ impl Paired {
         let relative: Vec<&[f64]> = known().map(|point| point.relative.as_slice()).collect();
         let plain: Vec<&[f64]> = known().map(|point| point.plain.as_slice()).collect();
         let pooled = Pooled::of(&relative, &plain);
-        Self { launches: launches.len(), points, pooled }
+        let between = vec![BetweenRuns::default(); points.len()];
+        Self { launches: launches.len(), points, between, pooled }
+    }
+
+    /// Sets how much runs differ, for each point.
+    #[must_use]
+    pub fn over_runs(self, between: Vec<BetweenRuns>) -> Self {
+        Self { between, ..self }
     }
 
     /// Improves the estimates of several tables of one run on one machine: each uses the spread between
@@ -177,9 +197,10 @@ impl Paired {
     }
 
     /// Returns a point, together with the points that were measured with it; `None` if it has too few samples.
-    pub fn standing(&self, point: usize) -> Option<Standing> {
-        let point = self.points.get(point)?.clone()?;
-        Some(Standing { launches: self.launches, point, points: 1, pooled: self.pooled })
+    pub fn standing(&self, place: usize) -> Option<Standing> {
+        let point = self.points.get(place)?.clone()?;
+        let between = self.between.get(place).copied().unwrap_or_default();
+        Some(Standing { launches: self.launches, point, points: 1, between, pooled: self.pooled })
     }
 
     /// Returns a point's median over all samples, in milliseconds; `None` if it has too few.
@@ -190,8 +211,13 @@ impl Paired {
     /// Returns the relative difference (0.03 is 3%) above which two points of typical spread can be
     /// distinguished; `None` if fewer than two points have enough samples.
     pub fn resolution(&self) -> Option<f64> {
-        self.pooled.usual().map(|error| error.reach(interval::RISK).exp_m1())
+        resolution(&self.pooled, self.between.first().copied().unwrap_or_default())
     }
+}
+
+fn resolution(pooled: &Pooled, between: BetweenRuns) -> Option<f64> {
+    let between = between.of_ratio(between, [1, 1]);
+    Some(Error::of_sum([pooled.usual()?, between]).reach(interval::RISK).exp_m1())
 }
 
 /// Returns the samples of each launch that counts.

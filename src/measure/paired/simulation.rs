@@ -18,6 +18,10 @@ const RESOLUTION: f64 = 0.01;
 /// Sources of error of a machine, as standard deviations of logarithms.
 #[derive(Clone, Copy)]
 struct Machine {
+    /// Effect of a run on all points.
+    run: f64,
+    /// Effect of a run on a single point.
+    run_of_point: f64,
     /// Effect of a launch on all points.
     launch: f64,
     /// Effect of a launch on a single point.
@@ -28,7 +32,14 @@ struct Machine {
     regime: f64,
 }
 
-const MACHINE: Machine = Machine { launch: 0.025, launch_of_point: 0.008, noise: 0.015, regime: 0.005 };
+const MACHINE: Machine = Machine {
+    run: 0.027,
+    run_of_point: 0.008,
+    launch: 0.015,
+    launch_of_point: 0.008,
+    noise: 0.015,
+    regime: 0.005,
+};
 
 /// A machine on which another process keeps one of two cores busy for half of the time. That process takes a
 /// quarter of the machine, so frames take a sixth longer on average. Here a slow phase begins at one sample
@@ -49,9 +60,12 @@ fn normal(rng: &mut impl Rng) -> f64 {
 fn run(machine: Machine, points: usize, seed: u64) -> Vec<PairedSample> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut samples = Vec::new();
+    let of_run = machine.run * normal(&mut rng);
+    let of_points: Vec<f64> = (0..points).map(|_| machine.run_of_point * normal(&mut rng)).collect();
     for launch in 0..LAUNCHES {
-        let shared = machine.launch * normal(&mut rng);
-        let own: Vec<f64> = (0..points).map(|_| machine.launch_of_point * normal(&mut rng)).collect();
+        let shared = of_run + machine.launch * normal(&mut rng);
+        let of_launch = |of_run: &f64| of_run + machine.launch_of_point * normal(&mut rng);
+        let own: Vec<f64> = of_points.iter().map(of_launch).collect();
         let mut noise: Vec<f64> = (0..points).map(|_| normal(&mut rng)).collect();
         let (mut slow, mut left) = (0.0, 0);
         for round in 0..ROUNDS {
@@ -90,7 +104,9 @@ struct Coverage {
 }
 
 fn found(machine: Machine, points: usize) -> Coverage {
-    let runs: Vec<Paired> = (0..RUNS).map(|seed| Paired::of(&run(machine, points, seed), points)).collect();
+    let between = || vec![BetweenRuns::ON_PROCESSORS; points];
+    let of = |seed| Paired::of(&run(machine, points, seed), points).over_runs(between());
+    let runs: Vec<Paired> = (0..RUNS).map(of).collect();
     let ratio = |run: &Paired, point: usize| run.ratio(point, 0).expect("enough samples");
     let median = |run: &Paired, point: usize| run.median_ms(point).expect("enough samples");
     let wins: Vec<Vec<usize>> = runs.iter().map(|run| run.ranking(RESOLUTION).winners).collect();

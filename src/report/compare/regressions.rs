@@ -4,8 +4,8 @@
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};
-use crate::measure::Interval;
-use crate::record::{anchored_mean, are_together, ratio_of_means};
+use crate::measure::{Interval, quantile};
+use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
 
 /// The largest probability that two runs of the same program show a regression.
 const RISK: f64 = 0.02;
@@ -30,9 +30,27 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let several = comparison.has_several_devices();
     let of_points = judged
         .iter()
+        .filter(|(pair, change)| change_of_fastest(pair, *change) > limit)
         .filter_map(|(pair, change)| slower(&format!("{} is", pair.point(several)), *change, judged.len()));
     let broken = comparison.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
     together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
+}
+
+/// Returns the change of a point's fastest samples, the 10% quantile, against the same work as the change of its
+/// median. A slower program is slower in all its samples. A machine that has two speeds, and was at the lower one for
+/// most of a run, has the same fastest samples as before.
+fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
+    let (before, after) = (spread(&pair.before), spread(&pair.after));
+    let [Some(before), Some(after)] = [before, after] else { return change.middle };
+    change.middle * after / before
+}
+
+/// Returns the 10% quantile of a record's samples as a fraction of their median.
+fn spread(record: &Record) -> Option<f64> {
+    let mut sorted = record.samples_ms.clone();
+    sorted.sort_by(f64::total_cmp);
+    let at = |part: f64| quantile(&sorted, part);
+    (!sorted.is_empty()).then(|| at(0.1) / at(0.5))
 }
 
 /// Groups pairs by strategy; only strategies with several points are returned.

@@ -274,7 +274,7 @@ mod tests {
         );
         assert!(
             found.sure.contains(
-                "naive at its best local size takes 4.44 times (4.44 to 4.44, n = 10) as long as the fastest point, no other"
+                "naive at its best local size takes 4.44 times (4.41 to 4.46, n = 10) as long as the fastest point, no other"
             ),
             "{}",
             found.sure

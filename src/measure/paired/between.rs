@@ -1,0 +1,66 @@
+//! Differences between runs, which no single run can show.
+
+use super::error::Error;
+
+/// How much a run's times differ from those of the next run, in addition to the differences between its launches:
+/// standard deviations of logarithms. The launches of a run are minutes apart at most, and a machine may be slower for
+/// hours, for example because of its neighbours on the same host.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BetweenRuns {
+    /// Of a factor that all points of the same kind of device share. It cancels in their ratios.
+    pub shared: f64,
+    /// Of a factor of each point.
+    pub own: f64,
+}
+
+impl BetweenRuns {
+    /// Points on processors: through a driver for them, or by a caster on the host. Ten runs each of two experiments on
+    /// a quiet virtual machine of two cores (docs/log.md, 2026-11-23).
+    pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.008 };
+    /// Points on other devices. Ten runs of one experiment on a GPU (docs/log.md, 2026-11-23) and records of three
+    /// days.
+    pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.002 };
+
+    /// Returns the error that it adds to the mean time of `points` points.
+    pub(super) fn of_level(self, points: usize) -> Error {
+        known(self.shared.powi(2) + self.own_variance(points))
+    }
+
+    /// Returns the error that it adds to the ratio of the mean times of `points[0]` and `points[1]` points.
+    pub(super) fn of_ratio(self, other: Self, points: [usize; 2]) -> Error {
+        let own = self.own_variance(points[0]) + other.own_variance(points[1]);
+        let shared = if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) };
+        known(own + shared)
+    }
+
+    fn own_variance(self, points: usize) -> f64 {
+        self.own.powi(2) / points as f64
+    }
+}
+
+/// Returns an error that is known beforehand, instead of estimated from the samples (type B in the *Guide to the
+/// Expression of Uncertainty in Measurement*, JCGM 100:2008).
+fn known(variance: f64) -> Error {
+    Error { error: variance.sqrt(), degrees: f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SLOW_HOURS: BetweenRuns = BetweenRuns { shared: 0.04, own: 0.03 };
+
+    #[test]
+    fn a_time_has_both_factors_and_a_ratio_only_those_of_its_points() {
+        assert!((SLOW_HOURS.of_level(1).error - 0.05).abs() < 1e-12);
+        assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [1, 1]).error - 0.03 * 2.0_f64.sqrt()).abs() < 1e-12);
+        // The own factors of nine points average out to a third.
+        assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [9, 9]).error - 0.01 * 2.0_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn devices_of_two_kinds_are_not_slow_together() {
+        let steady = BetweenRuns::default();
+        assert!((SLOW_HOURS.of_ratio(steady, [1, 1]).error - 0.05).abs() < 1e-12);
+    }
+}
