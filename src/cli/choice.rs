@@ -170,4 +170,15 @@ mod tests {
         assert!(parse_strategy("deferred,4").is_err());
         Ok(())
     }
+
+    #[test]
+    fn a_named_strategy_is_changed_by_set_and_has_groups_of_8_by_8_unless_it_casts_tiles() {
+        let limits = crate::device::EXAMPLE_LIMITS;
+        let chosen = |name: &str, set: &[(String, String)]| {
+            chosen_strategy(Some(name), set, &limits, Task::default()).unwrap()
+        };
+        let wide = [("width".to_owned(), "4".to_owned())];
+        assert_eq!(chosen("deferred", &wide), (parse_strategy("deferred,width=4").unwrap(), [8, 8]));
+        assert_eq!(chosen("tile", &[]).1, [1, 1]);
+    }
 }

@@ -121,6 +121,7 @@ mod tests {
         {
             assert!(text.contains(part), "{text}");
         }
+        assert!(text.contains("       2 "), "the number of compute units is not right-aligned: {text}");
     }
 
     #[test]

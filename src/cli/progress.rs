@@ -283,5 +283,8 @@ mod tests {
         assert_eq!(lines.left(), ", about 3m left");
         lines.taken = 30;
         assert_eq!(lines.left(), "");
+        // The time of an earlier stage says nothing about the next one.
+        lines.resumes(5, 15);
+        assert_eq!(lines.left(), "");
     }
 }

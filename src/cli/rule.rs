@@ -88,12 +88,9 @@ fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
 fn measure(args: &Args, path: &Path) -> Result<Sweep> {
     let device = one_device(args.device.as_deref(), &Sources::Embedded)?;
     let kind = if device.info.limits.is_cpu { "cpu" } else { "gpu" };
-    let is_wanted = |case: &Case| {
-        let word = args.only.as_deref().unwrap_or("");
-        case.devices.iter().any(|name| name == kind) && case.name.contains(word)
-    };
+    let word = args.only.as_deref().unwrap_or("");
     let all = cases(path)?;
-    let wanted: Vec<Case> = all.iter().filter(|case| is_wanted(case)).cloned().collect();
+    let wanted: Vec<Case> = all.iter().filter(|case| is_wanted(case, kind, word)).cloned().collect();
     if wanted.is_empty() {
         let of = args.only.as_ref().map(|word| format!(" with '{word}' in its name")).unwrap_or_default();
         let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
@@ -111,6 +108,11 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
         rounds: args.rounds,
         cases: measured.collect::<Result<_>>()?,
     })
+}
+
+/// Returns whether a case is for this kind of device and has the word in its name.
+fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
+    case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
 fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Measured> {
@@ -157,4 +159,17 @@ fn text(sweep: &Sweep) -> Result<String> {
         ratios.len(),
         within(1.10)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_cases_of_the_kind_of_device_with_the_word_in_their_name_are_wanted() {
+        let text = "name = 'bunny, 4k'\nscene = 'bunny.toml'\nsize = [8, 5]\ndevices = ['cpu']";
+        let case: Case = toml::from_str(text).unwrap();
+        let asked = [("cpu", ""), ("cpu", "bunny"), ("cpu", "dragon"), ("gpu", "bunny")];
+        assert_eq!(asked.map(|(kind, word)| is_wanted(&case, kind, word)), [true, true, false, false]);
+    }
 }

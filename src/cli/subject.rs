@@ -115,6 +115,32 @@ mod tests {
     use crate::strategy::preset;
     use std::sync::Arc;
 
+    fn subject(scene: PathBuf, [width, height]: [u32; 2]) -> Subject {
+        Subject {
+            scene,
+            width,
+            height,
+            device: None,
+            strategy: None,
+            local_size: None,
+            set: Vec::new(),
+            look: Look::default(),
+            cl_dir: None,
+        }
+    }
+
+    #[test]
+    fn a_mesh_is_seen_from_farther_away_in_a_narrow_picture() {
+        let place = tempfile::tempdir().unwrap();
+        let mesh = place.path().join("triangle.obj");
+        std::fs::write(&mesh, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let away = |size| {
+            let loaded = subject(mesh.clone(), size).load(false, false).unwrap();
+            loaded.scene.camera.position.length()
+        };
+        assert!(away([10, 40]) > 1.5 * away([40, 10]), "{} {}", away([10, 40]), away([40, 10]));
+    }
+
     /// Not even a work-group with one tile fits on the device. The error message then names the last local size that
     /// was tried.
     #[test]
@@ -125,17 +151,7 @@ mod tests {
         let mut session = Session::open(&device, &Sources::Embedded, scene).unwrap().limited(limits);
         let strategy = preset("tile-group").unwrap().strategy;
         let mut refusal = |local_size| {
-            let subject = Subject {
-                scene: PathBuf::new(),
-                width: 8,
-                height: 8,
-                device: None,
-                strategy: None,
-                local_size,
-                set: Vec::new(),
-                look: Look::default(),
-                cl_dir: None,
-            };
+            let subject = Subject { local_size, ..subject(PathBuf::new(), [8, 8]) };
             subject.prepare(&mut session, &strategy, [32, 4]).err().unwrap().reason()
         };
         let reason = "work-group: 32 x 4 = 128 work-items > the device's 16";

@@ -248,6 +248,7 @@ mod tests {
         // Seven groups of 196 work-items fit.
         assert_eq!(words("occupancy: groups=8 threads=1536 14x14"), "1372");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4"), "10.8");
+        assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4, 2 digits"), "11");
         assert_eq!(words("published: teapot naive 1x1, s, 2 digits"), "163");
     }
 

@@ -127,6 +127,7 @@ mod tests {
     fn numbers_without_a_record_are_found() {
         assert_eq!(found("The H200 takes 3.2 ms, 17% of `width=4`.", &[]), ["3.2", "17%"]);
         assert_eq!(found("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
+        assert!(found("`--repeat 3` or `width = 4`", &[]).is_empty());
         assert!(found("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
     }
 

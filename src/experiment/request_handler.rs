@@ -196,6 +196,7 @@ mod tests {
     use super::*;
     use crate::config;
     use crate::program::Sources;
+    use std::cell::Cell;
     use std::path::Path;
 
     /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's own key if that is
@@ -237,5 +238,21 @@ mod tests {
         assert!(hash.is_some());
         assert_eq!(compared(hash.as_deref()), None);
         assert_eq!(compared(Some("of another picture")), hash);
+    }
+
+    #[test]
+    fn the_warm_up_finds_the_shortest_frame_and_ends_early_if_frames_are_long() {
+        let cast = Cell::new(0_u32);
+        let frame = || {
+            cast.set(cast.get() + 1);
+            Ok(FrameTimes::whole(9.0 - f64::from(cast.get()), 10.0))
+        };
+        let warmed = |frames, time_limit_ms| {
+            cast.set(0);
+            (warm_up(frame, frames, time_limit_ms), cast.get())
+        };
+        assert_eq!(warmed(3, 1000.0), (6.0, 3));
+        assert_eq!(warmed(3, 150.0), (7.0, 2), "two frames take more than a tenth of the limit");
+        assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
     }
 }

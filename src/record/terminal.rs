@@ -226,11 +226,13 @@ mod tests {
             few("host", "serial-f32", 0, 1798.0, 1),
             few("pocl", "naive", 8, 5.0, 3),
             measured("pocl", "wide", 1, 10.0),
+            few("gpu", "naive", 8, 7.0, 3),
         ]);
         let text = summary_terminal(&records, false);
         for expected in ["not enough samples (n = 1)", "5.000 n=3", "*10.00", "n=... not enough samples"] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
+        assert!(text.contains("* fastest"), "the star is not explained in\n{text}");
         let none = summary_terminal(&records[..2], false);
         assert!(!none.contains('*'), "{none}");
     }

@@ -157,7 +157,7 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, judged, sampled};
+    use crate::record::fixtures::{few, judged, measured, sampled};
     use crate::record::groups;
 
     #[test]
@@ -177,5 +177,13 @@ mod tests {
         };
         assert!(has_bar([none("a"), wide("b")]));
         assert!(!has_bar([wide("a"), none("b")]));
+    }
+
+    #[test]
+    fn device_against_device_has_a_line_on_which_both_are_equally_fast() {
+        let records = judged(["a", "b"].map(|device| measured(device, "naive", 8, 10.0)));
+        let groups = groups(&records);
+        let plots = device_against_device(&groups, &Looks::of(&groups));
+        assert!(plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
     }
 }

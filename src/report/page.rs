@@ -388,4 +388,22 @@ mod tests {
         );
         assert_eq!(said(&records[..4])[4..], ["2 do not fit", "1 is meant for another kind of device"]);
     }
+
+    #[test]
+    fn a_scene_at_two_image_sizes_is_one_scene() {
+        let at = |image_size| Record { image_size, ..measured("gpu", "naive", 8, 1.0) };
+        let records = [[800, 500], [1600, 1000]].map(at);
+        let counts = counts(&records, &groups(&records));
+        assert_eq!(counts[..2], ["scene", "device"].map(|name| ("1".to_owned(), name.to_owned())));
+    }
+
+    #[test]
+    fn every_note_on_a_scene_is_shown_once() {
+        let with = |(side, notes): (u32, [&str; 2])| Record {
+            scene_notes: notes.map(str::to_owned).into(),
+            ..measured("gpu", "naive", side, 1.0)
+        };
+        let records = [(4, ["a", "b"]), (8, ["b", "c"])].map(with);
+        assert_eq!(scene_notes(&groups(&records)[0]), ["a", "b", "c"]);
+    }
 }

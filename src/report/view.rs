@@ -213,7 +213,7 @@ fn strip_row(record: &Record) -> Option<Row> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{judged, measured};
+    use crate::record::fixtures::{judged, measured, sampled};
     use crate::record::groups;
 
     #[test]
@@ -226,5 +226,12 @@ mod tests {
             plot.caption.contains("the paper's published points")
         };
         assert_eq!([PAPER_SIZE, [1600, 1000]].map(shows_them), [true, false]);
+    }
+
+    #[test]
+    fn a_sample_is_shown_as_a_percentage_above_the_median() {
+        let record = sampled("naive", (0..5).map(|place| (0, if place == 4 { 12.0 } else { 10.0 })));
+        let deviations = strip_row(&record).unwrap().deviations.into_iter();
+        assert_eq!(deviations.map(f64::round).collect::<Vec<_>>(), [0.0, 0.0, 0.0, 0.0, 20.0]);
     }
 }

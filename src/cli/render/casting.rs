@@ -245,4 +245,20 @@ mod tests {
             }
         });
     }
+
+    #[test]
+    fn a_picture_of_half_the_size_has_a_pixel_for_an_odd_row_or_column() {
+        let cast = Cast {
+            hits: 9,
+            times: FrameTimes::default(),
+            from_cache: false,
+            records_ms: 0.0,
+            read_ms: 0.0,
+            sampling: Sampling { half_light: 2, ..Sampling::ONE },
+            counts: None,
+            parts: None,
+        };
+        // Three more rays for each of 2 x 2 pixels, and two lights with two samples each.
+        assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
+    }
 }

@@ -182,4 +182,15 @@ mod tests {
         assert!(!small.options.contains("STACK_SIZE"), "{}", small.options);
         assert!(large.options.contains("STACK_SIZE=64"), "{}", large.options);
     }
+
+    #[test]
+    fn a_mesh_is_guessed_to_have_soft_light_only_with_a_sky_and_several_samples() {
+        let place = tempfile::tempdir().unwrap();
+        let device = example("PoCL", "cpu", DeviceKind::Cpu, 2);
+        let mesh = place.path().join("mesh.obj");
+        std::fs::write(&mesh, "#").unwrap();
+        let is_soft = |more: &[&str]| by_file(&args(&mesh, more), &device).unwrap().1.soft_lights;
+        assert!(is_soft(&[]));
+        assert!(!is_soft(&["--samples", "1"]) && !is_soft(&["--plain", "--samples", "4"]));
+    }
 }

@@ -200,3 +200,16 @@ impl Part<'_> {
 fn identity(device: &DeviceInfo) -> String {
     format!("{} | {}", device.identity(), device.state())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shard_cannot_compare_two_folders_of_kernels() {
+        let plain = Args::of(PathBuf::from("a.toml"), Path::new("out"), &[], &[], [false; 2]);
+        let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
+        let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
+        assert!(error.to_string().contains("can only be compared on one machine"), "{error}");
+    }
+}

@@ -108,6 +108,8 @@ fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
     let text = tally.text().unwrap();
     assert!(text.starts_with("Built: 3 programs compiled, 1 taken from the cache; 4.0 s of work"), "{text}");
     assert_eq!(Tally::default().text(), None);
+    let text = Tally { compiled: 1, ..Tally::default() }.text().unwrap();
+    assert!(text.starts_with("Built: 1 program compiled, 0 taken from the cache;"), "{text}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Tests which launches count: those in which every point was sampled.
+//! Tests which launches count: those in which every point was sampled; and which workers and locks a group needs.
 
 use super::*;
 use crate::experiment::fixtures;
@@ -48,9 +48,10 @@ impl ResultSink for Noting {
     }
 }
 
-/// Starts workers, and counts the frames of all of them.
+/// Starts workers, and counts them and the frames of all of them.
 #[derive(Default)]
 struct Mortals {
+    started: Rc<Cell<usize>>,
     frames: Rc<Cell<usize>>,
 }
 
@@ -62,6 +63,7 @@ struct Mortal {
 impl Spawner for Mortals {
     fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
         let frames = Rc::clone(&self.frames);
+        self.started.set(self.started.get() + 1);
         Ok(Box::new(Mortal { frames, answer: Wait::Reply(Reply::Started) }))
     }
 }
@@ -122,6 +124,30 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    assert!(sink.records.iter().all(|record| record.interval_ms.is_some()));
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
+}
+
+#[test]
+fn a_worker_is_started_ahead_only_if_none_is_there() {
+    let (off, group, mut workers) = (AtomicBool::new(false), group(), Mortals::default());
+    let started = Rc::clone(&workers.started);
+    let mut supervisor = Supervisor::new(&mut workers, &off, Duration::MAX);
+    for visit in ["first", "second"] {
+        supervisor.start_ahead(group.tasks()).unwrap();
+        assert_eq!(started.get(), 1, "at the {visit} visit");
+        assert!(supervisor.check(group.points()[0].task()).unwrap().is_ok());
+    }
+}
+
+#[test]
+fn casters_on_the_host_take_a_lock_and_a_device_that_casts_nothing_does_not() {
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let mut points = group().points;
+    points[0].record.device = crate::record::HOST.to_owned();
+    assert_eq!(lock_names(&run, &points), [LockName::of(None)]);
 }

@@ -165,7 +165,7 @@ impl<'a> Fastest<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{judged, measured, sampled};
+    use crate::record::fixtures::{few, judged, measured, sampled};
 
     /// Returns the ratio of two records with three launches of `n` samples each. From launch to launch, a record's
     /// time changes in equal steps from the first given time to the second.
@@ -226,6 +226,18 @@ mod tests {
         let three = judged([2, 4, 8].map(|side| measured("gpu", "naive", side, f64::from(side))));
         let few = |count: usize| Fastest::of(&three.iter().take(count).collect::<Vec<_>>()).is_none();
         assert_eq!([0, 1, 2, 3].map(few), [true, true, true, false], "the fastest of two means little");
+    }
+
+    #[test]
+    fn points_with_few_samples_are_named_after_the_fastest() {
+        let names_few = |first: Record| {
+            let others = [8, 2].map(|side| measured("gpu", "naive", side, 4.0 + f64::from(side)));
+            let records = judged([vec![first], others.into()].concat());
+            let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
+            found.text().contains("; not enough samples: ")
+        };
+        let [few, enough] = [few("gpu", "naive", 4, 9.0, 4), measured("gpu", "naive", 4, 9.0)];
+        assert_eq!([few, enough].map(names_few), [true, false]);
     }
 
     #[test]

@@ -123,6 +123,13 @@ fn a_scene_that_was_edited_is_another() {
 }
 
 #[test]
+fn scenes_correspond_by_name_if_a_folder_has_not_recorded_their_content() {
+    let known = Record { scene_hash: Some("a".into()), ..timed("a", "naive", 10.0) };
+    let comparison = of(&folder("old", vec![timed("a", "naive", 10.0)]), &folder("new", vec![known]));
+    assert_eq!((comparison.pairs.len(), comparison.others.len()), (1, 0), "{:?}", comparison.others);
+}
+
+#[test]
 fn few_samples_of_either_are_no_verdict() {
     let before = folder("old", vec![timed("a", "naive", 10.0), few("a", "wide", 8, 1.0, 3)]);
     let after = folder("new", vec![few("a", "naive", 8, 99.0, 4), timed("a", "wide", 99.0)]);

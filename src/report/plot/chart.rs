@@ -298,4 +298,14 @@ mod tests {
     fn names_cannot_break_out() {
         assert!(!chart("</svg><script>alert(1)</script>").svg().contains("<script"));
     }
+
+    #[test]
+    fn only_names_that_would_overlap_are_slanted() {
+        let slanted = |count: usize| {
+            let names = vec!["a name of 20 letters".to_owned(); count];
+            let chart = Chart { across: Across::Names(names), ..chart("naive") };
+            chart.svg().contains("rotate(-35)")
+        };
+        assert_eq!([2, 20].map(slanted), [false, true]);
+    }
 }

@@ -81,3 +81,25 @@ fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     };
     BLOCKS.iter().filter_map(own).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::CompiledKernel;
+    use crate::record::fixtures::measured;
+    use crate::record::{Folder, groups};
+
+    #[test]
+    fn only_a_device_that_reports_registers_has_a_prediction_of_its_own() {
+        let silent = measured("gpu", "naive", 8, 1.0);
+        let (name, resident_groups) = ("cast_frame".to_owned(), Some(8));
+        let kernel = CompiledKernel { name, resident_groups, ..CompiledKernel::default() };
+        let telling = Record { kernels: vec![kernel], ..silent.clone() };
+        let predicts = |record: Record| {
+            let (folder, records) = (Folder::default(), [record]);
+            let plot = predicted(&Run::of(&folder, groups(&records)), "gpu", "");
+            plot.svg.contains("naive on this device")
+        };
+        assert_eq!([telling, silent].map(predicts), [true, false]);
+    }
+}

@@ -106,8 +106,11 @@ const CORES_OF_WRITER: usize = 4;
 
 /// Returns how many pictures of a size are encoded at the same time. On a small machine one is enough, since casting needs
 /// the cores too.
-fn writers([width, height]: [u32; 2]) -> usize {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+fn writers(size: [u32; 2]) -> usize {
+    writers_on(std::thread::available_parallelism().map_or(1, usize::from), size)
+}
+
+fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
     let few_pixels = MOST_PIXELS / (u64::from(width) * u64::from(height)).max(1);
     (cores / CORES_OF_WRITER).min(few_pixels as usize).clamp(1, MOST_WRITERS)
 }
@@ -186,5 +189,12 @@ mod tests {
         // On a busy machine, the others may write many frames before the thread of frame 10 goes on.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
+    }
+
+    #[test]
+    fn few_large_pictures_are_encoded_at_the_same_time() {
+        let sizes = [[1280, 800], [8192, 4096], [8192, 8192], [65536, 65536]];
+        assert_eq!(sizes.map(|size| writers_on(64, size)), [4, 2, 1, 1]);
+        assert_eq!([1, 8, 64].map(|cores| writers_on(cores, [1280, 800])), [1, 2, 4]);
     }
 }
