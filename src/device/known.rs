@@ -145,4 +145,13 @@ mod tests {
         assert_ne!(before, drivers(place.path()));
         assert!(drivers(&place.path().join("nothing")).is_empty());
     }
+
+    #[test]
+    fn accelerators_are_in_the_order_of_their_names_whatever_else_is_there() {
+        let place = tempfile::tempdir().unwrap();
+        let names = ["renderD128", "accel0", "tty", "nvidiactl", "card1", "kfd", "null", "card0", "nvidia0"];
+        names.iter().for_each(|name| std::fs::write(place.path().join(name), "").unwrap());
+        let expected = ["accel0", "card0", "card1", "kfd", "nvidia0", "nvidiactl", "renderD128"];
+        assert_eq!(accelerators(place.path()), expected);
+    }
 }

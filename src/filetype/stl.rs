@@ -54,7 +54,7 @@ mod tests {
         let mut bytes = vec![0; HEADER_BYTES - 4];
         bytes.extend(said.to_le_bytes());
         for normal in normals {
-            let vectors = [*normal, Vec3::ZERO, Vec3::X, Vec3::new(0.0, 2.5, -3.0)];
+            let vectors = [*normal, Vec3::ONE, Vec3::X, Vec3::new(0.0, 2.5, -3.0)];
             bytes.extend(vectors.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
             bytes.extend([0; 2]);
         }

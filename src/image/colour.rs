@@ -126,13 +126,36 @@ mod tests {
         assert_eq!(light(1.0), light(50.0));
     }
 
+    /// Returns the dots of two characters below a scale; `left` is the first one's column.
+    fn text(picture: &RgbImage, left: u32) -> [String; 5] {
+        let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
+        [0, 1, 2, 3, 4].map(|y| (left..left + 7).map(|x| dot(x, 11 + y)).collect())
+    }
+
     #[test]
     fn the_scale_begins_with_minus_six() {
         let mut picture = RgbImage::new(500, SCALE_HEIGHT);
         draw_scale(&mut picture, 0);
-        let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
-        let row = |y: u32| (0..7).map(|x| dot(x, 11 + y)).collect::<String>();
-        assert_eq!([0, 1, 2, 3, 4].map(row), ["    ###", "    #  ", "### ###", "    # #", "    ###"]);
+        assert_eq!(text(&picture, 0), ["    ###", "    #  ", "### ###", "    # #", "    ###"]);
+    }
+
+    #[test]
+    fn the_count_scale_ends_with_the_largest_count() {
+        let mut picture = RgbImage::new(500, COUNT_SCALE_HEIGHT);
+        draw_count_scale(&mut picture, 0, 29);
+        assert_eq!(text(&picture, 491), ["### ###", "  # # #", "### ###", "#     #", "### ###"]);
+    }
+
+    #[test]
+    fn both_scales_show_the_whole_map() {
+        let (mut decades, mut counts) = (RgbImage::new(500, SCALE_HEIGHT), RgbImage::new(500, SCALE_HEIGHT));
+        draw_scale(&mut decades, 0);
+        draw_count_scale(&mut counts, 0, 1);
+        // None of these columns has a tick.
+        for x in [1_u32, 100, 200, 400, 498] {
+            let expected = viridis(f64::from(x) / 499.0);
+            assert_eq!([decades[(x, 5)].0, counts[(x, 5)].0], [expected; 2], "column {x}");
+        }
     }
 
     #[test]

@@ -183,4 +183,11 @@ mod tests {
         assert_eq!(greys(&[2.0, f32::INFINITY, 2.0]), [255, 0, 255]);
         assert_eq!(greys(&[f32::INFINITY]), [0]);
     }
+
+    #[test]
+    fn consecutive_numbers_have_different_colours_and_nothing_is_black() {
+        let picture = numbers(&Layers { size: [3, 1], ..Layers::default() }, &[NOTHING, 0, 1]);
+        let colours: Vec<[u8; 3]> = picture.pixels().map(|pixel| pixel.0).collect();
+        assert_eq!(colours, [[0; 3], [172, 92, 144], [96, 136, 240]]);
+    }
 }

@@ -272,4 +272,27 @@ mod tests {
         assert_ne!(specs[1].hash(), specs[0].hash());
         assert_ne!(specs[2].hash(), specs[1].hash());
     }
+
+    /// A picture that is far too large for the host is refused while a small one exists.
+    #[test]
+    fn what_other_points_hold_counts_as_the_hosts_if_the_device_shares_its_memory() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let strategy = preset("deferred").unwrap().strategy;
+        let limits =
+            DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..device.info.limits };
+        for shares_memory in [true, false] {
+            let queue = Queue { shares_memory, ..Queue::open(device.platform, device.device).unwrap() };
+            let session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
+            let mut session = session.limited(limits).keeping(Kept::default());
+            let mut prepare =
+                |side| session.prepare(&strategy, [side; 2], [1, 1]).map_err(|refused| refused.reason());
+            let small = prepare(8).unwrap();
+            let _held = small.caster().map_err(|refused| refused.reason()).unwrap();
+            let reason = prepare(1 << 20).err().unwrap();
+            assert!(reason.starts_with("the host's memory"), "{reason}");
+            assert_eq!(reason.contains("in addition to"), shares_memory, "{reason}");
+        }
+    }
 }

@@ -145,6 +145,12 @@ mod tests {
     }
 
     #[test]
+    fn with_a_sigma_of_zero_no_samples_are_precise() {
+        let rule = StoppingRule { relative_sigma: 0.0, ..RULE };
+        assert_eq!(rule.stop(&[vec![1.0; 40]], 40.0), None);
+    }
+
+    #[test]
     fn noise_settles_where_it_varies_by_less_than_a_twentieth() {
         let noise_of = |part: f64| -> Vec<f64> {
             (0..SETTLING).map(|i| 0.1 * (1.0 + if i % 2 == 0 { part } else { -part })).collect()

@@ -248,6 +248,7 @@ fn cycle(lines: usize, stride: usize) -> Vec<i32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::{DeviceLimits, discover};
 
     #[test]
     fn a_cycle_visits_every_line_once() {
@@ -269,5 +270,14 @@ mod tests {
     fn bytes_read_and_bytes_written_both_count_as_copied() {
         let rate = copied(1000, &[0.5; 5]);
         assert!((rate.median - 16_000.0).abs() < 1e-6, "{rate:?}");
+    }
+
+    #[test]
+    fn a_device_whose_lanes_are_work_items_can_be_measured() {
+        let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        // With this little memory, the buffers have one mebibyte.
+        device.info.limits = DeviceLimits { native_width: 1, global_bytes: 16 << 20, ..device.info.limits };
+        let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+        assert!(copy(&rig).is_ok_and(|rate| rate.median > 0.0));
     }
 }

@@ -250,11 +250,9 @@ mod tests {
         assert_eq!(first(&[1.0], 1.0), None, "it lies in the near plane");
         assert_eq!(first(&[1.0, 1.1], 0.5), Some(Some(0)));
         assert_eq!(first(&[1.1, 1.0], 0.5), Some(Some(2)));
-        assert_eq!(
-            first(&[1.0, 1.000_000_5], 0.5),
-            None,
-            "the second square is a rival: it lies only half of `rival` behind the first"
-        );
+        for rivals in [[1.0_f32, 1.000_000_5], [1.000_000_5, 1.0]] {
+            assert_eq!(first(&rivals, 0.5), None, "one lies only half of `rival` behind the other");
+        }
     }
 
     #[test]

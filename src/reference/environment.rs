@@ -32,12 +32,23 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
+    const SKY: Sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None };
+
     #[test]
     fn the_left_edge_is_the_right_one() {
         let texels = [1.0, 2.0, 3.0, 8.0].map(|value| [value; 3]);
         let picture = SkyPicture { size: [4, 1], texels: texels.into(), ahead: Vec3::Z, is_seen: true };
-        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, up: Vec3::Y, reach: 1.0, picture: None };
-        let behind = radiance_of_picture::<f64>(&sky, &picture, DVec3::NEG_Z);
+        let behind = radiance_of_picture::<f64>(&SKY, &picture, DVec3::NEG_Z);
         assert!((behind.x - 4.5).abs() < 1e-9, "{behind}");
+    }
+
+    #[test]
+    fn rows_lead_from_the_zenith_to_the_nadir() {
+        let texels = [1.0, 3.0].map(|value| [value; 3]);
+        let picture = SkyPicture { size: [1, 2], texels: texels.into(), ahead: Vec3::Z, is_seen: true };
+        for (way, expected) in [(DVec3::Y, 1.0), (DVec3::Z, 2.0), (DVec3::NEG_Y, 3.0)] {
+            let radiance = radiance_of_picture::<f64>(&SKY, &picture, way);
+            assert!((radiance.x - expected).abs() < 1e-9, "{way}: {radiance}");
+        }
     }
 }

@@ -222,4 +222,13 @@ mod tests {
         let bright = Scene { background: Vec3::ONE, ..scene.clone() };
         assert_ne!(scene.content_hash(), bright.content_hash());
     }
+
+    #[test]
+    fn the_hash_of_many_words_is_that_of_their_bytes() {
+        let words = 0..40_000_u32;
+        let bytes: Vec<u8> = words.clone().flat_map(u32::to_le_bytes).collect();
+        let mut hasher = blake3::Hasher::new();
+        hash_words(&mut hasher, words);
+        assert_eq!(hasher.finalize(), blake3::hash(&bytes));
+    }
 }

@@ -219,6 +219,7 @@ pub(super) fn check_positions(mesh: &Mesh) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference::fixtures::single_triangle;
 
     #[test]
     fn coordinates_are_limited_in_both_directions() {
@@ -233,6 +234,15 @@ mod tests {
             );
             assert_eq!(check_light(&light).is_ok(), is_valid, "light, {y:e}");
             assert_eq!(check_positions(&mesh).is_ok(), is_valid, "vertex, {y:e}");
+        }
+    }
+
+    #[test]
+    fn normals_are_finite_and_not_zero() {
+        for (normal, is_valid) in [(Vec3::NEG_Z, true), (Vec3::ZERO, false), (Vec3::NAN, false)] {
+            let mut scene = single_triangle();
+            scene.mesh_mut().normals[0] = normal;
+            assert_eq!(check_mesh(&scene.mesh).is_ok(), is_valid, "{normal}");
         }
     }
 }

@@ -275,6 +275,11 @@ mod tests {
             [of(&cpu, TILES, false), of(&cpu, TILES, true)],
             [named("tile"), named("tile-watertight")]
         );
+        let size = |way: Way, watertight| way.strategy(&cpu, watertight).ok().map(|(_, size)| size);
+        assert_eq!(
+            [size(Way::Exhaustive, false), size(Way::Exhaustive, true), size(Way::Single, false)],
+            [Some([4, 4]); 3]
+        );
         assert_eq!(of(&gpu, Way::Exhaustive, false), named("tiled-common-origin"));
         assert_eq!([of(&gpu, Way::Single, false), of(&gpu, Way::Single, true)], [named("bvh"); 2]);
         let separate = Way::Tiles { large: false, separate: true };

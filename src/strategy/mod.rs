@@ -180,3 +180,14 @@ impl Strategy {
         if self.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_is_square_or_for_pixel_linear_planes_wide_and_low() {
+        let block = |name| preset(name).unwrap_or_else(|error| panic!("{error}")).strategy.block();
+        assert_eq!([block("wide"), block("wide-pixel-linear")], [(4, 4), (8, 2)]);
+    }
+}

@@ -198,7 +198,7 @@ __kernel void other(void) { nor_this(); }
             assert!(!found.text.contains(gone), "{gone} in:\n{}", found.text);
         }
         for kept in [
-            "// The file.",
+            "// The file.\n\ntypedef",
             "} Used;",
             "// Called.\nstatic",
             "// ---- c.cl, line 1 ----\n\n#pragma",

@@ -119,15 +119,20 @@ mod tests {
     fn an_edge_is_sharp_if_its_faces_meet_at_more_than_the_angle() {
         // The normals of the two faces are 30 degrees to the right and to the left of y.
         let (sin, cos) = 30.0_f32.to_radians().sin_cos();
-        let positions = vec![Vec3::NEG_Z, Vec3::Z, Vec3::new(cos, -sin, 0.0), Vec3::new(-cos, -sin, 0.0)];
+        let [right, left] = [Vec3::new(cos, -sin, 0.0), Vec3::new(-cos, -sin, 0.0)];
         let triangle = |positions| Triangle { positions, normals: [MISSING; 3], material: 0 };
         let triangles = vec![triangle([0, 1, 2]), triangle([1, 0, 3])];
-        let roof = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
-        for (crease, at_edge) in [(55.0, Vec3::new(sin, cos, 0.0)), (65.0, Vec3::Y)] {
+        let roof = Mesh { triangles, materials: vec![Material::default()], ..Mesh::default() };
+        // If the left face is three times as large, its normal counts three times.
+        let [alone, leaning] = [(sin, cos), (-2.0 * sin, 4.0 * cos)].map(|(x, y)| Vec3::new(x, y, 0.0));
+        for (larger, crease, at_edge) in
+            [(1.0_f32, 55.0, alone), (1.0, 65.0, Vec3::Y), (3.0, 65.0, leaning.normalize())]
+        {
             let mut mesh = roof.clone();
+            mesh.positions = vec![Vec3::NEG_Z, Vec3::Z, right, larger * left];
             complete(&mut mesh, Some(crease));
             let normal = mesh.corner_normals(&mesh.triangles[0])[0];
-            assert!(normal.distance(at_edge) < 1e-6, "{crease}: {normal}");
+            assert!(normal.distance(at_edge) < 1e-6, "{larger}, {crease}: {normal}");
         }
     }
 

@@ -76,3 +76,16 @@ fn walls() -> [[DVec3; 3]; 6] {
         [corner + z, y, x],
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_stand_on_both_sides_from_front_to_back() {
+        for (number, x, z) in [(0, -1.08, -1.0), (1, 1.08, -1.0), (2, -1.08, -3.0), (9, 1.08, -9.0)] {
+            let foot = foot(number, 5);
+            assert!(foot.distance(DVec3::new(x, 0.0, z)) < 1e-9, "{number}: {foot}");
+        }
+    }
+}
