@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
-    limit_threads();
-    match raycl::cli::Cli::read().and_then(raycl::cli::Cli::run) {
+    set(raycl::device::thread_variables());
+    match raycl::cli::Cli::read().and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             choose_look();
@@ -19,10 +19,18 @@ fn main() -> ExitCode {
     }
 }
 
-/// Sets the variables that limit the drivers' threads. A driver reads them when it is loaded, here or in a
-/// worker, which inherits them.
-fn limit_threads() {
-    for (name, value) in raycl::device::thread_variables() {
+/// Runs a command; for one that measures, drivers pin their threads.
+fn run(cli: raycl::cli::Cli) -> raycl::Result<()> {
+    if cli.measures() {
+        set(raycl::device::pinning_variables());
+    }
+    cli.run()
+}
+
+/// Sets environment variables for drivers. A driver reads them when it is loaded, here or in a worker, which
+/// inherits them.
+fn set(variables: Vec<(&str, String)>) {
+    for (name, value) in variables {
         // SAFETY: the program has just begun: no driver is loaded and no other thread could read the
         // environment at the same time.
         unsafe { std::env::set_var(name, value) };

@@ -147,6 +147,15 @@ impl Command {
         }
     }
 
+    /// Returns whether times are what the user asks the command for, and not a picture.
+    fn measures(&self) -> bool {
+        match self {
+            Self::Run(_) | Self::Reproduce(_) | Self::Worker { .. } | Self::Peak(_) | Self::Noise(_) => true,
+            Self::Render(args) => args.repeats(),
+            _ => false,
+        }
+    }
+
     /// Returns whether the command reads standard input, which can only be read once.
     fn reads_standard_input(&self) -> bool {
         match self {
@@ -181,6 +190,11 @@ impl Cli {
         let mut command = Self::command().color(colour::of_clap());
         let mut found = command.try_get_matches_from_mut(words)?;
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
+    }
+
+    /// Returns whether times are what the user asks the command for, and not a picture.
+    pub fn measures(&self) -> bool {
+        self.command.measures()
     }
 
     /// Runs the subcommand.

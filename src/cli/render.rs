@@ -106,6 +106,11 @@ impl Args {
     pub(super) fn reads_standard_input(&self) -> bool {
         self.subject.reads_standard_input()
     }
+
+    /// Returns whether the picture is cast several times, in order to be timed.
+    pub(super) fn repeats(&self) -> bool {
+        self.repeat > 1
+    }
 }
 
 /// Renders one picture, or with `--watch` one after every change.

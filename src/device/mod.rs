@@ -25,7 +25,7 @@ pub use limits::DeviceLimits;
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
 pub(crate) use quieting::{Hush, quieting};
 pub use select::{default_place, pick_default, places, select, select_infos};
-pub use threads::thread_variables;
+pub use threads::{pinning_variables, thread_variables};
 
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
@@ -180,7 +180,8 @@ impl DeviceInfo {
 
     /// Returns everything that affects what its driver compiles from a source.
     pub fn compiler(&self) -> String {
-        std::iter::once(self.model()).chain(self.settings.iter().cloned()).collect::<Vec<_>>().join(" | ")
+        let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
+        std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
     }
 
     /// Returns what affects its times in addition to its identity, as part of keys: compute units, cores, threads and

@@ -1,5 +1,6 @@
-//! Limits the number of PoCL's threads. By default PoCL starts one per processor of the machine, even if the
-//! process may run on fewer.
+//! Limits the number of PoCL's threads, and pins them to processors. By default PoCL starts one thread per processor
+//! of the machine, even if the process may run on fewer. It leaves the placement of its threads to the system, which
+//! can put two of them on the same processor for seconds while another processor is idle.
 
 use super::DeviceKind;
 
@@ -14,6 +15,39 @@ const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 /// process may run on according to its affinity and control groups. Empty if the user has set one of them.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
+}
+
+/// PoCL's environment variable for pinning each of its threads to the processor of the same number.
+const PINNED: &str = "POCL_AFFINITY";
+
+/// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Empty if the user has set
+/// the variable, or if the process may run only on some of the first processors, or only for part of the time.
+pub fn pinning_variables() -> Vec<(&'static str, String)> {
+    let is_set = std::env::var_os(PINNED).is_some();
+    if is_set || !are_the_first(&processors(), allowed()) {
+        return Vec::new();
+    }
+    vec![(PINNED, "1".to_owned())]
+}
+
+/// Returns whether these are the first processors of the machine, and as many as the process may use at once.
+/// PoCL pins its threads to just these.
+fn are_the_first(processors: &[usize], threads: usize) -> bool {
+    processors.iter().copied().eq(0..threads)
+}
+
+/// Returns the numbers of the processors that the process may run on; none if the system does not tell.
+#[cfg(target_os = "linux")]
+fn processors() -> Vec<usize> {
+    use rustix::thread::{CpuSet, sched_getaffinity};
+    let own = sched_getaffinity(None);
+    own.map_or_else(|_| Vec::new(), |own| (0..CpuSet::MAX_CPU).filter(|number| own.is_set(*number)).collect())
+}
+
+/// Returns the numbers of the processors that the process may run on; none if the system does not tell.
+#[cfg(not(target_os = "linux"))]
+fn processors() -> Vec<usize> {
+    Vec::new()
 }
 
 /// Returns the number of threads that the process may run at once.
@@ -46,6 +80,14 @@ mod tests {
             assert!(variables(|name| name == set, 3).is_empty(), "{set}");
         }
         assert!(allowed() >= 1);
+    }
+
+    #[test]
+    fn threads_are_pinned_if_all_of_the_first_processors_are_allowed() {
+        assert!(are_the_first(&[0, 1, 2], 3));
+        assert!(!are_the_first(&[0, 1, 2], 2), "a control group allows two processors' time");
+        assert!(!are_the_first(&[1, 2], 2) && !are_the_first(&[0, 2], 2), "PoCL would use processor 0 and 1");
+        assert!(!are_the_first(&[], 1), "nothing is known");
     }
 
     #[test]

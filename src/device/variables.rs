@@ -66,6 +66,9 @@ const DRIVERS: [Driver; 3] = [
 /// Variables that match a pattern above, but only increase the driver's output.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
+/// A variable above that affects only where threads run, and so times, but nothing that is compiled.
+const PLACES: &str = "POCL_AFFINITY=";
+
 /// Prefixes of the variables of drivers and loaders, including those for caches, for logs and for hiding devices.
 /// The environment of a run stores every such variable that is set.
 const FAMILIES: [&str; 9] = [
@@ -86,6 +89,11 @@ pub type Setting = String;
 /// Returns the variables that affect times or pictures on a device of this platform, sorted by name.
 pub fn deciding(platform: &str) -> Vec<Setting> {
     deciding_of(platform, variables())
+}
+
+/// Returns whether one of these settings may affect what the driver compiles.
+pub fn compiles(setting: &Setting) -> bool {
+    !setting.starts_with(PLACES)
 }
 
 /// Returns every variable of a driver or a loader that is set, sorted by name.

@@ -4,6 +4,8 @@ use super::error::Error;
 
 /// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
+/// The least error, as a fraction, that a weight assumes.
+const LEAST_ERROR: f64 = 1e-6;
 
 /// A value and its 95% interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,12 +29,20 @@ impl Interval {
         interval((self.middle / other.middle).ln(), error)
     }
 
-    /// Returns the geometric mean of independent values; `None` if there are none.
+    /// Returns the geometric mean of independent values; `None` if there are none. Each is weighted by the inverse of
+    /// its variance, so that an uncertain value counts for little. The variances are estimates, which makes the mean
+    /// less certain than they say: Meier, "Variance of a weighted mean" (Biometrics 9, 1953), equation 1.
     pub fn mean(all: &[Self]) -> Option<Self> {
-        let count = all.len() as f64;
-        let sum = Error::of_sum(all.iter().map(|one| one.error()));
-        let log = all.iter().map(|one| one.middle.ln()).sum::<f64>() / count;
-        (!all.is_empty()).then(|| interval(log, Error { error: sum.error / count, ..sum }))
+        // Without an error, a value would have an infinite weight.
+        let weight = |one: &Self| one.error.max(LEAST_ERROR).powi(-2);
+        let sum: f64 = all.iter().map(weight).sum();
+        let shares = || all.iter().map(|one| (weight(one) / sum, one));
+        let log = shares().map(|(share, one)| share * one.middle.ln()).sum();
+        let mean =
+            Error::of_sum(shares().map(|(share, one)| Error { error: share * one.error, ..one.error() }));
+        let estimated: f64 = shares().map(|(share, one)| share * (1.0 - share) / one.degrees).sum();
+        let error = mean.error * (1.0 + 4.0 * estimated).sqrt();
+        (!all.is_empty()).then(|| interval(log, Error { error, ..mean }))
     }
 
     /// Returns the value that the true value exceeds, except with the probability `risk`.
@@ -67,11 +77,29 @@ mod tests {
 
     #[test]
     fn the_mean_of_intervals_is_as_sure_as_its_parts_together() {
-        let one = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
+        let known = |middle, error| interval(middle, Error { error, degrees: f64::INFINITY });
+        let one = known(2.0, 0.1);
         let found = Interval::mean(&[one; 4]).unwrap();
         // The mean of four values with independent, equal errors has half of that error.
         assert!((found.middle.ln() - 2.0).abs() < 1e-12 && (found.error - 0.05).abs() < 1e-12, "{found:?}");
         assert!(Interval::mean(&[]).is_none());
+        // A value with three times the error has a ninth of the weight.
+        let found = Interval::mean(&[one, known(3.0, 0.3)]).unwrap();
+        assert!((found.middle.ln() - 2.1).abs() < 1e-12, "{found:?}");
+        assert!((found.error - 0.1 * 0.9_f64.sqrt()).abs() < 1e-12, "{found:?}");
+        // Without any error, both count alike.
+        assert!(
+            (Interval::mean(&[known(2.0, 0.0), known(3.0, 0.0)]).unwrap().middle.ln() - 2.5).abs() < 1e-12
+        );
+    }
+
+    #[test]
+    fn weights_that_are_estimates_make_the_mean_less_certain() {
+        let estimated = interval(2.0, Error { error: 0.1, degrees: 4.0 });
+        let found = Interval::mean(&[estimated; 2]).unwrap();
+        // By Meier's equation, the variance of the mean, 0.1 * 0.1 / 2, grows by 4 * (1/4 + 1/4) / 4.
+        assert!((found.error - (0.005_f64 * 1.5).sqrt()).abs() < 1e-12, "{found:?}");
+        assert!((found.degrees - 8.0).abs() < 1e-9, "{found:?}");
     }
 
     #[test]
