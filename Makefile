@@ -30,13 +30,13 @@ test: setup-tests ## run the tests
 test-long: setup-tests ## run all tests without sampling: every preset at every local size (half an hour)
 	RAYCL_TEST_LONG=1 $(TEST)
 
-mutants: setup-tests ## make mistakes in Rust and kernels, one at a time: a test must fail; resumes where it was stopped (an hour; Python 3.11)
+mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time: a test must fail; resumes where it was stopped (an hour; Python 3.11)
 	@tests/mutants/run
 
-mutants-sample: setup-tests ## make a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
+mutants-sample: setup-tests ## insert a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
 	@tests/mutants/run --sample "$${SAMPLE:-$$(date +%F)}"
 
-oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and unwritten values; also with one barrier removed
+oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and reads of unwritten values; also with one barrier removed
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- oclgrind:: --nocapture
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, which is installed under target/
@@ -46,7 +46,7 @@ test-slurm: build ## run shards on a real Slurm of four nodes on this machine, a
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 
-test-slurm-short: setup-tests ## a part of test-slurm, in a minute, as CI runs it: a raycl is killed, a task is lost
+test-slurm-short: setup-tests ## run the part of test-slurm that CI runs (a minute): one raycl is killed, and one task is lost
 	@tests/slurm/setup
 	cargo test --locked --no-run
 	RUNS=1 tests/slurm/run $${CARGO_TARGET_DIR:-target}/debug/raycl kill nokill
@@ -64,13 +64,13 @@ licences: ## check licences, bans and sources of all crates against deny.toml, w
 	@.ci/setup --licences
 	@.ci/licences
 
-figures: build ## make the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
+figures: build ## write the figures of README.md, docs/kernels.md, docs/paper.md and docs/performance.md from the stored records
 	$(RAYCL) figures
 
-test-python: ## run the lines of docs/python.md (installs pandas, Polars and DuckDB under target/)
+test-python: ## run the Python code of docs/python.md (installs pandas, Polars and DuckDB under target/)
 	@tests/python/run target/python
 
-book: ## make target/book/index.html from docs/ (installs mdbook with cargo if it is missing)
+book: ## build target/book/index.html from docs/ (installs mdbook with cargo if it is missing)
 	@command -v mdbook >/dev/null || cargo install --locked mdbook
 	mdbook build
 

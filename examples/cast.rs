@@ -10,7 +10,7 @@ fn main() -> Result<()> {
     loaded.notes.iter().for_each(|note| println!("note: {note}"));
 
     let mut caster = Raycaster::open(loaded.scene, device.first().map(String::as_str))?;
-    // The first frame includes what a driver does only once; the second is the one to time.
+    // The first frame includes work that a driver does only once, so the second frame is timed.
     caster.cast(None, [320, 200])?;
     let cast = caster.cast(None, [320, 200])?;
     cast.save(picture.as_ref())?;

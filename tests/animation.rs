@@ -1,5 +1,5 @@
-//! Values of a scene over time: what each frame shows, what is loaded and made again for it, and the messages for
-//! mistakes in an animation.
+//! Values of a scene over time: what each frame shows, which data are loaded and computed again for it, and
+//! the messages about mistakes in an animation.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::binary::{Place, device, has};
@@ -166,7 +166,8 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
     let report = animate(&place, &[]);
     assert_eq!((&report["frames"], &report["skipped"]), (&1.into(), &3.into()));
     assert_eq!(animate(&place, &["--frames", "2..4"])["frames"], 0);
-    // If only the end of a track changes, the earlier frames stay valid and are skipped; the last frame is refused.
+    // If only the end of a track changes, the earlier frames stay valid and are skipped. The file of the last
+    // frame is not overwritten.
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
     for (from, to) in
@@ -177,7 +178,7 @@ fn frames_are_skipped_where_their_scene_is_the_same_and_refused_where_it_is_anot
         let message = place.mistake(&[&render[..], &SIZE].concat(), 2);
         has(&message, &["exists and is not frame", "`--force`"]);
     }
-    // Another mesh of the same name.
+    // Another mesh with the same file name counts as a change.
     place.write("scene.toml", &format!("{STILL}{tracks}"));
     place.write("mesh.obj", &MESH.replace("v 1 2 -1", "v 1 1.5 -1"));
     has(&place.mistake(&[&render[..], &SIZE].concat(), 2), &["is not frame 1"]);
@@ -224,7 +225,7 @@ fn a_picture_of_the_sky_is_read_once_and_turned() {
     assert_eq!(third.texels[9], first.texels[9].map(|value| 2.0 * value));
 }
 
-/// An animation with one track.
+/// Returns an animation with one track.
 fn track(text: &str) -> String {
     format!("[animation]\nframes = 9\n[[animation.track]]\n{text}\n")
 }
@@ -257,7 +258,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
             "longer than the path of any value of a scene",
             "scene.toml:18",
         ),
-        (track("path = \"camera..x\"\nvalues = [1]"), "between its dots is empty", "scene.toml:18"),
+        (track("path = \"camera..x\"\nvalues = [1]"), "one of its names is empty", "scene.toml:18"),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
     ]);
 }
@@ -355,7 +356,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
 fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_told() {
     let device = device();
     let render = ["render", "scene.toml", "--animate", "--device", &device];
-    // A camera without a direction at one frame is found when that frame's turn comes.
+    // If the camera has no direction at one frame, the message comes when this frame is reached.
     let blind = track("path = \"camera.position\"\nvalues = [[0, 0.5, 0], [2, 0.5, 0]]");
     let said = place(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
     has(&said, &["looks at the same point", "scene.toml at frame 5"]);

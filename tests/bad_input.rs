@@ -129,8 +129,8 @@ fn nan_in_an_obj() {
 #[test]
 fn a_normal_index_that_does_not_exist() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
-    // Faces that some exporters write and other programs read are only noted; a number 0 is an error, since all
-    // numbers start at 1.
+    // Incorrect faces that some exporters write and other programs accept cause only a note. A number 0 is an
+    // error, since all numbers start at 1.
     let device = crate::binary::device();
     let place = Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1 2\n"))]);
     let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
@@ -204,7 +204,7 @@ fn an_output_that_cannot_be_written_is_refused_before_any_work() {
 fn an_image_larger_than_memory_is_refused_with_arithmetic() {
     let message =
         argument_mistake(&["--width", "65536", "--height", "65536", "--device", &crate::binary::device()]);
-    has(&message, &["cannot hold this: largest buffer: image 16 B x 4294967296 pixels", " B > "]);
+    has(&message, &["cannot hold this frame: largest buffer: image 16 B x 4294967296 pixels", " B > "]);
 }
 
 #[test]

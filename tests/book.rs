@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::fs::{read_dir, read_to_string};
 use std::path::{Path, PathBuf};
 
-/// Names of the pages in docs/.
+/// Returns the names of the pages in docs/.
 fn pages() -> BTreeSet<String> {
     let entries =
         read_dir(repository("docs")).expect("docs").map(|entry| entry.expect("an entry").file_name());
@@ -14,7 +14,7 @@ fn pages() -> BTreeSet<String> {
     names.filter(|name| name.ends_with(".md") && name != "SUMMARY.md").collect()
 }
 
-/// The text without code: fenced blocks and what stands between backticks.
+/// Returns a text without code, which is in fenced blocks or between backticks.
 fn without_code(text: &str) -> String {
     let mut fenced = false;
     let mut kept = String::new();
@@ -39,7 +39,7 @@ fn links(text: &str) -> Vec<String> {
     targets.into_iter().filter(|target| !target.contains("://")).collect()
 }
 
-/// A heading as part of a link, as GitHub and mdBook make it.
+/// Returns the name by which links refer to a heading, as GitHub and mdBook derive it.
 fn anchor(heading: &str) -> String {
     let words = heading.trim().to_lowercase().replace(' ', "-");
     words.chars().filter(|c| c.is_alphanumeric() || matches!(c, '-' | '_')).collect()

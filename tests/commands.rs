@@ -22,7 +22,7 @@ fn json(arguments: &[&str]) -> serde_json::Value {
     serde_json::from_str(&output(arguments)).expect("JSON")
 }
 
-/// Runs it, expects this exit code, and gives standard error.
+/// Runs a command, which must end with this exit code, and returns its standard error.
 fn mistake(command: &mut Command, code: i32) -> String {
     let output = run(command).assert().code(code).get_output().clone();
     assert!(output.stdout.is_empty(), "{output:?}");
@@ -127,8 +127,8 @@ fn man_prints_a_page_and_writes_those_of_all_commands() {
     assert!(message.contains("raycl-run.1"), "{message}");
 }
 
-/// The option decides if it is given, before or after the command's name; otherwise `NO_COLOR` decides if it is set;
-/// otherwise colours are used on a terminal, which no test has.
+/// `--color`, before or after the command's name, decides whether colours are used. Without it, `NO_COLOR`
+/// decides. Without either, colours are used on a terminal, which no test has.
 #[test]
 fn colours_are_what_the_user_says() {
     let escapes = |words: &[&str], refused: bool| {
@@ -141,7 +141,8 @@ fn colours_are_what_the_user_says() {
         [output.stdout, output.stderr].map(|bytes| bytes.contains(&0x1b))
     };
     let nothing = "no-such-scene.toml";
-    // Tests an unknown command, a file that does not exist, and help: their messages come from clap or from raycl.
+    // An unknown command, a file that does not exist, and help: some of these messages come from clap, others
+    // from raycl.
     assert_eq!(escapes(&["rendr"], false), [false, false]);
     assert_eq!(escapes(&["--color=always", "rendr"], true), [false, true]);
     assert_eq!(escapes(&["render", nothing, "--color", "always"], true), [false, true]);
@@ -153,7 +154,7 @@ fn colours_are_what_the_user_says() {
     assert!(message.contains("'always'"), "{message}");
 }
 
-/// What bash offers for the last of these words, once it has loaded the script.
+/// Returns the completions that bash offers for the last of these words, after it has loaded the script.
 #[cfg(unix)]
 fn completions(script: &std::path::Path, words: &[&str]) -> Vec<String> {
     let code = r#"source "$1"; shift

@@ -1,11 +1,12 @@
-//! What compilers make of the kernels: stored PTX (`tests/ptx/make` lists its compilers) shows that working vectors
-//! and triangles lie in the memory that a strategy names, and `raycl compile` stores its results on any device.
+//! The code that compilers generate from the kernels. Stored PTX (`tests/ptx/make` lists its compilers) shows
+//! that working vectors and triangles lie in the memory that a strategy names. `raycl compile` stores its
+//! results on any device.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
 use serde_json::Value;
 
-/// Returns the counts of the whole-frame kernel in two stored PTX files: that of clang and that of NVIDIA's driver.
+/// Returns the counts of the whole-frame kernel in two stored PTX files, from clang and from NVIDIA's driver.
 fn stored(name: &str) -> [(String, InstructionCounts); 2] {
     ["clang", "driver"].map(|whose| stored_of(name, whose))
 }
@@ -54,8 +55,8 @@ fn private_vectors_are_in_registers() {
     }
 }
 
-/// Five vectors of three floats each, written and read at each test of primary and of shadow rays. clang reaches its stack by generic
-/// addresses.
+/// The kernel writes and reads five vectors of three floats each, at each test of primary and of shadow rays.
+/// clang accesses its stack by generic addresses.
 #[test]
 fn the_tests_own_vectors_are_in_private_memory() {
     for (file, counts) in stored("test-vectors") {
@@ -88,7 +89,7 @@ fn local_triangles_are_read_from_shared_memory() {
 
 #[test]
 fn volatile_vectors_are_loaded_at_every_test() {
-    // A measurement of a memory needs accesses to it in the loop: the paper's kernel reads the ray at each test.
+    // To measure a memory, the loop must access it: the paper's kernel reads the ray at each test.
     for name in ["vectors-global", "vectors-local"] {
         for ((file, counts), (_, private)) in stored(name).iter().zip(stored("vectors-private")) {
             let all = |counts: &InstructionCounts| counts.reach("global") + counts.reach("shared");

@@ -50,7 +50,7 @@ newmtl wall
 Kd 0.5 0.6 0.7
 ";
 
-/// A picture of eight by eight texels: a disc whose alpha decreases smoothly at its edge.
+/// Returns a picture of eight by eight texels: a disc whose alpha decreases smoothly at its edge.
 fn leaf() -> RgbaImage {
     RgbaImage::from_fn(8, 8, |x, y| {
         let [x, y] = [x, y].map(|at| at as f32 - 3.5);
@@ -112,7 +112,7 @@ fn a_family_without_cut_outs_says_so_and_a_scene_can_leave_them_out() {
     let place = room(MTL);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
+    has(&place.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
     place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
 }
 
@@ -144,7 +144,7 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     has(&place.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
-/// The changes: no holes, the wrong channel, the wrong texel, holes for rays from the eye only.
+/// The changes to the kernels: no holes, a wrong channel, a wrong texel, holes only for rays from the eye.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let place = room(MTL);
@@ -213,8 +213,8 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let kernels = place.kernels("common/cutouts.cl", ">> 16) - 1.0f;", ">> 16) + 1.0f;");
     let holes = place.picture(&["--cl-dir", &kernels]).0;
     assert!(apart(&solid, &holes) > 100, "{}", apart(&solid, &holes));
-    // The hole alone. If the kernel did not subtract one unit from the least alpha, rounding would also turn an
-    // eighth of the solid pixels into holes.
+    // Only the hole differs. If the kernel did not subtract one unit from the least alpha, rounding would
+    // also turn an eighth of the solid pixels into holes.
     let [few, all] = [apart(&solid, &whole), apart(&holes, &whole)];
     assert!(10 * few < all, "{few} {all}");
     leaf().save(place.path("leaf.png")).expect("a picture");

@@ -32,7 +32,7 @@ fn run<'a>(out: &'a str, device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "test.toml", "--quiet", "--device", device, "--out", out], more].concat()
 }
 
-/// Starts a run that hangs while it times a point; its process holds the device.
+/// Starts a run that hangs while it times a point, and therefore keeps the device locked.
 fn holder(place: &Place, device: &str) -> Child {
     let holder = start(place, &run("first", device, &HANGS), "first.txt");
     until("the first hangs", || place.path("first/.hangs").exists());
@@ -52,7 +52,7 @@ fn end(mut process: Child) {
     process.wait().expect("a process");
 }
 
-/// Its exit code, once it has ended.
+/// Waits until a process has ended, and returns its exit code.
 fn code(process: Child) -> Option<i32> {
     crate::binary::finish(process).status.code()
 }
@@ -62,7 +62,7 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
     let (place, device) = (place(), device());
     let first = holder(&place, &device);
     let second = waiter(&place, &device, &first);
-    // Where the device is the host's processors, the second has not even timed its baseline.
+    // If the device is the host's CPU, the second run has not even timed its baseline.
     let timed = place.json_lines("second/samples.jsonl").len();
     assert!(timed <= 3, "{timed} samples beside the first");
     end(first);

@@ -1,5 +1,5 @@
-//! The config, a scene, the kernels or the environment is edited, then `--resume` follows: only what changed is
-//! measured again, and all views of the results show the same points, medians and winners.
+//! Edits of the config, a scene, the kernels or the environment, each followed by `--resume`: only points
+//! that changed are measured again, and all views of the results show the same points, medians and winners.
 
 use crate::binary::{Place, TRIANGLE, device, repository};
 use serde_json::Value;
@@ -14,10 +14,10 @@ struct Ground {
     variables: Vec<(&'static str, String)>,
 }
 
-/// A point as it is shown: scene, strategy, local size.
+/// The name of a point in all views: scene, strategy, local size.
 type Name = (String, String, String);
 
-/// What a view shows: the median of each point in ms, and the winners.
+/// The contents of a view: the median of each point in ms, and the winners.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Shown {
     medians: BTreeMap<Name, f64>,
@@ -34,8 +34,8 @@ const A: &[&str] = &["scene"];
 const A_AND_B: &[&str] = &["a/scene", "b/scene"];
 const SWEEP: &[&str] = &["scene+power=10 (light.0.power = 10)", "scene+power=10 (light.1.power = 10)"];
 
-/// The edits in their order; each starts from the state that the one before left. Each scene has three points: two
-/// strategies and a baseline.
+/// The edits in their order. Each starts from the state after the previous edit. Each scene has three points:
+/// two strategies and a baseline.
 const EDITS: [Edit; 24] = [
     ("nothing", |_| {}, 0, A),
     ("the question is worded anew", |ground| ground.set("question", "\"Which?\""), 0, A),
@@ -196,7 +196,8 @@ impl Ground {
         }
     }
 
-    /// Returns what the folder shows, and checks that all of its files and commands show the same.
+    /// Returns the points, medians and winners of the folder, and checks that all of its files and commands
+    /// show the same.
     fn agreed(&self, edit: &str, scenes: &[&str]) -> Shown {
         let csv = self.place.text("out/summary.csv");
         assert_eq!(self.place.text("out/exports/points.csv"), csv, "{edit}: points.csv");
@@ -217,7 +218,7 @@ impl Ground {
         Shown { medians, winners: summary.winners }
     }
 
-    /// The folder compared with itself.
+    /// Returns the medians that `raycl compare` shows if the folder is compared with itself.
     fn compared(&self) -> BTreeMap<Name, f64> {
         let text = self.place.output(&["compare", "out", "out", "--json"]);
         let found: Value = serde_json::from_str(&text).expect("JSON");
@@ -240,8 +241,8 @@ impl Ground {
         found["results"].as_array().expect("a list").iter().map(point).collect()
     }
 
-    /// A cache for Kernel Tuner names its scene only in the file's name, so the scene is found by the beginning of
-    /// that name.
+    /// Returns the medians in the caches for Kernel Tuner. A cache names its scene only in the file's name,
+    /// so the scene is found by the beginning of this name.
     fn kernel_tuner(&self) -> BTreeMap<Name, f64> {
         let mut points = BTreeMap::new();
         let t4 = self.t4();
@@ -299,12 +300,13 @@ fn of_csv(text: &str) -> BTreeMap<Name, f64> {
     rows.iter().map(point).collect()
 }
 
-/// Returns a baseline's name: files for readers show its strategy instead, such as `parallel-f32 (host)`.
+/// Returns a baseline's name from its strategy, such as `parallel-f32 (host)`, which some files show instead.
 fn by_name(strategy: &str) -> String {
     strategy.trim_end_matches(" (host)").replace("parallel-f32", "parallel")
 }
 
-/// Headings "## scene, 16 x 10, device", rows of strategy, local size, median; winners of kernels are bold.
+/// Reads a summary in Markdown, which has headings such as "## scene, 16 x 10, device", and rows with
+/// strategy, local size and median. The winners among the kernels are bold.
 fn of_markdown(text: &str) -> Shown {
     let mut shown = Shown::default();
     let mut scene = String::new();
@@ -352,7 +354,7 @@ fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
     rest.split_once(to).map_or("", |(inner, _)| inner)
 }
 
-/// Six points of a run on 2026-11-20, before folders had a plan.
+/// The folder has six points of a run on 2026-11-20, when folders had no plan yet.
 #[test]
 fn results_of_before_are_read_without_a_plan() {
     let folder = repository("tests/data/old-results");

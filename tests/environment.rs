@@ -25,7 +25,7 @@ vertices = [[-2, -0.5, 2], [2, -0.5, 2], [2, -0.5, -2], [-2, -0.5, -2]]
 faces = [[0, 1, 2, 3]]
 ";
 
-/// Sixteen by eight texels: brighter above, blue to the left of the middle and red to the right.
+/// Returns a picture of 16 x 8 texels: brighter above, blue to the left of the middle and red to the right.
 fn sky() -> Rgb32FImage {
     Rgb32FImage::from_fn(16, 8, |x, y| {
         let height = (8 - y) as f32 / 64.0;
@@ -60,7 +60,8 @@ fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
     }
 }
 
-/// The middle is ahead of a camera without a look_at, and columns go to the right.
+/// A camera without a `look_at` looks at the picture's middle, and the picture's columns run from left to
+/// right.
 #[test]
 fn directions_are_where_they_belong() {
     let empty = "[camera]\nposition = [0, 0, 0]\nfov_x_degrees = 90\n[sky]\npicture = \"sky.exr\"\n[[object]]\n\
@@ -71,13 +72,13 @@ fn directions_are_where_they_belong() {
     assert!(left[2] > left[0] + 0.005 && right[0] > right[2] + 0.005, "{left:?} {right:?}");
     assert!((middle[0] - middle[2]).abs() < 0.002, "{middle:?}");
     assert!(ahead[(30, 0)].0[1] > ahead[(30, 42)].0[1] + 0.01, "brighter above");
-    // After a quarter turn counter-clockwise, as seen from above, what was on the left is behind the camera, and the
-    // picture's middle is on the left.
+    // After a quarter turn (counter-clockwise, seen from above), the picture's left part is behind the
+    // camera, and its middle is on the left.
     let turned = render(&place, &["--set", "sky.turn_degrees=90", "--verify"]);
     assert!(turned[(30, 21)].0[0] > middle[0] + 0.005, "{:?}", turned[(30, 21)]);
     let stronger = render(&place, &["--set", "sky.strength=3"]);
     assert!((stronger[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 3.0).abs() < 1e-3);
-    // HDR has 8 bits per channel and a common exponent.
+    // An HDR file has 8 bits per channel and a common exponent.
     let hdr = render(&place, &["--set", "sky.picture='sky.hdr'"]);
     assert!((hdr[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 1.0).abs() < 0.02);
     // A background that the user sets hides the picture of the sky.
@@ -99,7 +100,10 @@ fn what_is_wrong_with_a_sky_is_told() {
         &["a sky has a zenith or a picture"],
     );
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place(SCENE).mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
+    has(
+        &place(SCENE).mistake(&raster, 2),
+        &["traversal = raster does not support a sky, which the scene has"],
+    );
 }
 
 /// A frame must not depend on which pixels saw the sky in the frame before.
@@ -122,7 +126,8 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
     }
 }
 
-/// The changes: another channel, another row, a shift by half a texel, the sky in front of surfaces.
+/// The changes to the kernels: another channel, another row, a shift by half a texel, the sky in front of
+/// surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let place = place(SCENE);

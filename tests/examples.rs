@@ -1,5 +1,5 @@
-//! The programs under examples/, which use the library's stable part, do what they say. `cargo test` builds them; `cargo test --test all`
-//! does not, so `cargo build --examples` must be run first.
+//! The programs under examples/, which use the stable part of the library, do what their comments say. `cargo
+//! test` builds them. `cargo test --test all` does not, so `cargo build --examples` must be run first.
 
 use crate::binary::{NO_SETTINGS, Place, TRIANGLE, config, device, has};
 use std::path::Path;
@@ -28,7 +28,7 @@ fn one_casts_a_picture() {
     assert!(!told.contains(" 0 pixels"), "{told}");
     let picture = image::open(place.path("a.png")).expect("a picture");
     assert_eq!((picture.width(), picture.height()), (320, 200));
-    // The message about a mistake has the line, as in raycl's own commands.
+    // The message about a mistake shows the line, as in raycl's own commands.
     place.write("bad.toml", &TRIANGLE.replace("power", "pwer"));
     let output = run(&place, "cast", &["bad.toml", "b.png"]);
     assert!(!output.status.success());

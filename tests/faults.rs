@@ -1,4 +1,5 @@
-//! Tests with real runs, real worker processes and real faults: a run loses only what the fault destroyed.
+//! Tests with real runs, real worker processes and real faults: a run loses only the data that the fault
+//! destroyed.
 
 use crate::binary::{finish, run, until};
 use rand::{RngExt as _, SeedableRng as _};
@@ -15,7 +16,7 @@ use tempfile::TempDir;
 /// One baseline and four kernels at two sizes.
 const POINTS: usize = 10;
 
-/// A folder with a config, and the runs in it.
+/// A folder with a config, in which the test starts runs.
 struct Ground {
     folder: TempDir,
     config: PathBuf,
@@ -75,7 +76,7 @@ impl Ground {
         assert_eq!(rounds.len(), samples.len());
     }
 
-    /// Samples on disk, whole lines only.
+    /// Returns the number of samples on disk. Only complete lines count.
     fn samples(&self) -> usize {
         let bytes = std::fs::read(self.out.join("samples.jsonl")).unwrap_or_default();
         bytes.iter().filter(|&&byte| byte == b'\n').count()
@@ -87,19 +88,19 @@ impl Ground {
         self.all_measured_once();
     }
 
-    /// Waits until the worker hangs, as it is told to.
+    /// Waits until the worker hangs, as `--fault` requests.
     fn until_it_hangs(&self) {
         until("it hangs", || self.out.join(".hangs").exists());
     }
 
-    /// Lets a worker continue that was told to wait.
+    /// Lets a worker continue that waits because of `--fault`.
     fn let_go(&self) {
         std::fs::remove_file(self.out.join(".hangs")).expect("what a worker that holds leaves");
     }
 }
 
 fn said(output: &Output) -> String {
-    // Lines are broken to fit a terminal; a test looks for words.
+    // Line breaks depend on the terminal's width, so they are replaced by blanks.
     let text = String::from_utf8_lossy(&output.stderr).replace('│', " ");
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -109,7 +110,7 @@ fn send(signal: Signal, process: u32) -> bool {
     Pid::from_raw(process as i32).is_some_and(|process| kill_process(process, signal).is_ok())
 }
 
-/// Sends a signal and waits until the process has taken it.
+/// Sends a signal and waits until the process has received it.
 fn signal(signal: Signal, process: u32) {
     assert!(send(signal, process), "process {process} is gone");
     until("the signal is taken", || !has_pending_signals(process));
@@ -124,7 +125,7 @@ fn has_pending_signals(process: u32) -> bool {
     masks.into_iter().any(|mask| mask.trim().contains(|digit| digit != '0'))
 }
 
-/// The process ids of a process's children.
+/// Returns the process ids of a process's children.
 fn children(process: u32) -> Vec<u32> {
     let list =
         std::fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap_or_default();
@@ -174,12 +175,13 @@ fn what_happens_once_and_what_drivers_print_cost_nothing() {
     }
 }
 
-/// How often a test kills: RAYCL_KILLS, or a few.
+/// Returns how many times a test kills a process: the value of RAYCL_KILLS, or 8.
 fn kills() -> usize {
     std::env::var("RAYCL_KILLS").ok().and_then(|text| text.parse().ok()).unwrap_or(8)
 }
 
-/// A moment of a run, for a test that kills it: some time after its start, or some samples into it.
+/// Waits for a random moment of a run: until some time has passed since its start, or until it has some
+/// samples.
 fn random_moment(rng: &mut ChaCha8Rng, ground: &Ground, run: &mut Child) {
     let samples = rng.random_range(0..100_usize).saturating_sub(40);
     if samples == 0 {
@@ -231,7 +233,8 @@ fn workers_killed_at_random_moments_cost_nothing() {
         let ground = Ground::new(12);
         let mut run = ground.start(&[]);
         random_moment(&mut rng, &ground, &mut run);
-        // At most one worker is killed per run: if two died at the same point, the point would be blamed.
+        // At most one worker is killed per run. If two died at the same point, the point would count as
+        // failed.
         killed += children(run.id()).first().is_some_and(|&worker| send(Signal::KILL, worker)) as usize;
         let output = finish(run);
         assert!(output.status.success() || said(&output).contains("could not start"), "{}", said(&output));
@@ -270,8 +273,8 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    // The sample never ends, so only the second signal can end the run. The first signal may have arrived without
-    // having been handled yet, so the test repeats the second one, which does no harm.
+    // The sample never ends, so only the second signal can end the run. The first signal may not have been
+    // handled yet when the second one arrives, so the test repeats the second signal, which does no harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);

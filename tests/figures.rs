@@ -80,7 +80,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
         let numbers = numbers(text);
         assert!(numbers.len() > 20, "{name} has {} numbers", numbers.len());
         for (place, at) in numbers.into_iter().enumerate() {
-            // A generated part of a document is compared as a whole, so it is enough to change some of its numbers.
+            // A generated part of a document is compared as a whole, so only some of its numbers need to be
+            // changed.
             let is_made =
                 text[..at.start].rfind("<!-- figures: ") > text[..at.start].rfind("<!-- end of figures");
             if is_made && place % 20 != 0 {
@@ -92,8 +93,8 @@ fn a_number_changed_by_hand_is_noticed_wherever_it_stands() {
                 continue; // A name, such as H200.
             }
             let mut changed = text.to_owned();
-            // A digit is inserted before the number, so that the changed number is not, by chance, that of another
-            // fact.
+            // A digit is inserted before the number, so that the changed number is not, by chance, the number
+            // of another fact.
             changed.insert(at.start, '7');
             assert!(
                 !documents.check(&changed).is_empty(),

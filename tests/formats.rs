@@ -1,4 +1,4 @@
-//! Files of another format than expected: a message of two lines names the format and the remedy.
+//! Files whose format is not the expected one: a message of two lines names the format and the remedy.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 
@@ -20,7 +20,7 @@ fn told(place: &Place, arguments: &[&str]) -> String {
     message
 }
 
-/// Contents of files in formats that raycl does not read, and the names of these formats.
+/// Returns the contents of files in formats that raycl does not read, and the names of these formats.
 fn foreign() -> Vec<(Vec<u8>, &'static str)> {
     vec![
         (b"OFF\n3 1 0\n".to_vec(), "an OFF mesh"),

@@ -1,8 +1,8 @@
-//! The paper's figures: an evaluation in f64, which shares no code and no scene file with raycl, is compared with the
-//! binary's pictures and with raycl's reference.
+//! The paper's figures: pictures that are computed here in f64, without raycl's code and scene files, are
+//! compared with the binary's pictures and with raycl's reference.
 //!
-//! Formulas and numbers: Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*, 3rd ed.,
-//! chapter 15, with the paper's scenes.
+//! Formulas and numbers are from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
+//! Practice*, 3rd ed., chapter 15, with the paper's scenes.
 
 use crate::binary::{Place, device, repository};
 use glam::{DVec3, dvec3};
@@ -22,7 +22,7 @@ struct Triangle {
     corners: [DVec3; 3],
     normals: [DVec3; 3],
     lambertian: DVec3,
-    /// k_G. Where it is not 0, the shininess is 100.
+    /// The reflectance k_G of the highlight. If it is not 0, the shininess is 100.
     glossy: f64,
 }
 
@@ -38,7 +38,7 @@ struct Ray {
     along: DVec3,
 }
 
-/// Distance and barycentric weights of the second and third corner.
+/// Returns the distance of the hit, and the barycentric weights of the triangle's second and third corner.
 fn intersect(ray: &Ray, triangle: &Triangle) -> Option<(f64, f64, f64)> {
     let [v0, v1, v2] = triangle.corners;
     let (e1, e2) = (v1 - v0, v2 - v0);
@@ -87,7 +87,7 @@ impl Figure {
         power * reflectance * to_light.dot(normal).max(0.0)
     }
 
-    /// Radiance at every pixel. The field of view is pi / 2 across; row 0 is at the top.
+    /// Returns the radiance at every pixel. The field of view is pi / 2 across; row 0 is at the top.
     fn image(&self, [width, height]: [u32; 2]) -> Vec<DVec3> {
         let (w, h) = (f64::from(width), f64::from(height));
         let s = -2.0 * (PI / 4.0).tan();
@@ -106,7 +106,7 @@ impl Figure {
     }
 }
 
-/// The book's triangle.
+/// Returns the book's triangle.
 fn triangle(lambertian: DVec3) -> Triangle {
     Triangle {
         corners: [dvec3(0.0, 1.0, -2.0), dvec3(-1.9, -1.0, -2.0), dvec3(1.6, -0.5, -2.0)],
@@ -131,7 +131,7 @@ fn figure_4() -> Figure {
     Figure::new("figure-4", [&[green, reversed], &ground()[..]].concat())
 }
 
-/// Figure 3's pyramid: of its hidden back and base, only the shadow is visible.
+/// Returns Figure 3's pyramid. Its back and its base are hidden; only their shadow is visible.
 fn pyramid(scene: &'static str) -> Figure {
     let (apex, front) = (dvec3(0.0, 2.0, -3.5), dvec3(0.0, -1.0, -2.0));
     let (left, right) = (dvec3(-2.0, -1.0, -3.0), dvec3(2.0, -1.0, -3.0));
@@ -187,7 +187,7 @@ fn a_jpeg_at_its_quality_is_the_papers_figure_too() {
 /// Every other image is compared with the reference; here the reference itself is checked.
 #[test]
 fn the_reference_agrees_with_the_formulas() {
-    // At this size, no row of pixels lies on the ground's far edge.
+    // At this image size, no row of pixels lies on the ground's far edge.
     let size = [210, 131];
     for figure in figures() {
         let path = repository(&format!("scenes/{}.toml", figure.scene));

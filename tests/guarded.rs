@@ -15,7 +15,7 @@ local_sizes = [4]
 strategies = ["naive"]
 "#;
 
-/// Makes a file, and beside it a folder `inner` with a scene or a config that names the file.
+/// Writes a file, and beside it a folder `inner` with a scene or a config that names the file.
 fn place(outer: (&str, &str), inner: (&str, &str)) -> Place {
     let place = Place::with(&[outer]);
     std::fs::create_dir(place.path("inner")).expect("a folder");

@@ -6,9 +6,9 @@ use image::RgbImage;
 /// A plate over a tetrahedron, which lies in its shadow.
 const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
-/// The ways of casting that `render` chooses from, each named explicitly.
+/// The strategies from which `render` chooses, each named explicitly.
 const FAMILIES: [&str; 4] = ["tile", "tile-group", "bvh", "bvh-packet"];
-/// So wide that a row of the half picture contains whole vectors of 16 pixels.
+/// A size at which a row of the half picture consists of whole vectors of 16 pixels.
 const EVEN: [&str; 4] = ["--width", "96", "--height", "64"];
 const ODD: [&str; 4] = ["--width", "75", "--height", "61"];
 
@@ -38,7 +38,8 @@ fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
     picture(&place, EVEN, &["--verify=50"]);
 }
 
-/// The picture that it approximates has many samples, each with soft light of its own.
+/// Soft light at half resolution approximates a picture of many samples, for each of which soft light is
+/// cast.
 #[test]
 fn it_is_nearly_the_picture_of_many_samples() {
     let place = Place::with(&[("mesh.obj", MESH)]);
@@ -69,8 +70,8 @@ const FILTER: &str = "common/half_light.cl";
 const ROWS: &str = "common/pixel_rows.cl";
 const SOFT: &str = "common/soft.cl";
 
-/// Changes of a kernel file, each with a strategy that uses it: of the filter, of the unoccluded light, and of the numbers that
-/// choose points of lights.
+/// Changes to kernel files, each with a strategy that uses the file: changes to the filter, to the unoccluded
+/// light, and to the numbers that choose points of lights.
 const CHANGES: &[[&str; 4]] = &[
     [FILTER, "across == 2 ? 0.5f : 1.0f", "across == 2 ? 1.0f : 1.0f", "bvh"],
     [FILTER, "(down == -2 || down == 2 ?", "(down == -2 ?", "bvh"],
@@ -112,7 +113,7 @@ const CHANGES: &[[&str; 4]] = &[
 #[test]
 fn a_broken_half_picture_is_a_wrong_picture() {
     let place = Place::with(&[("mesh.obj", MESH)]);
-    // These changes only show where no ground is behind the mesh.
+    // These changes are only visible if there is no ground behind the mesh.
     let behind = [
         [FILTER, "subtract(own, behind)", "own", "bvh"],
         [

@@ -12,7 +12,7 @@ fn yaml(path: &str) -> Yaml {
     YamlLoader::load_from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}")).remove(0)
 }
 
-/// The jobs of a workflow, each with its steps.
+/// Returns the jobs of a workflow, each with its steps.
 fn jobs(path: &str) -> Vec<(String, Vec<Yaml>)> {
     let workflow = yaml(path);
     assert!(workflow["on"].as_hash().is_some_and(|on| !on.is_empty()), "{path} starts by nothing");
@@ -30,7 +30,8 @@ const WORKFLOWS: [&str; 2] = [".github/workflows/ci.yml", ".github/workflows/rel
 /// Programs that exist on the machines on which these commands run.
 const ELSEWHERE: [&str; 9] = ["apt-get", "curl", "sh", "echo", "cd", "git", "rustup", "sha256sum", "gh"];
 
-/// Fails unless each program in a line of shell will exist on those machines and has the requested target or command.
+/// Fails unless each program in a line of shell exists on the machine that runs it, and has the requested
+/// target or command.
 fn check(line: &str) {
     let makefile = read_to_string(repository("Makefile")).expect("the Makefile");
     for command in line.split("&&").flat_map(|part| part.split('|')).map(str::trim) {

@@ -1,5 +1,5 @@
-//! Obstacles that an attacker or a broken machine may cause: drivers that die when they are listed,
-//! results folders that lead elsewhere, arguments that are not UTF-8 text.
+//! Obstacles that an attacker or a broken machine may cause: drivers that crash when they are listed, folders
+//! of results with links to other places, arguments that are not UTF-8 text.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point};
 use std::ffi::OsStr;
@@ -7,12 +7,12 @@ use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
 use std::process::Command;
 
-/// The arguments of a run into `out` on the test device.
+/// Returns the arguments of a run on the test device, with its results in `out`.
 fn run<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "config.toml", "--out", "out", "--device", device, "--quiet"], more].concat()
 }
 
-/// A folder of drivers with a single driver, which runs `body` as soon as it is loaded.
+/// Returns a folder of drivers with a single driver, which runs `body` as soon as it is loaded.
 fn driver(place: &Place, body: &str) -> std::path::PathBuf {
     let [source, library, vendors] = ["driver.c", "driver.so", "vendors"].map(|name| place.path(name));
     let code = format!(
@@ -40,7 +40,7 @@ fn a_driver_that_dies_when_it_is_listed_ends_the_run_with_a_message() {
     );
 }
 
-/// A folder of all drivers of this machine and the broken one.
+/// Returns a folder of all drivers of this machine and a broken one.
 fn among_good_ones(place: &Place, body: &str) -> std::path::PathBuf {
     let vendors = driver(place, body);
     for icd in std::fs::read_dir("/etc/OpenCL/vendors").expect("PoCL: `make setup`").flatten() {
@@ -57,7 +57,7 @@ fn is_left_out(body: &str, reason: &str) {
     let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--device", "cpu"];
     for arguments in [&picture[..], &["devices"]] {
         let mut raycl = place.raycl(arguments);
-        // Long enough for good drivers on a busy machine.
+        // This limit is long enough for good drivers on a busy machine.
         raycl.env("OCL_ICD_VENDORS", &vendors).env("RAYCL_TEST_DRIVER_LIMIT_MS", "10000");
         let output = raycl.assert().success().get_output().clone();
         let said = String::from_utf8(output.stderr).expect("UTF-8");
@@ -147,7 +147,7 @@ fn a_folder_of_results_leads_nowhere_else() {
         std::fs::remove_file(&at).expect("the link");
         std::fs::rename(&kept, &at).expect("its place");
     }
-    // Files that are written anew replace the link, and not the file that it leads to.
+    // A file that is written again replaces the link, and not the file to which the link leads.
     for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
         std::fs::remove_file(place.path("out").join(name)).expect("it was there");
         symlink(&victim, place.path("out").join(name)).expect("a link");

@@ -1,4 +1,4 @@
-//! The cache between runs: programs are compiled once, and a damaged entry is made again.
+//! The cache between runs: programs are compiled once, and a damaged entry is replaced.
 
 use crate::binary::{Place, TRIANGLE, device, has, until};
 use assert_cmd::Command;
@@ -40,7 +40,7 @@ fn place(config: &str) -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("other.toml", &other), ("config.toml", config)])
 }
 
-/// Returns the command that starts raycl with a cache of the test's own, but with the user's PoCL cache.
+/// Returns a command that starts raycl with a separate cache, but with the user's PoCL cache.
 fn raycl(place: &Place, arguments: &[&str]) -> Command {
     let home = PathBuf::from(std::env::var_os("HOME").unwrap_or_default());
     let caches = std::env::var_os("XDG_CACHE_HOME").map_or(home.join(".cache"), PathBuf::from);
@@ -52,7 +52,7 @@ fn raycl(place: &Place, arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs the config into a folder and gives its records.
+/// Runs the config with its results in the folder `out`, and returns its records.
 fn records(place: &Place, out: &str, more: &[&str]) -> Vec<Value> {
     let device = device();
     let arguments = [&["run", "config.toml", "--out", out, "--device", &device], more].concat();
@@ -145,7 +145,7 @@ fn a_preset_for_another_kind_of_device_is_measured_where_that_is_asked_for() {
     has(&summary, &["other-kind", "meant for GPUs"]);
     let named = run("named", &["--set", "strategies=[\"tiled-wide\"]"]);
     assert_eq!(outcomes(&named), ["measured"]);
-    // Points that were passed over are measured if the user asks for them, and measured points stay as they are.
+    // Points that were skipped are measured if the user requests them, and measured points stay as they are.
     let resumed = run("out", &["--set", "any_kind=true", "--resume"]);
     assert_eq!(outcomes(&resumed), ["other-kind", "measured", "measured"].map(str::to_owned));
     let dry = place.output(&["run", "config.toml", "--device", &device(), "--dry-run"]);
@@ -166,7 +166,7 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
     };
     let first = report();
     let kept = || !entries(&place).is_empty();
-    // If the driver does not return a binary at once, a separate process makes it.
+    // If the driver does not return a binary immediately, a separate process compiles it.
     until("the program is kept", kept);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);

@@ -1,5 +1,5 @@
-//! `raycl kernel`: its output is the text that a compiler sees. A program built from this text casts the same image
-//! as the strategy.
+//! `raycl kernel`: it prints the text that a compiler gets. A program built from this text casts the same
+//! image as the strategy.
 
 use crate::binary::{Place, has, repository};
 use crate::common::Stand;
@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
-/// The program of a strategy on a device with these lane operations.
+/// Returns the program of a strategy on a device with these lane operations.
 fn program(strategy: &Strategy, lanes: LaneOperations) -> ProgramSpec {
     let local_size = if strategy.shares_tiles() { [32, lanes.usual_groups()] } else { [8, 8] };
     let builtins = Builtins { reduce: true, prefetch: true, lanes, ..Builtins::default() };
@@ -79,7 +79,7 @@ fn what_is_preprocessed_stays_as_it_is() {
     }
 }
 
-/// Returns what the binary prints for a strategy, on the test device and a scene of the repository.
+/// Returns the output of the binary for a strategy, on the test device and a scene of the repository.
 fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
     let (device, scene) = (crate::binary::device(), crate::binary::repository("scenes").join(scene));
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
@@ -87,8 +87,8 @@ fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
     Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
 }
 
-/// Returns the same program, but from the text that the binary prints, and without defines from outside: the text has
-/// all of them.
+/// Returns the same program, but from the text that the binary prints, and without defines as compiler
+/// options, since the text contains all defines.
 fn reprinted(name: &str, built: &Prepared) -> ProgramSpec {
     let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
     let options = options.collect::<Vec<_>>().join(" ");
@@ -106,7 +106,8 @@ const SCENE: &str = "still-life.toml";
 #[test]
 fn what_is_printed_casts_the_same_image() {
     let stand = Stand::new(crate::common::scene(SCENE), [30, 20]);
-    // Frames of two: PoCL compiles a kernel when it is launched, which takes most of a minute for tiles.
+    // Only two strategies cast frames: PoCL compiles a kernel when it is started, which takes most of a
+    // minute for tiles.
     for (name, casts) in [
         ("naive", true),
         ("deferred,width=4", true),

@@ -1,5 +1,6 @@
-//! Verifies every preset at every local size, and a pairwise cover of all axes, against the reference on PoCL. `make
-//! test-long` tests all of it; `make test` tests each preset at a fourth of the local sizes, and half of the cover.
+//! Compares every preset at every local size, and a pairwise cover of all axes, with the reference on PoCL.
+//! `make test-long` tests all of them; `make test` tests each preset at a fourth of the local sizes, and half
+//! of the cover.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -25,13 +26,13 @@ const LOCAL_SIZES: [[u32; 2]; 13] = [
     [3, 5],
 ];
 
-/// Neither side is a multiple of a local size or of a block of rays.
+/// The image's size. Neither side is a multiple of a local size or of a block of rays.
 const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
 
-/// Checks points, and panics with a list of all that are wrong, or that the device refuses although `may_not_fit`
-/// does not list them.
+/// Checks points. Panics with a list of all points that are wrong, or that do not fit the device although
+/// `may_not_fit` does not allow this.
 fn all_agree(
     stand: &mut Stand,
     points: impl IntoIterator<Item = Point>,
@@ -50,7 +51,7 @@ fn all_agree(
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Every point has to fit.
+/// Returns false: every point has to fit.
 fn none(_: &Point) -> bool {
     false
 }
@@ -78,8 +79,8 @@ fn presets_agree_at(local_sizes: &[[u32; 2]]) {
     all_agree(&mut stand, points, may_not_fit);
 }
 
-/// Tests the code for GPUs, whose vectors consist of scalars: each edge is checked separately, and masks are reduced
-/// by trees of operations.
+/// Tests the code for GPUs, on which vectors are separate scalars: each edge is checked separately, and masks
+/// are reduced by trees of operations.
 #[test]
 fn presets_of_vectors_that_no_built_in_reduces() {
     apart!();
@@ -91,7 +92,8 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// In all other tests, pictures are wider than high, so a limit that is computed from the wrong side cuts nothing off.
+/// In all other tests, pictures are wider than high, so they do not show a limit that is computed from the
+/// wrong side.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();
@@ -110,7 +112,8 @@ fn presets_that_share_tiles() {
     all_agree(&mut stand, shared.map(|strategy| (strategy, [32, 1])), none);
 }
 
-/// There are lights on both sides of the surfaces, and more of them than a tile's work-items process in one round.
+/// Lights are on both sides of the surfaces, and there are more than a tile's work-items process in one
+/// round.
 #[test]
 fn many_lights_on_all_sides() {
     apart!();
@@ -157,7 +160,7 @@ fn a_pairwise_cover_of_all_axes() {
     all_agree(&mut stand, points, none);
 }
 
-/// Elsewhere faces are flat: each corner has the same normal.
+/// In other tests, faces are flat, so that all corners of a face have the same normal.
 #[test]
 fn each_layout_brings_every_corner_its_own_normal() {
     apart!();

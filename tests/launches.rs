@@ -1,4 +1,4 @@
-//! Launches: each uses new workers, and is repeated completely if it lost a worker or was interrupted.
+//! Launches: each launch uses new workers, and is repeated completely if it lost a worker or was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::record::{Outcome, Record, Sample, read_lines};
@@ -31,7 +31,7 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
         assert!(launches.windows(2).all(|pair| pair[0] < pair[1]) && launches != [0, 1, 2], "{launches:?}");
         assert!(record.interval_ms.is_some());
     }
-    // The baseline is measured in the rounds of its kernels.
+    // The baseline is measured in the same rounds as the kernels.
     let samples = read_lines::<Sample>(&folder.path().join("samples.jsonl")).expect("samples").lines;
     for round in samples.chunks(3) {
         assert!(round.iter().all(|one| (one.launch, one.round) == (round[0].launch, round[0].round)));
@@ -94,8 +94,8 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
     let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
     let known = expected(&records, &[]);
-    // The expected time has a second for each sample (15 per point) and each check (2 per point), and half a second
-    // for each worker; the mock's first checks take no time.
+    // The expected time is a second for each sample (15 per point) and each check (2 per point), and half a
+    // second for each worker. The mock's first checks take no time.
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the

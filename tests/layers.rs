@@ -10,7 +10,7 @@ fn render(place: &Place, options: &[&str]) {
     place.output(&[&["render", "scene.toml", "--device", &device], &SIZE[..], options].concat());
 }
 
-/// Two objects: a triangle in z = -2, and the ground.
+/// Returns a place with a scene of two objects: a triangle at z = -2, and the ground.
 fn place() -> Place {
     Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))])
 }
@@ -62,7 +62,7 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
     std::fs::write(place.path("a-nodes.png"), "mine").expect("a file");
     let message = place.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
     has(&message, &["'a-nodes.png' exists", "--layers FILE"]);
-    has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all of them"]);
+    has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all layers"]);
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_layer_does_not_replace_the_picture() {
     let place = place();
     for picture in ["a-depth.png", "./a-depth.png", "a-nodes.png"] {
         let message = place.mistake(&["render", "scene.toml", "-o", picture, "--layers", "a.png"], 2);
-        has(&message, &["is the picture and a layer too", "`-o FILE`", "`--layers FILE`"]);
+        has(&message, &["is both the picture and a layer", "`-o FILE`", "`--layers FILE`"]);
         assert!(!place.path(picture).exists(), "{picture}");
     }
     // One EXR file holds both the picture and the layers.

@@ -1,4 +1,4 @@
-//! Meshes of every format, of any size and at any place, in pictures.
+//! Pictures of meshes of every format, of any size and at any position.
 
 use crate::binary::{Place, device, has};
 use flate2::Compression;
@@ -6,7 +6,7 @@ use flate2::write::GzEncoder;
 use image::RgbImage;
 use std::io::Write as _;
 
-/// Four corners that all faces share, without normals: edges stay sharp.
+/// Four corners that all faces share. There are no normals, so edges stay sharp.
 const CORNERS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.25], [1.0, 0.0, -2.0], [1.0, 2.0, -1.0]];
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
@@ -84,7 +84,7 @@ fn picture(place: &Place, name: &str, options: &[&str]) -> (RgbImage, String) {
     (image::open(place.path("out.png")).expect("a picture").to_rgb8(), said)
 }
 
-/// Pixels of which a channel differs by more than a few steps.
+/// Returns the number of pixels in which some channel differs by more than six steps.
 fn differing(a: &RgbImage, b: &RgbImage) -> usize {
     let far =
         |(a, b): (&image::Rgb<u8>, &image::Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 6);
@@ -106,7 +106,7 @@ fn all_formats_of_a_mesh_are_one_picture_packed_or_not_and_from_a_pipe() {
         let (unpacked, said) = picture(&place, &packed_name, &[]);
         assert!(unpacked == expected && !said.contains("read as"), "{said}");
     }
-    // If a file's name suggests another format, that is noted; a pipe has no name.
+    // If a file's name suggests another format, there is a note. A pipe has no name.
     std::fs::write(place.path("b.ply"), stl(&corners)).expect("a file");
     has(&picture(&place, "b.ply", &[]).1, &["b.ply: read as an STL mesh"]);
     let device = device();
@@ -130,7 +130,7 @@ fn what_a_pipe_cuts_off_is_said_to_be_cut_off() {
     let message = told(half);
     has(&message, &["cannot read the scene `-`: it cannot be unpacked", "may be cut off or damaged"]);
     assert!(!message.contains("did you mean"), "{message}");
-    // A normal, three corners, and two further bytes.
+    // A triangle of an STL file: a normal, three corners, and two further bytes.
     let numbers = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0_f32];
     let triangle: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).chain([0; 2]).collect();
     let message = told([&[0; 80][..], &[9, 0, 0, 0], &triangle, &triangle[..20]].concat());
@@ -217,7 +217,7 @@ fn up_azimuth_elevation_and_background() {
 
 #[test]
 fn an_interior_wound_the_other_way_is_noted_and_turned() {
-    // A pyramid around the camera whose faces look outwards.
+    // A pyramid around the camera, whose faces point outwards.
     let room = "[camera]\nposition = [1, 0.5, -0.8]\nlook_at = [1, 0.4, -3]\n[[light]]\nposition = [1, 0.6, -0.7]\npower = 5\n\
                 [[object]]\nmesh = \"a.obj\"\ncrease = 0\n";
     let place = Place::with(&[("a.obj", &obj(&moved(1.0, [0.0; 3]))), ("room.toml", room)]);

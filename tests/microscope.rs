@@ -1,4 +1,5 @@
-//! The microscope of `raycl compile`: each source line with the instructions that the device's compiler made of it.
+//! The microscope of `raycl compile`: each source line with the instructions that the device's compiler
+//! generated from it.
 //!
 //! The working vectors are read and written by one line for each component, so they show whether instructions are
 //! attributed to the right lines: the lines before and after the stores must have no stores.
@@ -32,14 +33,14 @@ fn memory<'a>(listing: &Value, named: &'a str) -> &'a str {
     }
 }
 
-/// How many instructions of a line are of a kind; 0 for a line without instructions.
+/// Returns the number of a line's instructions of a kind; 0 for a line without instructions.
 fn count(listing: &Value, line: u64, kind: &str) -> u64 {
     let rows = listing["rows"].as_array().expect("a list");
     let row = rows.iter().find(|row| row["line"] == line);
     row.and_then(|row| row["counts"][kind].as_u64()).unwrap_or(0)
 }
 
-/// The number of the only line with this text.
+/// Returns the number of the only line with this text.
 fn line_of(listing: &Value, source: &str) -> u64 {
     let rows = listing["rows"].as_array().expect("a list");
     let lines: Vec<_> = rows.iter().filter(|row| row["source"] == source).collect();
@@ -54,7 +55,7 @@ fn check_working_vectors(strategy: &str, named: &str) {
     let [x, y, z] =
         ["at[0] = value.x;", "at[1] = value.y;", "at[2] = value.z;"].map(|text| line_of(&listing, text));
     assert_eq!([y, z], [x + 1, x + 2]);
-    // Four vectors are set at the start, others at each hit.
+    // Four vectors are set at the start, the others at each hit.
     let stores = count(&listing, x, &store);
     assert!(stores >= 4, "{strategy}: {stores} stores of x");
     assert_eq!([y, z].map(|line| count(&listing, line, &store)), [stores; 2], "{strategy}");
@@ -63,7 +64,8 @@ fn check_working_vectors(strategy: &str, named: &str) {
         [0; 2],
         "{strategy}: beside the stores"
     );
-    // A ray's origin and direction are read at each test, three numbers each; volatile, so none is left out.
+    // A ray's origin and direction, three numbers each, are read at each test. They are volatile, so no load
+    // is removed.
     let get = line_of(&listing, "return vec3(at[0], at[1], at[2]);");
     let loads = count(&listing, get, &load);
     assert!(loads >= 12, "{strategy}: {loads} loads");

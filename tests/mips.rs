@@ -6,7 +6,7 @@ use image::{Rgb, RgbImage};
 /// A chequered floor that is seen at a grazing angle, and a wall in front of it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
-/// Rows of a picture where the floor is so far away that a pixel covers more than the length of a square.
+/// Rows of a picture in which the floor is so far away that a pixel is longer than a square of the chequers.
 const FAR: std::ops::Range<u32> = 25..30;
 
 fn floor() -> Place {
@@ -18,7 +18,7 @@ fn floor() -> Place {
     place
 }
 
-/// Replaces texts of a file, and gives it another name.
+/// Writes a copy of a file under another name, with some texts replaced.
 fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
     let mut text = place.text(file);
     for (from, to) in texts {
@@ -28,7 +28,8 @@ fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
     place.write(name, &text);
 }
 
-/// The root mean square difference of the 8-bit channels (0 to 255), in some rows to the right of the wall.
+/// Returns the root mean square difference of the 8-bit channels (0 to 255), in some rows to the right of the
+/// wall.
 fn error(a: &RgbImage, b: &RgbImage, rows: std::ops::Range<u32>) -> f64 {
     let places: Vec<_> = rows.flat_map(|y| (36..a.width()).map(move |x| (x, y))).collect();
     let squared = |place: &(u32, u32)| {
@@ -97,7 +98,7 @@ fn where_texels_are_larger_than_pixels_nothing_changes() {
     assert!(shades > 5 && with != without, "{shades}");
 }
 
-/// Leaves of one colour between transparent texels of another, in front of a background whose colour no leaf has.
+/// Leaves of one colour lie between transparent texels of another colour. The background has a third colour.
 #[test]
 fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     let place = floor();
@@ -124,7 +125,8 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
     assert!(leaves.len() > 50 && 10 * green > 9 * leaves.len(), "{green} of {}", leaves.len());
 }
 
-/// The changes: a level of another size, swapped weights of two levels, the wrong cone, texels of the level before.
+/// The changes to the kernels: a level of another size, swapped weights of two levels, a wrong cone, texels
+/// of the previous level.
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let place = floor();
@@ -142,7 +144,7 @@ fn a_broken_level_is_a_wrong_picture() {
     }
 }
 
-/// Their last levels are one texel high or wide.
+/// The last levels of such pictures are one texel high or wide.
 #[test]
 fn levels_of_pictures_with_few_rows_or_columns_keep_one_of_them() {
     let place = floor();

@@ -1,4 +1,5 @@
-//! Turning scenes: numbered pictures, animated ones, streams, and frames that are skipped because they exist.
+//! Turning scenes: numbered pictures, animated pictures, streams, and frames that are skipped because they
+//! exist.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
@@ -30,7 +31,7 @@ fn frames_are_those_of_scenes_whose_camera_stands_there() {
     // The first frame is the scene's own picture.
     turn_still(&place, "scene.toml", &[]);
     assert_eq!(pixels(&place, "still.png"), pixels(&place, "scene-0001.png"));
-    // After half a turn, the camera is as far behind the middle of the triangle as it was in front of it at the
+    // After half a turn, the camera is behind the middle of the triangle, at the same distance as at the
     // beginning.
     let behind = ["--set", "camera.position=[-0.3, 0, -4]", "--set", "camera.look_at=[-0.3, 0, -2]"];
     turn_still(&place, "scene.toml", &behind);
@@ -55,8 +56,8 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     let report = turn(&place, &["mesh.obj", "--turntable", "6"]);
     assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &2.into()));
     assert_eq!(turn(&place, &["mesh.obj", "--turntable", "6"])["frames"], 0);
-    // Pictures made with other options or of another scene, and files that were changed, do not count as the frame,
-    // and are not overwritten.
+    // A picture that was rendered with other options or from another scene, or a file that was changed, does
+    // not count as the frame, and is not overwritten.
     let before = std::fs::read(place.path("mesh-0001.png")).expect("a frame");
     let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "5"], &SIZE[..]].concat(), 2);
     has(&message, &["'mesh-0001.png' exists and is not frame 1", "`--force`"]);
@@ -74,8 +75,8 @@ fn frames_of_other_kernels_are_other_frames_whatever_their_folder() {
     let two = ["scene.toml", "--turntable", "2"];
     turn(&place, &two);
     let file = "common/store_radiance.cl";
-    // Another folder of kernels counts as a change even if its kernels compute the same, and so does an edit in the
-    // same folder.
+    // Another folder of kernels counts as a change, even if its kernels compute the same. An edit in the same
+    // folder also counts as a change.
     let kernels = place.kernels(file, "(varying)(1.0f)", "(varying)(1)");
     let with = [&two[..], &["--cl-dir", &kernels]].concat();
     let refused = || place.mistake(&[&["render"], &with[..], &SIZE].concat(), 2);
@@ -131,8 +132,8 @@ fn shards_cast_each_frame_once_and_the_same_as_one_process() {
     for name in ["mesh-0002.png", "mesh-0003.png", "mesh-0004.png"] {
         assert_eq!(pixels(&place, name), pixels(&whole, name), "{name}");
     }
-    // Frames that exist are skipped, whichever process asks; and if there are more processes than frames, some get
-    // none.
+    // Frames that exist are skipped, whichever process rendered them. If there are more processes than
+    // frames, some processes get no frame.
     let device = device();
     let auto = [&["render", "--json", "--device", &device], &SIZE[..], &four, &["--shard", "auto"]].concat();
     let frames = |rank: &str| {

@@ -1,5 +1,5 @@
-//! Broken kernels: verification must notice every change that mutants/kernels.toml lists. `make test` takes some of
-//! them, `make test-long` all.
+//! Broken kernels: verification must notice every change that mutants/kernels.toml lists. `make test` tries
+//! some of these changes, `make test-long` all.
 
 use crate::binary::{Place, device, has, repository};
 use crate::common::apart::apart;
@@ -18,18 +18,19 @@ const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
 /// `make test` tries every `STEP`th picture.
 const STEP: usize = 10;
 
-/// Not a multiple of a tile or of a block of rays.
+/// The image's size. It is not a multiple of a tile or of a block of rays.
 const SIZE: [u32; 2] = [61, 43];
 
 /// The built-in functions of the test device's compiler.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
-/// Files that no row of the table changes. The probe is there to find wrong answers. A folder of kernels never
-/// replaces the anchor; a test beside the anchor's code (src/anchor.rs) breaks it. Cut-outs, soft lights, pictures of
-/// skies and several samples need scenes or options of their own; tests/cutouts.rs, tests/soft.rs,
-/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the default
-/// look of bare meshes; tests/half_light.rs changes its file. The display transform computes no radiance; a test
-/// beside it (src/launch/show.rs) changes it.
+/// Files that no row of the table changes, since other tests change them. A folder of kernels cannot replace
+/// the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs, soft lights, pictures
+/// of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
+/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the
+/// default look of bare meshes; tests/half_light.rs changes its file. The display transform computes no
+/// radiance; a test beside its code (src/launch/show.rs) changes it. The probe needs no test, since its
+/// purpose is to find wrong results.
 const UNTOUCHED: [&str; 16] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -76,7 +77,7 @@ fn mutants() -> Vec<Mutant> {
     toml::from_str::<Table>(&text).expect("rows").mutant
 }
 
-/// The row, from 1, that `tests/mutants/run` asks for: it alone is tried.
+/// Returns the number of the only row to be tried (the first row is 1), if `tests/mutants/run` has set one.
 fn chosen() -> Option<usize> {
     std::env::var("RAYCL_TEST_MUTANT").ok()?.parse().ok()
 }
@@ -93,8 +94,8 @@ fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
 }
 
 impl Mutant {
-    /// Returns the strategies whose programs contain the file, one of each family: as written after `--strategy`, and
-    /// as a value.
+    /// Returns the strategies whose programs contain the file, one for each family: as the text after
+    /// `--strategy`, and as a value.
     fn strategies(&self) -> Vec<(String, Strategy)> {
         let is_base = |base: &&&str| self.bases.as_ref().is_none_or(|bases| bases.iter().any(|b| b == *base));
         let named = USUAL.iter().filter(is_base).map(|base| match self.with.as_str() {
@@ -117,7 +118,7 @@ impl Mutant {
         files(strategy).contains(&self.file)
     }
 
-    /// Casts with the change and expects that it is noticed.
+    /// Casts an image with the change, and fails if verification does not notice it.
     fn must_be_noticed_in(&self, name: &str, strategy: &Strategy) {
         let place = Place::new();
         let local_size = match strategy.family().name {
@@ -137,7 +138,7 @@ impl Mutant {
         has(&message, &["the picture is wrong: "]);
     }
 
-    /// Makes a folder for `--cl-dir` that applies the change to the built-in kernels.
+    /// Returns a folder for `--cl-dir` that applies the change to the built-in kernels.
     fn folder(&self, place: &Place) -> String {
         let text = Sources::Embedded.read(&self.file).expect("a kernel file");
         let found = text.matches(&self.from).count();
@@ -146,7 +147,7 @@ impl Mutant {
     }
 }
 
-/// A preset with other values of some axes.
+/// Returns a preset with other values on some axes.
 fn with_values(base: &str, with: &str) -> Strategy {
     let mut strategy = preset(base).expect("a preset").strategy;
     for assignment in with.split(',') {
@@ -156,7 +157,7 @@ fn with_values(base: &str, with: &str) -> Strategy {
     strategy
 }
 
-/// The files that a strategy's program is made of for a scene with textures.
+/// Returns the files from which a strategy's program is built for a scene with textures.
 fn files(strategy: &Strategy) -> Vec<String> {
     let workload = Workload { local_size: [32, 1], texture_words: 1, mip_levels: true, ..Workload::CUBE };
     let builtins = *BUILTINS.get_or_init(|| common::device().info.builtins());

@@ -1,5 +1,5 @@
-//! Numbers at which other ray casters fail: very small and very large scenes, lights on surfaces, cameras inside and on
-//! triangles, normals of no length.
+//! Numbers at which other ray casters fail: very small and very large scenes, lights on surfaces, cameras
+//! inside meshes and on triangles, normals of length zero.
 
 use crate::binary::Place;
 use crate::common::apart::apart;
@@ -15,7 +15,7 @@ use raycl::verify::verify;
 const SIZE: [u32; 2] = [30, 20];
 const LOCAL: [u32; 2] = COMMON_LOCAL_SIZE;
 
-/// The same scene in other units: lengths times `factor`, powers times its square.
+/// Returns the same scene in other units: lengths times `factor`, powers times its square.
 fn scaled(scene: &Scene, factor: f32) -> Scene {
     let mut scene = scene.clone();
     scene.mesh_mut().positions.iter_mut().for_each(|position| *position *= factor);
@@ -51,7 +51,7 @@ fn a_scene_in_other_units_gives_the_same_picture() {
             let stand = Stand::new(scaled(&original, factor), SIZE);
             for strategy in scale_free() {
                 let image = stand.cast(&strategy, LOCAL).expect("it fits");
-                // The reference of the scene as it was, not of the scaled one.
+                // The reference is cast for the original scene, not for the scaled one.
                 let verdict =
                     verify(&image, None, &reference(&original, SIZE, strategy.culling), original.display);
                 assert!(verdict.ok, "{name} x {factor}: {strategy}: {:?}", verdict.reason);
@@ -73,7 +73,8 @@ fn a_scene_scaled_by_a_power_of_two_gives_the_same_bits() {
     }
 }
 
-/// Casts a scene with every preset: no value is NaN, infinite or negative, and the references are finite too.
+/// Casts a scene with every preset, and checks that no value is NaN, infinite or negative, neither in the
+/// images nor in the references.
 fn finite_everywhere(what: &str, scene: Scene) {
     scene.validate().unwrap_or_else(|error| panic!("{what}: {error}"));
     for culling in [raycl::strategy::Culling::None, raycl::strategy::Culling::Back] {
@@ -135,7 +136,7 @@ fn a_bias_of_nothing_and_a_bias_larger_than_the_scene() {
 fn normals_that_cancel_out_between_corners() {
     apart!();
     let mut scene = scene("triangle.toml");
-    // Half way between two opposite normals the interpolated one has no length.
+    // Half-way between two opposite normals, the interpolated normal has length zero.
     let normal = scene.mesh.normals[0];
     for (at, other) in scene.mesh_mut().normals.iter_mut().enumerate() {
         *other = if at % 2 == 0 { normal } else { -normal };
@@ -172,8 +173,8 @@ fn triangles_of_no_area_and_needles() {
     finite_everywhere("triangles of no area", scene);
 }
 
-/// Triangles about as narrow as a rounding error, each along a row of pixels. The normal at their tips, `at_points`,
-/// may make these corners darker.
+/// Returns a scene of triangles that are about as narrow as a rounding error, each along a row of pixels.
+/// `at_points` is the normal at the tips, which may make these corners darker.
 fn needles(at_points: Vec3) -> Scene {
     let mut scene = scene("triangle.toml");
     let corners = (0..64).flat_map(|row| {
@@ -193,8 +194,8 @@ fn needles(at_points: Vec3) -> Scene {
     scene
 }
 
-/// Returns whether normals stay between those of the corners, although rounding gives narrow triangles arbitrary
-/// weights.
+/// Returns whether interpolated normals stay between the corners' normals, although rounding gives narrow
+/// triangles arbitrary weights.
 fn are_no_brighter_than_their_brightest_corner(sources: &Sources) -> bool {
     let deferred = preset("deferred").expect("a preset").strategy;
     let strategy = Strategy { intersector: Intersector::WATERTIGHT, ..deferred };

@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 
 /// Oclgrind 21.10 does not know an intrinsic of optimised code.
 const OPTIONS: &str = "-cl-opt-disable";
-/// What Oclgrind looks for besides accesses out of bounds.
+/// The faults that Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
 /// Pixels across and down, unless a test sets others.
@@ -22,14 +22,14 @@ fn spelled(strategy: &Strategy) -> String {
     strategy.axes().iter().map(|(axis, value)| format!("{axis}={value}")).collect::<Vec<_>>().join(",")
 }
 
-/// A path relative to scenes/. Its scene has more triangles than a tile of triangles in __local memory holds, but
-/// __local memory as a whole has room for all of them.
+/// The path of a scene, relative to scenes/. The scene has more triangles than a tile of triangles in __local
+/// memory holds, but __local memory as a whole has room for all of them.
 const TILES: &str = "../tests/data/tiles.toml";
 
 /// A picture of a scene cast under Oclgrind, and compared with the reference.
 struct Simulation<'a> {
     size: [&'a str; 2],
-    /// Below scenes/.
+    /// The path of the scene, relative to scenes/.
     scene: &'a str,
     strategy: &'a Strategy,
     local: &'a str,
@@ -39,7 +39,7 @@ struct Simulation<'a> {
 }
 
 impl Simulation<'_> {
-    /// Returns the command; it writes the picture and the log to a folder.
+    /// Returns the command that casts the picture. It writes the picture and the log to a folder.
     fn command(&self, folder: &Path) -> Command {
         let [width, height] = self.size;
         let mut command = Command::new("oclgrind");
@@ -57,13 +57,14 @@ impl Simulation<'_> {
         command
     }
 
-    /// Returns all reports; `None` if the simulated device (32 KiB of `__local`) cannot hold the strategy, or if its
-    /// program does not build.
+    /// Returns all reports of Oclgrind. Returns `None` if the simulated device (32 KiB of `__local` memory)
+    /// cannot hold the strategy, or if the program does not build.
     fn reports(&self) -> Option<String> {
         let folder = tempfile::tempdir().expect("a folder");
         let output = crate::binary::run(&mut self.command(folder.path()));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let is_refused = ["cannot hold this", "cannot cast the scene"].iter().any(|part| said.contains(part));
+        let is_refused =
+            ["cannot hold this frame", "cannot cast the scene"].iter().any(|part| said.contains(part));
         let does_not_fit = output.status.code() == Some(2) && is_refused;
         // tests/kernels.rs reports programs that no compiler accepts.
         if does_not_fit || said.contains("the build failed") {
@@ -76,8 +77,8 @@ impl Simulation<'_> {
         Some(logged + &failed)
     }
 
-    /// Returns whether a race is reported. The simulation ends there, since a kernel without one of its barriers may
-    /// never end.
+    /// Returns whether a race is reported. Ends the simulation at the first report, since a kernel without
+    /// one of its barriers may never end.
     fn has_race(&self) -> bool {
         let folder = tempfile::tempdir().expect("a folder");
         let mut command = self.command(folder.path());
@@ -89,19 +90,20 @@ impl Simulation<'_> {
             reported() || simulated.borrow_mut().try_wait().expect("a process").is_some()
         });
         let mut simulated = simulated.into_inner();
-        // It may have ended.
+        // The process may have ended already.
         let _ = simulated.kill();
         simulated.wait().expect("a process");
         reported()
     }
 }
 
-/// Runs strategies, and panics with a list of those for which something was reported. Returns how many were run.
+/// Runs strategies, and returns their number. Panics with a list of the strategies for which Oclgrind reports
+/// a fault.
 fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     all_clean_at(SIZE, scene, strategies, local, plugin)
 }
 
-/// The same at a width and a height.
+/// Does the same as `all_clean` at this width and height.
 fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     let mut wrong = Vec::new();
     let mut run = 0;
@@ -163,7 +165,7 @@ fn in_this_run((row, strategy): &(usize, Strategy)) -> bool {
     is_long() || row % 2 == 1 || strategy.shares_tiles()
 }
 
-/// Makes a copy of `cl/` in which `to` replaces `from`; at least one file must contain `from`.
+/// Returns a copy of `cl/` in which `to` replaces `from`; at least one file must contain `from`.
 fn spoiled(from: &str, to: &str) -> tempfile::TempDir {
     fn copy(source: &Path, target: &Path, from: &str, to: &str) -> usize {
         std::fs::create_dir_all(target).expect("a folder");
@@ -202,7 +204,7 @@ fn a_kernel_without_its_barriers_is_reported() {
     assert!(report.contains("race"), "{report}");
 }
 
-/// Every barrier of the kernels that presets are made of: file, place and text of the call.
+/// Returns every barrier of the kernels that presets use: the file, the position and the text of the call.
 fn barriers() -> Vec<(&'static str, usize, &'static str)> {
     let of = |file: &'static str| {
         let text = Sources::Embedded.read(file).expect("a kernel");
@@ -215,14 +217,14 @@ fn barriers() -> Vec<(&'static str, usize, &'static str)> {
         let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();
         known.into_iter().map(move |(at, call)| (file, at, call))
     };
-    // No preset uses the kernels of `peak`, those that test lane operations, or those of the display transform. The
-    // display transform's kernels are for devices with separate memory, which Oclgrind does not have.
+    // No preset uses the kernels of `peak`, the probe of lane operations, or the display transform. The
+    // display transform is for devices with separate memory, which Oclgrind does not have.
     let of_presets =
         |file: &&str| !["peak/", "probe/", "display/"].iter().any(|folder| file.starts_with(folder));
     Sources::names().into_iter().filter(of_presets).flat_map(of).collect()
 }
 
-/// Makes a folder of kernels in which one of the barriers is missing.
+/// Returns a folder of kernels in which one of the barriers is missing.
 fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
     let mut text = Sources::Embedded.read(file).expect("a kernel");
     text.replace_range(at..at + call.len(), "(void)0");
@@ -233,13 +235,14 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
     folder
 }
 
-/// Synchronisations of a tile's lanes that are needed, although Oclgrind cannot show it. Each is given by its file
-/// and the text that follows it there. Oclgrind has no sub-groups, so lane operations go through `__local` memory
-/// there, and the barriers inside these operations order all other accesses too. The operations of sub-groups
-/// exchange registers and order no accesses, so devices with sub-groups need these synchronisations.
+/// Synchronisations of a tile's lanes that are needed, although Oclgrind does not show a race without them.
+/// Each is given by its file and the text that follows it in the file. Oclgrind has no sub-groups, so lane
+/// operations there use `__local` memory, and the barriers inside these operations order all other accesses
+/// too. The operations of sub-groups exchange registers and order no accesses, so devices with sub-groups
+/// need these synchronisations.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
-    // After each of these places another synchronisation follows (in the first one, a little later) before the same
-    // `__local` memory is used again.
+    // After each of these synchronisations, another one follows (after the first, a little later) before the
+    // same `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
     ("tile_gpu/walk.cl", "; // the last leaf's triangles have been tested"),
@@ -247,9 +250,9 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return blocked"),
 ];
 
-/// The barrier before a tile of triangles is filled matters from the second tile on, so only a scene with more
-/// triangles than a tile holds shows that it is needed. `make test` leaves out the barriers of tiles that work-items
-/// share.
+/// The barrier before a tile of triangles is filled has an effect from the second tile on, so only a scene
+/// with more triangles than a tile holds shows that it is needed. `make test` does not test the barriers of
+/// tiles that work-items share.
 #[test]
 fn each_barrier_is_needed() {
     let (mut removed, mut hidden) = (0, 0);

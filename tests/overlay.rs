@@ -6,7 +6,8 @@ use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
 
-/// The example of docs/own-kernels.md: one file, `cast/intersect/baldwin_weber.cl`.
+/// Returns the folder of the example of docs/own-kernels.md, which has one file,
+/// `cast/intersect/baldwin_weber.cl`.
 fn example() -> String {
     repository("docs/kernels").to_str().expect("UTF-8").to_owned()
 }
@@ -14,7 +15,7 @@ fn example() -> String {
 const ADDED: &str = "intersector=baldwin-weber";
 const FILE: &str = "cast/intersect/baldwin_weber.cl";
 
-/// Makes a folder with the example's file, in which a part of the text is replaced; the file's name may be another one.
+/// Returns a folder with the example's file, under the name `file`, with a part of its text replaced.
 fn changed(place: &Place, file: &str, from: &str, to: &str) -> String {
     place.kernels_of(&format!("docs/kernels/{FILE}"), file, from, to)
 }
@@ -116,7 +117,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let folder = changed(&place, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
     let said = mistake(&place, &folder);
     has(&said, &[FILE, "line 4", "'any-rays' is not a valid 'prepared_for'", "did you mean 'any-ray'?"]);
-    // A file that takes the place of a built-in value needs a header, too.
+    // A file that replaces a built-in value needs a header, too.
     let place = Place::new();
     let folder = changed(&place, "cast/intersect/watertight.cl", "// meaning: ", "// ");
     has(&mistake(&place, &folder), &["watertight.cl, line 1", "no 'meaning'", "`// record_floats: 1 to 64`"]);
@@ -143,7 +144,10 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let said = mistake(&place, &folder);
     has(
         &said,
-        &["My test.cl: a value has its file's name", "rename it, for example to cast/intersect/my_test.cl"],
+        &[
+            "My test.cl: a value is named after its file",
+            "rename it, for example to cast/intersect/my_test.cl",
+        ],
     );
 
     has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);
@@ -151,7 +155,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     has(&mistake(&place, "."), &["holds no kernel file"]);
 }
 
-/// One file that differs takes the place of the built-in one; the rest is built in.
+/// A single file in the folder replaces the built-in file; all other files are built in.
 #[test]
 fn a_folder_holds_what_differs() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -160,8 +164,8 @@ fn a_folder_holds_what_differs() {
     has(&message, &["common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
-/// Every axis whose values are files accepts a further one: a copy of a built-in value under another name, at another
-/// place in the order.
+/// Every axis whose values are files accepts another value: here, a copy of a built-in value under another
+/// name.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -209,7 +213,7 @@ fn a_record_is_as_long_as_its_file_says() {
     }
 }
 
-/// Both agree with the reference on every pixel that any correct caster must agree on.
+/// With both, every certain pixel agrees with the reference.
 #[test]
 fn records_once_and_at_each_test_give_the_same_certain_pixels() {
     let mut stand = Stand::new(scene("gourd.toml"), [45, 29]);

@@ -1,4 +1,4 @@
-//! Files at the places where a command is to write: a file that raycl did not make, or that was changed since, is
+//! Files that a command would overwrite: a file that raycl did not write, or that was changed since then, is
 //! kept unless `--force` is given. Reports and comparisons are tested in tests/report.rs.
 
 use crate::binary::{Place, TRIANGLE, device, has, one_point, until};
@@ -7,10 +7,10 @@ use std::process::{Child, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// Somebody's work.
+/// The contents of a user's own file.
 const MINE: &str = "the only copy";
 
-/// Only a hang takes longer.
+/// The time limit, which is only reached if a process hangs.
 const LIMIT: Duration = Duration::from_secs(180);
 
 /// Checks that a command is refused before it does any work or loads a driver, that the file is unchanged, and that
@@ -102,8 +102,8 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round whose output fulfils a condition, and returns this output, up to the line "waiting for a
-    /// change". One change may make two rounds.
+    /// Waits for a round whose output, up to the line "waiting for a change", fulfils a condition. One change
+    /// of a file may cause two rounds.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {
@@ -209,12 +209,13 @@ fn runs_write_into_folders_of_results_only() {
     let run = [&run[..], &["--device", &device, "--quiet"]].concat();
     place.output(&[&run[..], &["--force"]].concat());
     assert!(place.text("thesis/summary.md") != MINE, "--force replaces it");
-    // From now on it is a folder of results.
+    // Now the folder is a folder of results.
     place.output(&[&run[..], &["--resume"]].concat());
     has(&place.mistake(&[&run[..], &["--force"]].concat(), 2), &["thesis already holds results"]);
 }
 
-/// Returns the message to a command that would write into a folder that raycl did not make; no driver is loaded.
+/// Runs a command that would write into a folder that raycl did not create, and returns its message. No
+/// driver is loaded.
 fn refused_folder(place: &Place, arguments: &[&str]) -> String {
     let mut command = place.raycl(arguments);
     let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();

@@ -50,7 +50,7 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
     let fma = kept[0]["fma_per_s"]["median"].as_f64().expect("a rate");
 
     let table = place.output(&["run", "test.toml", "--device", &device, "--out", "out", "--peak=peak.json"]);
-    has(&table, &["of the device's peak multiply-adds: "]);
+    has(&table, &["fraction of the device's peak rate of multiply-adds: "]);
     for record in place.json_lines("out/records.jsonl") {
         let number = |field: &str| record[field].as_f64();
         let expected = match record["name"].as_str().expect("a name") {

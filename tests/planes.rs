@@ -1,12 +1,13 @@
-//! Lights and cameras in the planes of triangles, on them and just over them: rounding decides there, and the reference
-//! has to know it. With every family of kernels, the certain pixels must agree with the reference.
+//! Lights and cameras in the planes of triangles, on triangles and just above them. There, rounding decides
+//! some pixels, which the reference must mark as uncertain. With every family of kernels, the certain pixels
+//! must agree with the reference.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::{Vec3, vec3};
 use raycl::scene::Scene;
 use raycl::strategy::{Strategy, Traversal, preset};
 
-/// Odd, so that rays run along planes of symmetry.
+/// The image's size. Both numbers are odd, so that rays run along planes of symmetry.
 const SIZE: [u32; 2] = [161, 101];
 
 fn strategies() -> Vec<Strategy> {
@@ -16,14 +17,14 @@ fn strategies() -> Vec<Strategy> {
     all.into_iter().filter(compiles_soon).collect()
 }
 
-/// Figure 4 with its light elsewhere.
+/// Returns Figure 4 with its light at another position.
 fn lit_from(x: f32, y: f32, z: f32) -> Scene {
     let mut scene = scene("figure-4.toml");
     scene.lights[0].position = vec3(x, y, z);
     scene
 }
 
-/// Figure 4 from within the plane of its triangle.
+/// Returns Figure 4, seen from within the plane of its triangle.
 fn seen_along_the_triangle() -> Scene {
     let mut scene = scene("figure-4.toml");
     let camera = &mut scene.camera;

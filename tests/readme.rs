@@ -1,5 +1,5 @@
-//! README.md, docs/scenes.md and docs/kernels.md show only what works: TOML that loads, command lines that parse, and lines that
-//! stand in the kernels.
+//! All examples in README.md, docs/scenes.md and docs/kernels.md work: their TOML loads, their command lines
+//! parse, and their code lines are in the kernels.
 
 use clap::Parser as _;
 use raycl::cli::Cli;
@@ -13,7 +13,7 @@ fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The fenced blocks of a page that are marked with one of `languages`.
+/// Returns the fenced blocks of a page that are marked with one of `languages`.
 fn blocks(page: &str, languages: &[&str]) -> Vec<String> {
     let text = fs::read_to_string(repository().join(page)).expect("a page");
     let fences = text.split("\n```").skip(1).step_by(2);
@@ -21,7 +21,7 @@ fn blocks(page: &str, languages: &[&str]) -> Vec<String> {
     marked.filter(|(language, _)| languages.contains(language)).map(|(_, body)| body.to_owned()).collect()
 }
 
-/// A folder with the repository's scenes in it, as the snippets assume.
+/// Returns a folder with the repository's scenes in it, as the snippets assume.
 fn folder_with_scenes() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let scenes = folder.path().join("scenes");
@@ -68,7 +68,7 @@ fn every_toml_block_loads() {
     }
 }
 
-/// The words of a command line; single quotes keep spaces together.
+/// Splits a command line into words. Spaces between single quotes do not split a word.
 fn words(line: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     for (part, text) in line.split('\'').enumerate() {

@@ -1,4 +1,4 @@
-//! `raycl render`: pictures in every format, what it reports, and what its options change.
+//! `raycl render`: pictures in every format, its reports, and the effects of its options.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
@@ -86,8 +86,8 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     // A rasteriser does not test every ray against every triangle.
     let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
-    // For tiles that work-items share, shading is always a separate pass: after that of shadow rays or, if passes are
-    // fused, after the one that casts all rays.
+    // For tiles that work-items share, shading is always a separate pass: after the pass of shadow rays or,
+    // if passes are fused, after the pass that casts all rays.
     for (passes, apart) in [("separate", true), ("fused", false)] {
         let strategy = format!("tile-group,passes={passes}");
         // Another test builds a program for this scene too, so it need not be compiled again: PoCL takes half a

@@ -1,4 +1,4 @@
-//! Reports as a reader sees them: pages that need no other file, exports, and comparisons with their exit codes.
+//! Reports: pages that need no other file, exports, and comparisons with their exit codes.
 //! `make test-browser` tests how a browser shows the pages.
 
 use std::path::Path;
@@ -10,7 +10,7 @@ fn raycl(arguments: &[&str]) -> Output {
     crate::binary::run(crate::binary::program().args(arguments))
 }
 
-/// Runs raycl, expects this exit code, and returns standard output and standard error.
+/// Runs raycl, which must end with this exit code, and returns its standard output and its standard error.
 fn outcome(arguments: &[&str], code: i32) -> (String, String) {
     let output = raycl(arguments);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -21,7 +21,7 @@ fn outcome(arguments: &[&str], code: i32) -> (String, String) {
 
 const EVIL: &str = "<script>alert(1)</script>";
 
-/// A record of a measured point; its samples lie within 1% around `ms`.
+/// Returns a record of a measured point, whose samples are within 1% of `ms`.
 fn record(scene: &str, name: &str, side: u32, ms: f64) -> Value {
     let samples: Vec<f64> = (0..10).map(|n| ms * (0.99 + 0.002 * f64::from(n))).collect();
     json!({
@@ -109,7 +109,7 @@ fn two_thousand_points_make_a_page_of_a_few_megabytes() {
 
 #[test]
 fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
-    // The points with which the two are compared: without a baseline, these are the points that did not change.
+    // Points that did not change. Without a baseline, the other two points are compared with them.
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
     let of = |naive: f64, wide: f64| {
         let two = [record("teapot", "naive", 8, naive), record("teapot", "wide", 4, wide)];
@@ -132,7 +132,7 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
 #[test]
 fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     let few = |name: &str, side: u32, n: usize| {
-        // A record as earlier versions wrote it: with an interval of width 0.
+        // A record with an interval of width 0, as earlier versions wrote it.
         let mut few = record("teapot", name, side, 1798.0);
         few["samples_ms"] = json!(vec![1798.0; n]);
         few["ci95_ms"] = json!([1798.0, 1798.0]);

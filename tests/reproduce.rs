@@ -1,4 +1,4 @@
-//! `raycl reproduce`: one command for all of the paper's configs, which goes on where it stopped.
+//! `raycl reproduce`: one command for all of the paper's configs, which continues where it stopped.
 
 use crate::binary::{Place, device, has};
 
@@ -14,7 +14,7 @@ const SMALL: [&str; 8] = [
     "timing.launches=1",
 ];
 
-/// Returns what the command prints on standard output and on standard error.
+/// Runs the command, and returns its standard output and its standard error.
 fn reproduce(place: &Place, more: &[&str]) -> (String, String) {
     let device = device();
     let set = SMALL.iter().flat_map(|value| ["--set", value]);
@@ -35,7 +35,7 @@ fn a_reproduction_goes_on_where_it_stopped() {
     let message = place.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
     has(&message, &["out/pictures already holds results", "--resume"]);
 
-    // The state after a kill when three configs were done.
+    // The state if the command was killed when three configs were done.
     std::fs::remove_dir_all(place.path("out/figure-8")).expect("it is there");
     let (_, progress) = reproduce(&place, &["--resume"]);
     has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);

@@ -1,4 +1,4 @@
-//! What a run takes over from an earlier session: one that was interrupted, or whose files were torn.
+//! Runs that continue an earlier session, which was interrupted or whose files are incomplete.
 
 use crate::common::mock::{Act, CONFIG, Mock, POINTS, count, execute, folder, nothing_twice};
 use raycl::Error;
@@ -41,8 +41,8 @@ strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 2, max_samples = 2, time_limit_ms = 1000 }
 "#;
 
-/// Resumes a run with a file that is cut at each byte in turn: no complete line is lost, and only what is missing is
-/// measured.
+/// Resumes a run with a file that is cut off at each byte in turn: no complete line is lost, and only missing
+/// samples are measured.
 fn torn_at_every_byte(name: &str) {
     let (whole, torn) = (folder(), folder());
     let off = AtomicBool::new(false);
@@ -52,8 +52,8 @@ fn torn_at_every_byte(name: &str) {
     let length = read(name).len();
     for cut in 0..length {
         for (file, bytes) in &journals {
-            // Samples are written before their record, so they are whole if records are cut; the other test cuts the
-            // samples alone.
+            // Samples are written before their record. If records are cut off, samples are therefore
+            // complete. The other test cuts off only the samples.
             let end = if *file == name { cut } else { bytes.len() };
             std::fs::write(torn.path().join(file), &bytes[..end]).expect("a torn journal");
         }
@@ -62,13 +62,13 @@ fn torn_at_every_byte(name: &str) {
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2, "cut at {cut}");
         let counts = mock.counts.borrow();
-        // A point without its record is checked again, but its samples are not taken again; one with its record
-        // is left alone, whatever became of its samples.
+        // A point without its record is verified again, but its samples are not measured again. A point with
+        // its record is not touched, even if its samples are lost.
         let checks = if name == "records.jsonl" { 2 - lines } else { 0 };
         assert_eq!((counts.checks.len(), counts.casts.len()), (checks, 0), "cut at {cut}");
         nothing_twice(torn.path());
         if cut % 64 == 0 {
-            // A resumed folder holds an environment for every session.
+            // A resumed folder has an environment file for every session.
             for entry in std::fs::read_dir(torn.path()).expect("a folder").flatten() {
                 if entry.file_name().to_string_lossy().starts_with("environment") {
                     let _ = std::fs::remove_file(entry.path());

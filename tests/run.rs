@@ -1,4 +1,4 @@
-//! `raycl run`: its plan, the results that it keeps, and points that fail.
+//! `raycl run`: its plan, its results, and points that fail.
 
 use crate::binary::{Place, TRIANGLE, device, has, repository};
 use serde_json::Value;
@@ -49,12 +49,12 @@ fn place() -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("config.toml", CONFIG)])
 }
 
-/// The arguments of a run into `out` on the test device.
+/// Returns the arguments of a run on the test device, with its results in `out`.
 fn arguments<'a>(device: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [&["run", "config.toml", "--out", "out", "--device", device], more].concat()
 }
 
-/// Runs the config, expects this exit code, and gives its records.
+/// Runs the config, which must end with this exit code, and returns its records.
 fn records(place: &Place, more: &[&str], code: i32) -> Vec<Value> {
     let device = device();
     place.raycl(&arguments(&device, more)).assert().code(code);

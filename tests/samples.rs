@@ -18,10 +18,10 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     let colours = |picture: &RgbImage| picture.pixels().map(|pixel| pixel.0).collect::<BTreeSet<_>>().len();
     let one = picture(&place, &["--samples", "1"]);
     assert_eq!(one, picture(&place, &[]));
-    // With and without vectors, with fused and with separate passes, with and without a tree.
+    // The strategies differ in vectors, in fused and separate passes, and in the use of a tree.
     for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
         let many = picture(&place, &["--samples", "9", "--strategy", strategy, "--verify"]);
-        // Where no edge is near, the filter changes little.
+        // Far from edges, the filter changes little.
         let inside = (many[(30, 20)].0, one[(30, 20)].0);
         assert!(inside.0.iter().zip(inside.1).all(|(a, b)| a.abs_diff(b) < 3), "{strategy}: {inside:?}");
         assert!(colours(&many) > colours(&one) + 20, "{strategy}: {} {}", colours(&many), colours(&one));
@@ -58,7 +58,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The changes: a pixel is left out or counted twice, or the mean is of another number of samples.
+/// The changes to the kernels: blocks are counted wrongly, or a pixel gets, or its mean assumes, another
+/// number of samples.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -77,8 +78,8 @@ fn a_broken_mean_is_a_wrong_picture() {
     }
 }
 
-/// Tiles that work-items share take their places from a list of rough blocks. Shading reads the hits of every ray,
-/// also those of a tile that was left out. These hits are undefined, so the driver may crash.
+/// Tiles that work-items share get their positions from a list of rough blocks. Shading reads the hits of all
+/// rays, even of a tile that was not cast. Such hits are undefined, so the driver may crash.
 #[test]
 fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -93,8 +94,8 @@ fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
     assert!(noticed.iter().any(|text| message.contains(text)), "{message}");
 }
 
-/// The changes in a tile that casts several samples of its pixels at once: one sample is at another place, is counted
-/// twice, or is left out.
+/// The changes to tiles that cast several samples of their pixels in one frame: a sample is at another place,
+/// is counted twice, or is missing.
 #[test]
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -126,7 +127,8 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     }
 }
 
-/// More lights than a work-item's word has room for, in two frames of samples: each round of lights adds its part.
+/// There are more lights than a work-item's word has bits for, and two frames of samples: each round of
+/// lights adds its part to the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();
@@ -157,7 +159,7 @@ shape = \"ground\"
 ";
 
 /// The samples of a pixel may lie farther apart vertically than horizontally. A small box may then be hit only by the
-/// lowest of them.
+/// ray of the lowest sample.
 #[test]
 fn a_vectors_interval_reaches_down_to_its_lowest_samples() {
     let place = Place::with(&[("scene.toml", FINE)]);

@@ -1,4 +1,4 @@
-//! The shipped scenes, and the messages about mistakes in scene files.
+//! The scenes of the repository, and the messages about mistakes in scene files.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::Vec3;
@@ -15,7 +15,7 @@ fn shipped(name: &str) -> Loaded {
     load_scene(&scene_path(&format!("{name}.toml"))).unwrap()
 }
 
-/// A scene file in a folder of its own.
+/// Returns a scene file in a new folder.
 fn scene_file(text: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.toml");
@@ -23,7 +23,7 @@ fn scene_file(text: &str) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-/// The message, and the text that the error points at.
+/// Returns the message of an error, and the text of the file to which the error points.
 fn mistake(error: Error) -> (String, String) {
     let Error::Input(input) = error else { panic!("not the user's mistake: {error}") };
     let pointed = input

@@ -1,5 +1,5 @@
-//! The JSON schemas of scenes and configs: the stored ones are those of this program, every file of the repository
-//! conforms to its schema, and the schemas refuse what raycl refuses.
+//! The JSON schemas of scenes and configs: the stored schemas equal those of this program, every file of the
+//! repository conforms to its schema, and the schemas reject the same files as raycl.
 
 use crate::binary::{Place, repository};
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 const KINDS: [(&str, &str); 2] = [("config", "configs"), ("scene", "scenes")];
 
-/// A line of records.jsonl has a schema, too.
+/// The name of the schema of a line of records.jsonl.
 const RECORD: &str = "record";
 
 fn schema(kind: &str) -> Value {
@@ -29,7 +29,8 @@ fn read(text: &str) -> Value {
     serde_json::to_value(table).expect("JSON")
 }
 
-/// Returns why a value does not conform to a schema; it knows only the keywords that these schemas use.
+/// Returns the reasons why a value does not conform to a schema. Supports only the keywords that these
+/// schemas use.
 fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
     // Any value conforms to this schema.
     if *schema == Value::Bool(true) {
@@ -76,7 +77,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
         "exclusiveMaximum" => number(|value, above| value < above),
         "minItems" | "minLength" => count(|length, least| length >= least),
         "maxItems" => count(|length, most| length <= most),
-        // The only pattern is that of colours.
+        // The only pattern is the pattern of colours.
         "pattern" => {
             value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
         }
@@ -207,7 +208,7 @@ fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
     assert!(widths.contains(&json!(4)) && widths.contains(&json!("4")), "{widths:?}");
     let presets = config["properties"]["strategies"]["items"]["enum"].as_array().expect("presets").len();
     assert_eq!(presets, raycl::strategy::PRESETS.len());
-    // A key without a description would not be explained.
+    // Every key must have a description.
     for (kind, _) in KINDS {
         for (key, value) in schema(kind)["properties"].as_object().expect("keys") {
             assert!(value["description"].is_string(), "{kind}: {key}");
@@ -215,7 +216,8 @@ fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
     }
 }
 
-/// Fields of the first table under a heading of docs/format.md: what stands in backticks in its first column.
+/// Returns the fields of the first table under a heading of docs/format.md. They are in backticks in its
+/// first column.
 fn documented(heading: &str) -> BTreeSet<String> {
     let text = read_to_string(repository("docs/format.md")).expect("the page");
     let section = text.split_once(heading).expect("the heading").1;
@@ -251,7 +253,8 @@ fn records_keep_to_their_schema_and_the_page_has_every_field() {
     assert!(seen > 500, "{seen} records");
 }
 
-/// Words in the lines of docs/python.md that are not fields: types, names that these lines define, and words of SQL.
+/// Words in the code of docs/python.md that are not fields: types, names that the code defines, and words of
+/// SQL.
 const NO_FIELDS: [&str; 21] = [
     "properties",
     "type",
@@ -276,7 +279,7 @@ const NO_FIELDS: [&str; 21] = [
     "float64",
 ];
 
-/// The lines of docs/python.md name fields that records have. `make test-python` runs them.
+/// The code of docs/python.md only names fields that records have. `make test-python` runs this code.
 #[test]
 fn the_python_page_names_fields_that_records_have() {
     let page = read_to_string(repository("docs/python.md")).expect("the page");
@@ -287,7 +290,7 @@ fn the_python_page_names_fields_that_records_have() {
     let is_name = |word: &&str| word.len() > 1 && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
     let mut seen = BTreeSet::new();
     for line in blocks.iter().flat_map(|block| block.lines()) {
-        // Each text between quotes; of a query, each of its words.
+        // Each text between quotes is a field; if it is a query, each of its words may be one.
         for quoted in line.split('"').skip(1).step_by(2) {
             let words = if quoted.starts_with("select") {
                 quoted.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).collect()

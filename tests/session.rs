@@ -1,4 +1,5 @@
-//! From a strategy to an object that casts: what the strategies of a session share, and why a strategy may be refused.
+//! Sessions, which turn a strategy into an object that casts: the data that the strategies of a session
+//! share, and the reasons why a strategy may be refused.
 
 use crate::common::apart::apart;
 use crate::common::{COMMON_LOCAL_SIZE, device, scene};
@@ -11,7 +12,7 @@ use raycl::scene::{Light, Sampling, Scene, Sky};
 use raycl::strategy::{Strategy, preset};
 use std::sync::Arc;
 
-/// Large enough that a frame needs much more memory than the scene.
+/// The image's size, so large that a frame needs much more memory than the scene.
 const SIZE: [u32; 2] = [75, 47];
 
 fn session() -> Session {
@@ -39,9 +40,9 @@ fn frames_of_one_session_share_the_devices_memory() {
     let Err(refused) = prepare(&mut session, &deferred()) else { panic!("there is no room for two") };
     assert!(matches!(refused, Refused::Device(_)), "{refused:?}");
     let said = refused.reason();
-    assert!(said.starts_with("global memory") && said.contains("B of other points"), "{said}");
+    assert!(said.starts_with("global memory") && said.contains("B that other points hold"), "{said}");
     let error = refused.into_error("the device").to_string();
-    assert!(error.starts_with("the device cannot hold this: global memory"), "{error}");
+    assert!(error.starts_with("the device cannot hold this frame: global memory"), "{error}");
     drop(caster);
     prepare(&mut session, &deferred()).expect("room again");
 }
@@ -59,8 +60,8 @@ fn a_strategy_that_contradicts_itself_is_the_users_mistake() {
     }
 }
 
-/// Returns the image of the last scene, cast by a caster that is made for the first scene and then shown the others,
-/// and whether it could be shown the last one.
+/// Returns the image of the last scene, and whether the caster accepted this scene. The caster is created for
+/// the first scene, and then gets the other scenes.
 fn image_of(strategy: &str, scenes: &[&Arc<Scene>]) -> (Radiance, bool) {
     let strategy = preset(strategy).expect("it works").strategy;
     let sampling = Sampling { first: 2, ..Sampling::all(6) };
@@ -100,7 +101,8 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
         assert!(shown && one == other, "{strategy}: another image");
         assert!(image_of(strategy, &[&before]).0 != other, "{strategy}: the same view");
     }
-    // With another mesh, another number of lights, no sky or no background, other buffers or kernels are needed.
+    // Other buffers or kernels are needed for another mesh, another number of lights, no sky or no
+    // background.
     let change = |change: fn(&mut Scene)| {
         let mut scene = Scene::clone(&after);
         change(&mut scene);

@@ -4,7 +4,7 @@
 use crate::binary::{Place, TRIANGLE, config, device, has};
 use assert_cmd::Command;
 
-/// A place with a settings file, a scene and an experiment of one baseline, which needs no device.
+/// Returns a place with a settings file, a scene and an experiment of one baseline, which needs no device.
 fn place(settings: &str) -> Place {
     let text = config("image_sizes = [[8, 5]]\nbaselines = [\"serial\"]\n", 0, 1);
     Place::with(&[("home/raycl/config.toml", settings), ("scene.toml", TRIANGLE), ("config.toml", &text)])

@@ -1,5 +1,6 @@
-//! One experiment in shards: whatever starts the processes and whatever happens to them, the merged results are those
-//! that a single run would have. Most of these tests use `--asleep`: frames that cast nothing and take a known time.
+//! One experiment in shards: whatever starts the processes and whatever happens to them, the merged results
+//! equal those of a single run. Most of these tests use `--asleep`: frames that cast nothing and take a known
+//! time.
 
 mod pages;
 mod sweep;
@@ -11,7 +12,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-/// Points of the config: strategies, local sizes, image sizes.
+/// Points of the config: two strategies, three local sizes, two image sizes.
 const POINTS: usize = 2 * 3 * 2;
 
 /// A config, and the folder that its shards write to.
@@ -103,8 +104,8 @@ fn kill(process: u32) {
     let _ = kill_process(process, Signal::KILL);
 }
 
-/// Every file of a folder with its bytes, except the two that differ from run to run: the report, whose script has a
-/// random name, and the file with its hash.
+/// Returns every file of a folder with its bytes, except two files that differ from run to run: the report,
+/// whose script has a random name, and the file with the report's hash.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
     let same =
@@ -119,7 +120,7 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // Two groups in three shards: one group is cut, and its pieces share a control point.
+    // Two groups in three shards: one group is divided, and its parts share a control point.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let records = ground.records("out/records.jsonl");
@@ -188,7 +189,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     ground.is_whole();
 }
 
-/// Returns the number of whole lines of a file that may not exist yet.
+/// Returns the number of complete lines of a file, which may not exist yet.
 fn lines(path: &Path) -> usize {
     std::fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count())
 }
@@ -251,8 +252,8 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     lose_launcher("slurmstepd", "1/1");
 }
 
-/// The launcher may be any program that is not a shell; it may also be a shell if it gives each process its shard's
-/// number, so that `--shard auto/N` finds it.
+/// The launcher may be any program that is not a shell. A shell counts as a launcher only if it sets each
+/// process's shard number, from which `--shard auto/N` takes it.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {
@@ -260,7 +261,7 @@ fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {
     lose_launcher("sh", "auto/1");
 }
 
-/// A program under a launcher's name starts the shard and is killed.
+/// Starts a shard by a program with a launcher's name, kills this program, and checks that the attempt ends.
 #[cfg(target_os = "linux")]
 fn lose_launcher(name: &str, shard: &str) {
     let ground = Ground::new();
@@ -291,7 +292,7 @@ fn lose_launcher(name: &str, shard: &str) {
     has(&ground.place.output(&["merge", "out", "--status"]), &[&format!("launcher lost: {name}")]);
 }
 
-/// The workers of an attempt's process.
+/// Returns the workers of an attempt's process.
 #[cfg(target_os = "linux")]
 fn workers(attempt: &Path) -> Vec<String> {
     let about = std::fs::read_to_string(attempt.join("attempt.json")).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Soft lights and the sky, in every family that takes them.
+//! Soft lights and the sky, in every family that supports them.
 
 use crate::binary::{Place, device, has, repository};
 use image::RgbImage;
@@ -48,8 +48,8 @@ fn picture(place: &Place, options: &[&str]) -> RgbImage {
     render(place, options).0
 }
 
-/// These strategies cast rays one by one and in vectors, test them by planes through a common origin and without,
-/// with a tree and without one, in fused and in separate passes.
+/// These strategies cast rays one by one and in vectors, with and without planes through a common origin,
+/// with and without a tree, in fused and in separate passes.
 const FAMILIES: [&str; 5] = ["naive", "wide-common-origin", "bvh", "tile", "tile,passes=separate"];
 
 #[test]
@@ -78,7 +78,7 @@ fn lights_with_a_radius_are_soft_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--set", "light.0.radius=-1"], 2);
 }
 
-/// With points that all pixels share, four samples make a penumbra of four steps.
+/// If all pixels used the same points, four samples would produce a penumbra of four steps.
 #[test]
 fn each_pixel_sees_another_point_of_a_light() {
     let place = Place::with(&[("scene.toml", SQUARE)]);
@@ -102,21 +102,21 @@ fn each_pixel_sees_another_point_of_a_light() {
 fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
     let place = Place::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
-        // With several samples, with one, and with a sky that reaches no farther than the bias.
+        // Several samples, one sample, and a sky that reaches less far than the bias.
         for more in [["--samples", "4"], ["--samples", "1"], ["--set", "sky.reach=1e-9"]] {
             picture(&place, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
         }
     }
     let shown = picture(&place, &["--samples", "64"]);
     let ground = |picture: &RgbImage, x: u32, y: u32| i32::from(picture[(x, y)].0[1]);
-    // Beside the ball, where it stands on the ground, it is darker than far from it.
+    // The ground is darker beside the ball than far from it.
     let (beside, far) = (ground(&shown, 30, 22), ground(&shown, 4, 30));
     assert!(beside + 15 < far, "{beside} {far}");
     let near = picture(&place, &["--samples", "64", "--set", "sky.reach=0.001"]);
     assert!((ground(&near, 30, 22) - ground(&near, 4, 30)).abs() < 6);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster has no sky, which the scene has"]);
+    has(&place.mistake(&raster, 2), &["traversal = raster does not support a sky, which the scene has"]);
     for wrong in ["sky.zenith=-1", "sky.reach=0", "sky.colour=1"] {
         place.mistake(&["render", "scene.toml", "--set", wrong], 2);
     }
@@ -131,8 +131,8 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// Tested once only, since PoCL takes long to compile it. The tests of changed kernels below only expect a wrong
-/// picture, so they would not notice a kernel that is wrong without the change.
+/// There is only one such test, since PoCL takes long to compile these kernels. The tests of changed kernels
+/// below expect a wrong picture, so they do not notice a kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let place = where_shadow_rays_end();
@@ -160,8 +160,8 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     has(&message, &["the picture is wrong: "]);
 }
 
-/// The scene of tests/data/lights.toml, whose bias is large, with a sky that reaches about as far as the panel, and
-/// lights of a very small radius.
+/// Returns a place with the scene of tests/data/lights.toml, whose bias is large, with a sky that reaches
+/// about as far as the panel, and lights of a very small radius.
 fn where_shadow_rays_end() -> Place {
     let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
     let soft = lights.replace("power =", "radius = 0.02\npower =");
@@ -176,8 +176,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// The changes: another point of the sequence, of the ball or of the hemisphere; inverted occlusion; a leaf of which
-/// only one triangle is tested.
+/// The changes to the kernels: another point of the sequence, of the ball or of the hemisphere; inverted
+/// occlusion; a leaf of which only one triangle is tested.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
@@ -214,8 +214,8 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     Place::with(&[("scene.toml", &fine)]).notices(narrower, "tile", &["--verify", "--samples", "2"]);
 }
 
-/// A floor between three walls: in every tile some rays to the sky are stopped and some are
-/// not, and their number is no multiple of a vector.
+/// A floor between three walls. In every tile, some rays to the sky are stopped and some are not, and their
+/// number is not a multiple of a vector's length.
 const HALF_OPEN: &str = "[camera]
 position = [0, 1.5, 4]
 look_at = [0, 0.5, 0]

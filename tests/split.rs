@@ -1,5 +1,5 @@
 //! A frame on several devices, which has the same pixels as on one device; a run on several devices; samples of
-//! several frames. PoCL makes two devices of one machine.
+//! several frames. PoCL is configured to show one machine as two devices.
 
 use crate::binary::{Place, TRIANGLE, config, repository};
 use crate::common::apart::apart;
@@ -118,8 +118,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // A point is the same whichever device measures it, so nothing is measured again. The blocks also stay the same,
-    // whatever times were measured for the points.
+    // A point is the same on whichever device it is measured, so nothing is measured again. The blocks also
+    // stay the same, whatever times were measured.
     let blocks = place.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
     assert_eq!(place.text("out/blocks.json"), blocks);
@@ -136,7 +136,7 @@ fn a_batch_has_the_mean_time_of_its_frames_and_the_same_picture() {
     assert_eq!(caster.cast().expect("a frame").batch, None);
     let times = caster.cast_batch(5).expect("a batch");
     assert_eq!(times.batch, Some(5));
-    // The elapsed time is that of five frames, and each frame's share is a fifth.
+    // The elapsed time is the time of five frames, and each frame's share is a fifth.
     assert!((times.elapsed_ms() - 5.0 * times.host_ms).abs() < 1e-9 && times.frame_ms <= times.elapsed_ms());
     let parts = times.primary_ms.zip(times.shadow_ms).map(|(primary, shadow)| primary + shadow);
     assert!(parts.is_some_and(|sum| (sum - times.frame_ms).abs() < 1e-9), "{times:?}");

@@ -1,4 +1,4 @@
-//! What happens to workers that die, hang or refuse: tests of the supervisor with workers that follow a script.
+//! Tests of the supervisor, with workers that follow a script: they die, hang or refuse requests.
 
 use crate::common::mock::{Act, CONFIG, Mock, POINTS, Scene, count, execute, folder, once, point_of};
 use rand::{RngExt as _, SeedableRng as _};
@@ -31,7 +31,10 @@ fn a_point_that_kills_its_worker_costs_itself_and_nothing_else() {
         assert_eq!(count(&records, Outcome::Measured), POINTS - 1);
         let lost = records.iter().find(|record| record.outcome == Outcome::Crashed).expect("a crash");
         let reason = lost.reason.as_deref().unwrap_or_default();
-        assert!(reason.contains("SIGSEGV") && reason.contains("twice") && reason.contains("oh"), "{reason}");
+        assert!(
+            reason.contains("SIGSEGV") && reason.contains("both attempts") && reason.contains("oh"),
+            "{reason}"
+        );
         assert_eq!(counts.borrow().workers, 1 + 2, "two deaths, two fresh workers");
         assert!(records.iter().filter(|r| r.outcome == Outcome::Measured).all(|r| r.samples_ms.len() == 4));
     }
@@ -94,7 +97,8 @@ fn workers_that_die_at_random_moments_cost_nothing() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut struck = HashMap::new();
         let (records, _) = once(CONFIG, move |scene| {
-            // At most one worker dies per point, since the supervisor blames a second loss on the point.
+            // At most one worker dies per point. After a second loss, the supervisor would count the point as
+            // failed.
             let strikes: &mut usize = struck.entry(point_of(scene.request)).or_default();
             if *strikes == 0 && rng.random_bool(0.1) {
                 *strikes += 1;

@@ -36,7 +36,7 @@ mesh = \"room.obj\"
 exposure = 4
 ";
 
-/// Eight by four texels of smooth colours; the first row is red, the first column green.
+/// Returns a picture of 8 x 4 texels in smooth colours. The first row is red, the first column green.
 fn picture() -> RgbImage {
     RgbImage::from_fn(8, 4, |x, y| match (x, y) {
         (_, 0) => Rgb([250, 40, 30]),
@@ -61,7 +61,7 @@ Kd 0 0 0
 map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
 ";
 
-/// Returns whether more pixels differ in some channel than rounding may change at edges.
+/// Returns whether two pictures differ in more pixels than rounding may change at edges.
 fn differ(a: &RgbImage, b: &RgbImage) -> bool {
     apart(a, b) > 8
 }
@@ -95,11 +95,11 @@ fn a_family_without_textures_says_so_and_a_scene_can_leave_them_out() {
     let place = room(MTL);
     let device = device();
     let raster = ["render", "scene.toml", "--device", &device, "--strategy", "raster"];
-    has(&place.mistake(&raster, 2), &["traversal = raster has no textures, which the scene has"]);
+    has(&place.mistake(&raster, 2), &["traversal = raster does not support textures, which the scene has"]);
     let (plain, _) = place.picture(&["--set", "textures=false", "--strategy", "raster", "--verify"]);
     assert!(!differ(&plain, &place.picture(&["--set", "textures=false"]).0));
-    // The floor's own colour is black. It counts as white if a texture is multiplied with it, so that the floor has a
-    // hue only with the texture.
+    // The floor's own colour is black. It counts as white if a texture is multiplied by it, so that the floor
+    // has a hue only with the texture.
     let hue = |picture: &RgbImage| {
         let [least, most] = [picture[(36, 40)].0.into_iter().min(), picture[(36, 40)].0.into_iter().max()];
         most.unwrap_or_default() - least.unwrap_or_default()
@@ -128,7 +128,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     assert_eq!(found, place.picture(&["--set", "textures=false"]).0);
     std::fs::write(place.path("none.png"), "no picture").expect("a file");
     has(&place.picture(&[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
-    // A face without texture coordinates, and one whose coordinate the file lacks.
+    // A face without texture coordinates, and a face with a coordinate that is not in the file.
     std::fs::write(place.path("room.mtl"), MTL).expect("a file");
     std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
         .expect("a file");
@@ -155,7 +155,7 @@ fn a_broken_texture_is_a_wrong_picture() {
     }
 }
 
-/// A glTF of one quad, its picture as base64, its sampler as given.
+/// Returns a glTF file of one quad with this sampler, and with its picture in base64.
 pub fn gltf(sampler: &str, transform: &str) -> String {
     use base64::Engine as _;
     use base64::engine::general_purpose::STANDARD;

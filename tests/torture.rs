@@ -1,9 +1,9 @@
-//! Bad, odd and hostile OBJ files: each ends in a picture without NaN or in an error that names file, line and
-//! reason; never in a panic or a crash.
+//! Bad, odd and hostile OBJ files. Each yields a picture without NaN, or an error that names file, line and
+//! reason, but never a panic or a crash.
 
 use std::path::{Path, PathBuf};
 
-/// The numbers at the beginning of the names of those files whose triangles are regular enough to be shown.
+/// The files that must yield a picture, by the numbers at the beginning of their names.
 const SHOWN: [u32; 48] = [
     9, 10, 11, 12, 13, 14, 17, 28, 29, 30, 34, 35, 36, 37, 38, 39, 40, 41, 42, 43, 44, 45, 46, 49, 50, 51,
     52, 56, 57, 58, 59, 60, 61, 62, 63, 64, 66, 67, 69, 72, 73, 74, 78, 79, 80, 81, 82, 83,
@@ -15,7 +15,7 @@ enum End {
     Refused(String),
 }
 
-/// Renders a file and judges the result; an `Err` means that raycl behaved wrongly.
+/// Renders a file, and returns the result. An `Err` means that raycl behaved wrongly.
 fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let picture = folder.join("picture.exr");
     let _ = std::fs::remove_file(&picture);
@@ -53,7 +53,7 @@ fn is_helpful(said: &str) -> bool {
     })
 }
 
-/// Makes two files that are too long to be stored in the repository.
+/// Writes two files that are too long to be stored in the repository.
 fn generated(folder: &Path) -> Vec<PathBuf> {
     let triangle = "v 0 0 -2\nv 1 0 -2\nv 0 1 -2\n";
     let long_line = format!("#{}\n{triangle}f 1 2 3\n", "x".repeat(1_000_000));

@@ -28,7 +28,8 @@ fn transparent(place: &Place, options: &[&str], name: &str) -> Rgba32FImage {
     picture.to_rgba32f()
 }
 
-/// Before a background of radiance b, a pixel is its own radiance plus b times the share that nothing covers.
+/// In front of a background of radiance b, a pixel is its own radiance plus b times the share that no surface
+/// covers.
 #[test]
 fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
     let place = Place::new();

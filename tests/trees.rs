@@ -1,5 +1,4 @@
-//! Traversals with a tree, on the device against the reference: many lights, interiors, hills, and meshes of extreme
-//! kinds.
+//! Traversals with a tree, compared with the reference: many lights, interiors, hills, and extreme meshes.
 
 use crate::common::apart::apart;
 use crate::common::{Stand, compiles_soon, is_long};
@@ -8,7 +7,7 @@ use raycl::scene::{Scene, Triangle, load_scene, load_scene_with};
 use raycl::strategy::{Intersector, Passes, Strategy, TileSize, preset};
 use std::path::Path;
 
-/// Neither side is a multiple of a tile.
+/// The image's size. Neither side is a multiple of a tile.
 const SIZE: [u32; 2] = [75, 47];
 
 fn of(name: &str) -> Strategy {
@@ -63,7 +62,7 @@ fn rounds_of_lights_of_every_tile() {
         (TileSize::T8x8, Intersector::EDGE_PLANES, 3),
     ];
     for (tile, intersector, rounds) in all.into_iter().take(if is_long() { 3 } else { 1 }) {
-        // Fused strategies are tested above, and take a CPU's compiler longer.
+        // Fused strategies are tested above. A CPU's compiler takes longer for them.
         let strategy = Strategy { tile, passes: Passes::Separate, intersector, ..shared };
         assert_eq!(32_usize.div_ceil(strategy.lights_of_round()), rounds, "{strategy}");
         let verdict = stand.check(&strategy, [32, 1]).expect("a device that holds it");
@@ -71,7 +70,7 @@ fn rounds_of_lights_of_every_tile() {
     }
 }
 
-/// A scene in another unit of length: the same picture.
+/// Returns a scene in another unit of length. Its picture is the same.
 fn scaled(mut scene: Scene, scale: f32) -> Scene {
     scene.mesh_mut().positions.iter_mut().for_each(|point| *point *= scale);
     scene.camera.position *= scale;
@@ -93,7 +92,7 @@ fn coordinates_from_a_millionth_to_a_million() {
     }
 }
 
-/// A scene with its triangles changed.
+/// Returns a scene after a change of its triangles.
 fn with_triangles(change: impl FnOnce(&mut Scene)) -> Scene {
     let mut scene = crate::common::scene("gourd.toml");
     change(&mut scene);
@@ -105,13 +104,15 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
     apart!();
     agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
-        // Each triangle occurs twelve times, so that no plane separates the copies and leaves have too many triangles.
+        // Each triangle occurs twelve times. No plane separates the copies, so that leaves have too many
+        // triangles.
         let all = scene.mesh.triangles.clone();
         scene.mesh_mut().triangles =
             all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
     }));
     agrees(with_triangles(|scene| {
-        // A point and a line beside each triangle, and a thousand points in one place.
+        // For each triangle, one that is a point and one that is a line; and a thousand points at the same
+        // position.
         let all = scene.mesh.triangles.clone();
         let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
         for triangle in &all {

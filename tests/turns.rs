@@ -1,5 +1,5 @@
-//! Two runs take turns on one device. Their workers are stand-ins that only note when they cast, so the test needs no
-//! worker process, no real device and no clock.
+//! Two runs that take turns on one device. Their workers are replaced by objects that only record the order
+//! of casts, so the test needs no worker process, no real device and no clock.
 
 use raycl::config;
 use raycl::device_lock::Locks;
@@ -49,7 +49,7 @@ impl Worker for Noting {
             }
             Request::Cast { .. } => {
                 self.log.lock().expect("no test panicked").push(self.run);
-                // The other run, if it may cast now, gets the processor.
+                // If the other run may cast now, it gets the processor.
                 std::thread::yield_now();
                 Reply::Sample(FrameTimes::whole(1.0, 1.0))
             }
@@ -86,7 +86,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
     assert_eq!(records.len(), 2 * GROUPS);
 }
 
-/// Returns how many casts a run made each time, until the other run had its turn.
+/// Returns the number of consecutive casts by the same run, for each turn.
 fn turns(log: &Log) -> Vec<usize> {
     let log = log.lock().expect("no test panicked");
     assert_eq!(log.len(), 2 * GROUPS * CASTS_OF_A_GROUP);

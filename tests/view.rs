@@ -1,4 +1,5 @@
-//! `raycl view`: what its window shows, read from an X server without a screen, and what it shows in a terminal.
+//! `raycl view`: the contents of its window, read from an X server without a screen, and its pictures in a
+//! terminal.
 
 use crate::binary::{NO_SETTINGS, Place, TRIANGLE, device, finish, has, program, until};
 use crate::x_server::Server;
@@ -9,7 +10,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::Mutex;
 
 const SIZE: [u32; 2] = [96, 60];
-/// Keys by the symbols that X11 has for them.
+/// X11's symbols of keys.
 const RIGHT: u32 = 0xff53;
 const LETTER: fn(char) -> u32 = |letter| letter as u32;
 
@@ -17,12 +18,12 @@ fn place() -> Place {
     Place::with(&[("scene.toml", TRIANGLE)])
 }
 
-/// The command, on the test device.
+/// Returns the command that views `scene.toml` on the test device.
 fn view(place: &Place, options: &[&str]) -> std::process::Command {
     view_of("scene.toml", place, options)
 }
 
-/// The same of another scene.
+/// Returns the command that views a scene on the test device.
 fn view_of(scene: &str, place: &Place, options: &[&str]) -> std::process::Command {
     let mut command = program();
     command.current_dir(place.path(".")).args(["view", scene, "--device", &device()]).args(options);
@@ -36,7 +37,7 @@ fn start(place: &Place, server: &Server, options: &[&str]) -> Child {
     view(place, &all).env("DISPLAY", server.display()).spawn().expect("it starts")
 }
 
-/// Returns the picture that `render` writes of the same scene.
+/// Returns the picture that `render` writes for the same scene.
 fn rendered(place: &Place, options: &[&str]) -> RgbImage {
     rendered_in(place, SIZE, options)
 }
@@ -53,7 +54,7 @@ fn differences(a: &RgbImage, b: &RgbImage) -> u8 {
     a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-/// Ends the view by its key, and returns its report.
+/// Ends the view by pressing its key, and returns its report.
 fn quit(child: Child, server: &Server) -> Value {
     server.user().press(LETTER('q'));
     let output = finish(child);
@@ -79,7 +80,7 @@ fn the_window_shows_what_render_writes() {
         let expected = rendered(&place, &["--samples", samples]);
         let server = Server::start(SIZE);
         let child = start(&place, &server, &["--samples", samples, "--json"]);
-        // Sums of several samples may be rounded another way.
+        // Sums of several samples may be rounded differently.
         let most = if samples == "1" { 0 } else { 1 };
         server.until_shown("it shows the picture", |shown| differences(shown, &expected) <= most);
         let report = quit(child, &server);
@@ -168,13 +169,13 @@ fn a_pipe_gets_half_blocks() {
     has(&String::from_utf8_lossy(&output.stderr), &["scene     little: 1 triangle\n", "\nspeed     "]);
 }
 
-/// Returns what a form of `--terminal` writes for one frame, without a report.
+/// Returns the output of a form of `--terminal` for one frame, without a report.
 fn frame(place: &Place, form: &str) -> Vec<u8> {
     let terminal = format!("--terminal={form}");
     one_frame(view(place, &[&terminal, "--quiet"])).stdout
 }
 
-/// Lets a command show one frame.
+/// Runs a command that shows one frame, and returns its output.
 fn one_frame(mut command: Command) -> Output {
     let output = finish(command.args(["--frames", "1", "--samples", "1"]).spawn().expect("it starts"));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -227,7 +228,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 
-/// A terminal that tmux provides, in which a command runs; the terminal ends when the value is dropped.
+/// A terminal of tmux in which a command runs. It ends when the value is dropped.
 struct Tmux(String);
 
 impl Tmux {
@@ -246,7 +247,7 @@ impl Tmux {
         String::from_utf8_lossy(&output.stdout).into_owned()
     }
 
-    /// Returns the text that it shows, with colours.
+    /// Returns the text in the terminal, with colours.
     fn text(&self) -> String {
         self.run(&["capture-pane", "-p", "-e"])
     }
@@ -258,7 +259,7 @@ impl Tmux {
         for (row, line) in (0_u32..23).zip(self.text().lines()) {
             let mut column = 0;
             for part in line.split('\x1b') {
-                // A line begins in the colours in which the one before ended.
+                // A line begins with the colours at the end of the previous line.
                 let code = part.strip_prefix('[').and_then(|part| part.split_once('m'));
                 let (codes, shown) = code.unwrap_or(("", part));
                 let codes: Vec<u8> = codes.split(';').filter_map(|code| code.parse().ok()).collect();

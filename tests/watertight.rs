@@ -14,9 +14,10 @@ use raycl::strategy::{
     Intersector, NodeWidth, Passes, Records, Shading, Strategy, TileSize, Traversal, Triangles, Width, preset,
 };
 
-/// Total number of rays per traversal.
+/// Number of single rays per traversal.
 const RAYS: usize = 60_000;
-/// The side of an image with at least as many pixels. At the image's edges, tiles and work-groups lie partly outside.
+/// The side of an image with at least as many pixels. At the image's edges, parts of tiles and work-groups
+/// are outside.
 const SIDE: u32 = 246;
 const PIXELS: usize = (SIDE * SIDE) as usize;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
@@ -25,13 +26,14 @@ fn of(name: &str) -> Strategy {
     preset(name).expect("a preset").strategy
 }
 
-/// Returns the strategies that are allowed with a ray-triangle test.
+/// Returns the strategies, with this ray-triangle test, that have no contradiction.
 fn with(intersector: Intersector, all: Vec<Strategy>) -> Vec<Strategy> {
     let all = all.into_iter().map(|strategy| Strategy { intersector, ..strategy });
     all.filter(|strategy| strategy.contradiction().is_none()).collect()
 }
 
-/// Every way to cast single rays: exhaustively, in tiles of triangles, along a tree, alone and in packets.
+/// Returns every way to cast single rays: exhaustively, in tiles of triangles, with a tree, alone and in
+/// packets.
 fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     let [exhaustive, tree, packet] = ["deferred", "bvh", "bvh-packet"].map(of);
     let all = vec![
@@ -47,7 +49,7 @@ fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     with(intersector, all)
 }
 
-/// Every way to cast a camera's rays, except the rasteriser.
+/// Returns every way to cast rays from the eye, except the rasteriser.
 fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
     let [tree, tile] = ["bvh", "tile"].map(of);
     let all = vec![
@@ -74,7 +76,7 @@ fn leaks_of_rays(stand: &Stand, scene: &Scene, strategy: &Strategy) -> usize {
     ORIGINS.into_iter().map(leaks).sum()
 }
 
-/// The closed meshes on the device and on the host.
+/// Returns the closed meshes on the device and on the host.
 fn meshes() -> (Stand, Scene) {
     let scene = closed_meshes();
     (Stand::new(scene.clone(), [64, 64]), scene)
@@ -91,19 +93,19 @@ fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usiz
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// Returns how many of [`PIXELS`] primary rays pass through the crumpled net in front of the eye, or through the flat
-/// one.
+/// Returns how many of [`PIXELS`] primary rays pass through the net in front of the eye, which is crumpled or
+/// flat.
 fn leaks_to(kernels: &Sources, is_flat: bool, strategy: &Strategy) -> usize {
     PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE, is_flat), strategy).1
 }
 
-/// The same for both nets.
+/// Returns the sum of these numbers for both nets.
 fn leaks_to_nets(strategy: &Strategy) -> usize {
     [false, true].map(|is_flat| leaks_to(&Sources::Embedded, is_flat, strategy)).into_iter().sum()
 }
 
-/// Returns the faults of some kernels: primary and shadow rays that pass through nets, and rays that are stopped by a
-/// triangle beside which they pass.
+/// Returns the numbers of faults of some kernels: of primary rays and of shadow rays that pass through nets,
+/// and of rays that are stopped by a triangle although they pass beside it.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
     let primary = leaks_to(kernels, false, strategy) + leaks_to(kernels, true, strategy);
     let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
@@ -151,7 +153,7 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
 }
 
 /// The rasteriser's edge functions are exactly opposite in neighbouring triangles as well, and a pixel on an edge
-/// belongs to both.
+/// belongs to both triangles.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();
@@ -215,7 +217,8 @@ fn the_papers_test_leaks_so_the_rays_do_probe_edges() {
     let (primary, shadow) = (leaks_to(&Sources::Embedded, false, &wide), leaks_from(&wide));
     println!("{rays} rays: {paper}\n{primary} primary and {shadow} shadow rays: {wide}");
     assert!(rays > 10 && primary > 10, "{rays} rays, {primary} primary rays");
-    // The numbers of docs/reliability.md; on devices that round differently, between half and twice as many.
+    // The numbers are those of docs/reliability.md. Devices that round differently may find between half and
+    // twice as many.
     let is_near = |found: usize, told: usize| found > told / 2 && found < 2 * told;
     let near = is_near(rays, 4_241) && is_near(primary, 15_442) && is_near(shadow, 10_730);
     assert!(near, "{rays} rays, {primary} primary, {shadow} shadow");

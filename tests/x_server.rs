@@ -1,5 +1,5 @@
-//! An X server without a screen (Xvfb), the picture that it would show, and a user's input, through the X11 protocol
-//! itself: numbers are little-endian, and lengths are counted in words of four bytes.
+//! An X server without a screen (Xvfb), the picture that it would show, and a user's input, directly through
+//! the X11 protocol: numbers are little-endian, and lengths are counted in words of four bytes.
 
 use crate::binary::until;
 use image::RgbImage;
@@ -8,7 +8,7 @@ use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 
-/// A server of its own, which ends when it is dropped.
+/// An X server for one test, which ends when the value is dropped.
 pub struct Server {
     process: Child,
     number: u32,
@@ -34,12 +34,13 @@ impl Server {
         Self { process, number, folder }
     }
 
-    /// Returns the name by which programs find it.
+    /// Returns the display name by which programs find the server.
     pub fn display(&self) -> String {
         format!(":{}", self.number)
     }
 
-    /// What its screen shows: a file in the format of xwd, whose pixels are blue, green, red and nothing.
+    /// Returns the picture on the screen, from a file in the format of xwd. The bytes of a pixel are blue,
+    /// green, red and an unused one.
     pub fn picture(&self) -> RgbImage {
         let file: PathBuf = self.folder.path().join("Xvfb_screen0");
         let bytes = std::fs::read(&file).expect("the screen's file");
@@ -80,7 +81,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // The process may have ended by itself.
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
@@ -91,7 +92,7 @@ pub struct User {
     stream: UnixStream,
     root: u32,
     window: u32,
-    /// The first and the last key's code.
+    /// The codes of the first and the last key.
     keycodes: [u8; 2],
 }
 
@@ -113,14 +114,14 @@ impl User {
         self.until_done();
     }
 
-    /// Waits until the server has processed all requests, since it drops those of a user that has disconnected. The
-    /// window may be gone by then.
+    /// Waits until the server has processed all requests, since it discards the requests of a user that has
+    /// disconnected. The window may be gone by then.
     fn until_done(&mut self) {
         self.send(&[43, 0, 1, 0]);
         while read(&mut self.stream, 32)[0] != 1 {}
     }
 
-    /// Puts the pointer on a pixel of the window.
+    /// Moves the pointer to a pixel of the window.
     pub fn point(&mut self, [x, y]: [u16; 2]) {
         let mut request = vec![41, 0, 6, 0, 0, 0, 0, 0];
         request.extend(self.window.to_le_bytes());
@@ -129,7 +130,7 @@ impl User {
         self.send(&request);
     }
 
-    /// The window's title.
+    /// Returns the window's title.
     pub fn title(&mut self) -> String {
         let mut request = vec![20, 0, 6, 0];
         request.extend(self.window.to_le_bytes());
@@ -160,7 +161,7 @@ impl User {
         self.stream.write_all(request).expect("a request");
     }
 
-    /// The next reply: events and errors are passed over.
+    /// Returns the next reply, after skipping events and errors.
     fn reply(&mut self) -> (Vec<u8>, Vec<u8>) {
         loop {
             let head = read(&mut self.stream, 32);

@@ -1,9 +1,9 @@
-// Each work-item's rays traverse the tree together: one ray, or a packet of WIDTH rays. Included twice: with ANY_HIT
-// 1 it defines any_hit, with ANY_HIT 0 closest_hit, like exhaustive.cl.
+// Each work-item's rays traverse the tree together: one ray, or a packet of WIDTH rays. This file is included twice,
+// like exhaustive.cl: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0 closest_hit.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself.
+// the hit P, in the direction w_i to the light, so that the triangle that was just hit does not shadow itself.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);
@@ -64,7 +64,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         }
 #if !ANY_HIT
         const varying reach = REACH;
-        // A hit found since a child was pushed may be nearer than its box: then the child is dropped without a visit.
+        // If a hit that was found later is nearer than a child's box, the child is dropped without a visit.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

@@ -1,11 +1,12 @@
 // Tests which children of a node are hit by rays. After rounding, the tests may report additional hits, but never
 // miss one.
 
-// Returns the reciprocal of a component; for a component that is nearly zero, the reciprocal of a small number.
+// Returns the reciprocal of a component. Replaces a component that is nearly zero by a small number.
 varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
 
+// A ray as the slab test needs it: its origin, and the reciprocals of its direction's components.
 typedef struct {
     Vec3 origin, per_direction;
 } BoxProbe;
@@ -19,8 +20,8 @@ BoxProbe prepare_box_probe(Vec3 origin, Vec3 direction) {
 
 // A child to be visited.
 typedef struct {
-    uint word;
-    float entry;
+    uint word;   // its word in the node: see common/tree.cl
+    float entry; // the t at which the first of the rays enters it
 } Waiting;
 
 // Puts a child onto the stack. The children of the same node that are already on the stack are above the height
@@ -35,8 +36,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray tests all children at once, one lane per child. A node is loaded completely before its first use, in as few
-// loads as the device allows.
+// One ray tests all children at the same time, one lane per child. A node is loaded completely before its first use, in
+// as few loads as the device allows.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -53,7 +54,7 @@ typedef union {
     float each[CHILD_LANES];
 } EachBox;
 
-// Returns where a ray crosses the two sides of an axis.
+// Returns the t at which a ray crosses one side of each child's box, one lane per child.
 BoxLanes pass_sides(const __global float *sides, float origin, float per_direction) {
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
@@ -82,7 +83,7 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     return waiting;
 }
 #else
-// Returns the lanes whose ray hits a child's box nearer than `reach`, and where the ray enters the box.
+// Returns the lanes whose ray hits a child's box nearer than `reach`. `entry` receives the t at which each ray enters.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     // The slab test (Kay and Kajiya 1986), one lane per ray: t at both sides of each axis.

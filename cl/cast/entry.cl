@@ -1,9 +1,9 @@
-// The kernels for rays that are cast one by one, or several at once in the lanes of a vector. They declare the arrays
+// The kernels for rays that are cast one by one, or together in the lanes of a vector. The kernels declare the arrays
 // in __local memory, and call the functions that the files of the axes provide.
 
 #include "cast/parts.cl"
 
-// A whole frame: primary rays, shading, shadow rays.
+// Casts a whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
     const Pixels pixels = CAST_PIXELS;
@@ -14,7 +14,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image took part so far, since all must reach the barriers. From here on they count as misses.
+    // Lanes outside the image took part so far, since all must reach the barriers. From here on, they count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -51,6 +51,7 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
     Nearest nearest;
     closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
+    // Repeated lanes after the last ray are not stored.
     triangle.all = nearest.triangle;
     for (int lane = 0; lane < WIDTH; lane++)
         if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];

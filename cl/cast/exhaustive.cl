@@ -1,8 +1,9 @@
-// Every ray tests every triangle. Included twice: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0 closest_hit.
+// Every ray tests every triangle. This file is included twice: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0
+// closest_hit.
 //
 // All work-items test the same triangle at the same time, so that one load serves all of them. A ray is read from the
 // working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow
-// ray runs from P to the light; with planes prepared for an origin, it runs from the light to P.
+// ray runs from the hit P to the light; with planes prepared for an origin, it runs from the light to P.
 //
 // If triangles are streamed through __local memory, the loop over them is unrolled by 8. This is 7% faster on a GPU
 // than unrolling by 4, which its compiler chooses. With planes prepared for an origin, the loop is unrolled by 4,
@@ -10,7 +11,7 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the working vector P, in the direction w_i, so that the triangle that was just hit does not shadow itself. `open`
+// the hit P, in the direction w_i to the light, so that the triangle that was just hit does not shadow itself. `open`
 // contains the lanes that have hit nothing yet: a lane is finished at its first hit on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));

@@ -1,4 +1,4 @@
-// Gathers a different triangle for each lane, one lane after another.
+// Loads a different triangle for each lane, one lane after another.
 
 // Returns the surface of each lane's triangle. Lanes without a hit read nothing and contain zeros.
 Surface gather_surfaces(const Geometry *geometry, varying_int triangle) {

@@ -1,4 +1,4 @@
-// The layout of OBJ files: a set of positions, a set of normals, three indices per triangle into each, and one
+// The layout of OBJ files: a set of positions, a set of normals, three indices per triangle into each set, and one
 // material per triangle. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
@@ -85,7 +85,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes the surface of one lane's triangle.
+// Writes the normals and the material of one lane's triangle to that lane of the columns.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const Index *index = geometry->normal_indices + 3 * triangle;
     MATERIAL_SPACE const float *material = geometry->materials + MATERIAL_FLOATS * geometry->material_indices[triangle];

@@ -1,6 +1,6 @@
 // The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments.
-// In an include, the name of an axis in {braces} stands for the strategy's value on that axis, which is the name of
-// the file. An include under `#if NAME` is followed only if the host defines NAME as 1.
+// In an include, the name of an axis in {braces} is replaced by the strategy's value on that axis, which is the name
+// of a file. An include under `#if NAME` is only followed if the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -144,7 +144,7 @@
 #define search_ray camera_ray
 #endif
 
-// Returns the pixels of this work-item's lanes, of which only those that are to be cast count as inside the image.
+// Returns the same pixels, of which only those that get another sample count as inside the image.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;
@@ -162,7 +162,7 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
 #define CAST_PIXELS own_pixels(image_size)
 #endif
 
-// Puts rays into the working vectors. Returns the smallest distance at which their hits count.
+// Stores rays in the working vectors. Returns the distance up to which their hits are ignored.
 varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
@@ -179,8 +179,8 @@ varying begin_rays(Working *working, Ray ray) {
 #include "common/half_light.cl"
 #endif
 
-// Stores the result of one pass for the next: one number per pixel, which is the number of its nearest
-// triangle or, for a tree, the index of that triangle in leaf order.
+// Stores one number per pixel for the next pass: the number of its nearest triangle or, for a tree, the index of that
+// triangle in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;
@@ -191,12 +191,13 @@ void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varyin
         if (inside.each[lane]) nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] = number.each[lane];
 }
 
+// Returns the numbers that store_nearest has stored for these pixels.
 varying_int load_nearest(const __global int *nearest, int2 image_size, Pixels pixels) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;
-    // Lanes outside the image count as rays that hit nothing, so that nobody shades them.
+    // Lanes outside the image count as rays that hit nothing, so that they are not shaded.
     for (int lane = 0; lane < WIDTH; lane++)
         number.each[lane] =
             inside.each[lane] ? nearest[(size_t)y.each[lane] * image_size.x + x.each[lane]] : NO_HIT;

@@ -2,15 +2,15 @@
 // corners P and Q of an edge span the plane with the normal (P - Q) x (P + Q) = 2 P x Q. A ray lies inside the edge
 // if the dot product of its direction and that normal is positive. The neighbouring triangle has the same plane with
 // all signs reversed. 1 / t is the dot product of the direction with N / N.A, where N = (B - A) x (C - A).
-// prepare_origins makes one row per triangle and origin, once per frame.
+// prepare_origins computes one row per triangle and origin, once per frame.
 
 #ifndef LINEAR_IN_PIXEL
 #error "LINEAR_IN_PIXEL: 0 or 1: whether the camera's planes are functions of the pixel"
 #endif
 
-// 1 to check after each edge whether all rays are outside of it. If vectors consist of scalars, the check saves the
-// rest of most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). If vectors are registers, a
-// check costs more than an edge (10% slower on a CPU).
+// 1 to check after each edge whether all rays are outside of it. If vectors are implemented as separate scalars, the
+// check saves the rest of most tests (43% faster on a GPU, 28% with planes that are linear in the pixel). If vectors
+// are registers, a check costs more than an edge (10% slower on a CPU).
 #if defined(HAS_REDUCE_OR)
 #define ASK_EDGE_BY_EDGE 0
 #else
@@ -29,13 +29,14 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Planes are scaled so that the overlap of neighbouring triangles, which allows for the rounding error of edges, is
-// 1. This costs nothing, since the chain of multiply-adds starts with that number. A ray in pixel coordinates has a z
-// of 1, so the overlap is already part of the third component of its planes. In this case -0 is added, which changes
-// nothing (-0 + z is z).
+// Returns the number with which the multiply-adds of an edge begin. Planes are scaled so that the overlap of
+// neighbouring triangles, which allows for the rounding error of edges, is 1. Adding the overlap costs nothing, since
+// the chain of multiply-adds begins with this number. A ray in pixel coordinates has a z of 1, so its planes contain
+// the overlap in their third component. In this case -0 is added, which changes nothing (-0 + z is z).
 float overlap_of(int origin) { return LINEAR_IN_PIXEL && !origin ? -0.0f : 1.0f; }
 
-// The terms that neighbouring pixels share come first: that of depth (z), then that of the row (y).
+// Returns a plane's dot product with a direction, plus `begin`. The terms that neighbouring pixels share come first:
+// the term of depth (z), then the term of the row (y).
 varying along_plane(float begin, float x, float y, float z, Vec3 direction) {
     return begin + direction.z * z + direction.y * y + direction.x * x;
 }
@@ -45,8 +46,8 @@ varying inside_edge(const Probe *probe, Uniform3 plane, Vec3 direction) {
     return along_plane(probe->overlap, plane.x, plane.y, plane.z, direction);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
-// otherwise there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
+// it returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // Three dot products of three terms, one for each edge. The origin is not needed, since the planes contain it.
     const varying w0 = inside_edge(probe, row.a, direction);

@@ -1,5 +1,5 @@
-// The planes of every triangle (first dimension) for every origin (second dimension): origin 0 is the eye, origin i is
-// light i - 1.
+// Computes the planes of every triangle (first dimension of the index space) for every origin (second dimension):
+// origin 0 is the eye, origin i is light i - 1.
 __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     const int triangle = get_global_id(0);
     const int origin = get_global_id(1);

@@ -1,4 +1,5 @@
-// Prepares a record of every triangle for the test, once per scene: in the mesh's order, or in the order of a tree's leaves.
+// Prepares a record of every triangle for the test, once per scene. Records are in the mesh's order or, with a tree, in
+// leaf order.
 __kernel void prepare_records(PREPARE_RECORDS_PARAMETERS) {
     const int at = get_global_id(0);
     if (at >= triangle_count) return;

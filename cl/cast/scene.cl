@@ -9,7 +9,7 @@ typedef struct {
     const __global float4 *prepared; // a row per triangle, first for the eye, then for each light
 #endif
 #if RECORDS_ONCE
-    const __global ROW_UNIT *records; // one row per triangle, in the mesh's order, or in leaf order
+    const __global ROW_UNIT *records; // one row per triangle, in the mesh's order or, with a tree, in leaf order
 #endif
 #if TREE
     Tree tree;
@@ -21,11 +21,12 @@ typedef struct {
     Soft soft;
 #endif
 #if STREAM_TILES
-    __local ROW_UNIT *tile;
+    __local ROW_UNIT *tile; // the rows of the triangles that are in __local memory now
 #endif
 } Scene;
 
-// Origin 0 is the eye, 1 the first light. Planes depend on the origin, corners do not.
+// Returns the row of a triangle, from global memory. Planes depend on the origin (0 is the eye, 1 the first light);
+// corners do not.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);
@@ -50,10 +51,11 @@ Row source_row(const Scene *scene, int origin, int triangle) {
 #define BIND_TILE(scene) scene.tile = tile_store;
 #define TILE_STEP(scene) TILE_TRIANGLES
 
-// Every work-item of the group must call this, and for the same tile.
+// Copies a tile of rows to __local memory. All work-items of the group must call this function, for the same tile.
 void stage_tile(const Scene *scene, int origin, int first) {
     barrier(CLK_LOCAL_MEM_FENCE); // all have finished the previous tile
     const int end = min(TILE_TRIANGLES, scene->geometry.count - first);
+    // Work-items copy the rows in turn.
     for (int k = LOCAL_INDEX; k < end; k += LOCAL_X * LOCAL_Y) {
         const Row row = source_row(scene, origin, first + k);
         STORE_ROW(row, scene->tile + ROW_UNITS * k)

@@ -1,7 +1,7 @@
-// Radiance towards the eye at a hit, from all lights that are visible from there.
+// Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
 // Sums the light at the hits of `active` lanes, at distance t and with the weights in the working vectors, into the
-// working vector RADIANCE of these lanes. With w_i the direction to a light and w_o that to the eye:
+// working vector RADIANCE of these lanes. With w_i the direction to a light and w_o the direction to the eye:
 //
 //     P = origin + t w     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
@@ -13,7 +13,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, a lane may contain the radiance of a hit behind this one, so its sum starts again.
+    // With shading = eager, a lane may contain the radiance of a more distant hit, so its sum starts again.
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
@@ -30,8 +30,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         const varying distance = sqrt(squared);
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
-        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. If tiles
-        // are streamed through __local memory, the work-item continues even so, since all must reach the barriers.
+        // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. But
+        // if tiles are streamed through __local memory, the work-item continues, since all must reach the barriers.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
@@ -48,8 +48,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #endif
             lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
-        // This is inside the loop: if it stood before the loop, a compiler would move it behind any_hit's barriers,
-        // and read another work-item's register.
+        // This line is inside the loop, although its value never changes. If it is before the loop, one compiler moves
+        // it behind any_hit's barriers, and reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

@@ -1,13 +1,13 @@
 // Shadow rays without a common origin: to points of a light with a radius, and to the sky.
 
 #if PLANES_OF_ORIGIN
-// Tests like any_hit whether something blocks the rays. Planes that were prepared for one origin cannot be used here, so every ray tests the
-// triangles themselves.
+// Returns the lanes whose ray something blocks, like any_hit. Planes that were prepared for one origin cannot be used
+// here, so every ray tests the triangles themselves.
 Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Mask wanted) {
     Mask open = wanted;
     for (int triangle = 0; triangle < scene->geometry.count && ANY(open); triangle++) {
-        // The vectors are read again for every triangle, since they may lie in the memory whose speed is to be
-        // measured with this strategy.
+        // The vectors are read again for every triangle, since the strategy may exist to measure the speed of their
+        // memory.
         const Vec3 way = working_get(working, TO_LIGHT);
         const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), way);
         open &= !SOLID_ON_RAYS(&scene->textures, triangle, corners(&scene->geometry, triangle), from, way,
@@ -20,12 +20,13 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 #endif
 
 #if SKY
-// Adds the sky's light to RADIANCE of `active` lanes: one ray in a direction whose probability is proportional to its
-// cosine with the normal, so that the sky's radiance in this direction times k_L is the estimate.
+// Adds the sky's light to RADIANCE of `active` lanes. Each lane casts one ray, in a direction whose probability is
+// proportional to its cosine with the normal. The estimate is therefore the sky's radiance in this direction times k_L.
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);
     if (IS_UNOCCLUDED(&scene->soft)) {
+        // Unoccluded light needs no ray.
         const Vec3 arriving = multiply(surface->lambertian, mean_of_sky(&scene->soft, normal));
         const Vec3 before = working_get(working, RADIANCE);
         working_set(working, RADIANCE, select3(active, add(before, arriving), before));
@@ -40,6 +41,7 @@ void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask 
     const Vec3 sum = working_get(working, RADIANCE);
     working_set(working, RADIANCE, select3(lit, add(sum, received), sum));
 #if ENVIRONMENT
+    // Shiny surfaces also mirror the picture of the sky.
     const Vec3 mirrored = mirrored_sky(&scene->soft, scene->light_count + 1, pixels.x, pixels.y, surface,
                                        working_get(working, NORMAL), negate(working_get(working, RAY_DIRECTION)));
     const Vec3 before = working_get(working, RADIANCE);

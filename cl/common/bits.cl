@@ -5,7 +5,7 @@
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001
 #if REDUCE_BUILTIN && defined(__AVX512DQ__) && defined(__AVX512VL__)
-// A single instruction if the hardware has mask registers; the compiler does not find it by itself.
+// Hardware with mask registers does this in one instruction, which the compiler does not choose by itself.
 typedef int Hardware8 __attribute__((__vector_size__(32)));
 typedef int Hardware16 __attribute__((__vector_size__(64)));
 #define LANE_BITS8(mask) ((uint)(uchar)__builtin_ia32_cvtd2mask256(__builtin_astype(mask, Hardware8)))
@@ -21,4 +21,4 @@ typedef int Hardware16 __attribute__((__vector_size__(64)));
     ((uint)ANY((mask) & (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768)))
 #endif
 
-#define LOWEST_BIT(bits) ((int)popcount(~(bits) & ((bits) - 1))) // compilers see trailing zeros
+#define LOWEST_BIT(bits) ((int)popcount(~(bits) & ((bits) - 1))) // compilers recognise a count of trailing zeros

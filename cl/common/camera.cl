@@ -23,7 +23,7 @@ typedef struct {
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + 0.5f)
 #endif
 
-// The pixels of this work-item's lanes, a block. With WIDTH 4 and BLOCK_X 2:
+// Returns the pixels of this work-item's lanes, which form a block. With WIDTH 4 and BLOCK_X 2:
 //     lane  0 1  at  (x, y)      (x + 1, y)
 //           2 3      (x, y + 1)  (x + 1, y + 1)
 // Rays of a block stay close to each other, so that they mostly meet the same triangles and boxes.
@@ -52,6 +52,7 @@ typedef struct {
 #define TO_INT(a) PASTE(convert_int, WIDTH)(a)
 #endif
 
+// Returns the rays from the eye through these pixels.
 Ray camera_ray(CAMERA_PARAMETERS, const Pixels *pixels) {
     const varying x = RAY_X(*pixels), y = RAY_Y(*pixels);
     const Vec3 d = vec3(corner.x + x * step_x.x + y * step_y.x,

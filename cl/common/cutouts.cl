@@ -1,5 +1,5 @@
-// Cut-outs: triangles with a mask, a texture whose alpha channel says where the surface is. Elsewhere is a hole, through
-// which rays go on. src/reference/cutouts.rs does the same in f64.
+// Cut-outs are triangles with a mask: a texture whose alpha channel defines where the surface is and where it has
+// holes. Rays pass through the holes. src/reference/cutouts.rs does the same in f64.
 
 #ifndef LEAST_ALPHA_UNIT
 #error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
@@ -11,7 +11,7 @@
 //     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v | wrap u
 //
-// It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 stands for an alpha of 1.
+// It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 means an alpha of 1.
 //
 // Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions,
 // so that distant leaves would grow or vanish.
@@ -20,14 +20,14 @@
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const float4 c = row[1];
-    const int mask = as_int(c.w); // 0 for none, else one more than its number
+    const int mask = as_int(c.w); // 0 for no mask, else one more than the mask's number
     if (!mask) return 1;
     const __global uint *head = texture_head(textures, mask - 1), *words = textures->words;
     const Texels at = texels_at(whole_texture(head), head[3], row[0], c, w1, w2);
     const float alpha = at.ka * (float)(words[at.a] >> 24) + at.kb * (float)(words[at.b] >> 24) +
                         at.kd * (float)(words[at.d] >> 24) + at.ke * (float)(words[at.e] >> 24);
-    // One unit is subtracted from the least alpha, so that rounding makes no holes where the alpha is the least one
-    // everywhere.
+    // One unit is subtracted from the least alpha. Otherwise rounding could make holes where all four texels have
+    // exactly this alpha.
     return (float)LEAST_ALPHA_UNIT * alpha >= (float)(head[3] >> 16) - 1.0f;
 }
 
@@ -35,13 +35,14 @@ int has_mask(const Textures *textures, int triangle) {
     return as_int(textures->rows[MAPPED_QUADS * (size_t)triangle + 1].w) != 0;
 }
 
-// Returns those lanes of `hits` that hit the surface of a triangle, at these weights.
+// Returns the lanes of `hits` in which the point with these weights is on the triangle's surface and not in a hole.
 Mask solid_lanes(const Textures *textures, int triangle, varying w1, varying w2, Mask hits) {
     if (!ANY(hits) || !has_mask(textures, triangle)) return hits;
     IntLanes solid;
     Lanes second, third;
     solid.all = hits;
     second.all = w1, third.all = w2;
+    // Lanes hit different points, so texels are read one lane after the other.
     for (int lane = 0; lane < WIDTH; lane++)
         if (solid.each[lane] && !is_solid(textures, triangle, second.each[lane], third.each[lane])) solid.each[lane] = 0;
     return solid.all;

@@ -1,12 +1,13 @@
 // A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
-// Such a sky stores its numbers where other skies have the radiance of zenith and horizon. Its texels follow the
-// lights' radii:
+// Where other skies store the radiance of zenith and horizon, such a sky stores the position and size of its picture,
+// and the direction of the picture's middle. Its texels follow the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
-// Columns are angles around the zenith, from left to right; rows are angles from the zenith, from above.
+// Columns are angles around the zenith, from left to right; rows are angles from the zenith, from top to bottom.
 
+// Returns the radiance of each lane's texel.
 Vec3 texel_of_sky(const Soft *soft, varying_int column, varying_int row) {
     const __global float *texels = soft->numbers + (int)soft->numbers[0];
     const int width = (int)soft->numbers[1];
@@ -26,16 +27,17 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const int width = (int)soft->numbers[1], height = (int)soft->numbers[2];
     const Uniform3 middle = LOAD3(soft->numbers + 3), up = LOAD3(soft->numbers + 6);
     const varying ahead = dot3(way, splat(middle)), right = dot3(way, splat(uniform_cross(middle, up)));
-    // Both angles by atan2, which loses no digits near the zenith, where a cosine would.
+    // Both angles are computed by atan2, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(way, splat(up)));
-    // Centres of texels lie at half-integers. The left edge of the picture continues at the right one.
+    // Centres of texels lie at half-integers. The picture's left edge continues at its right edge.
     const varying x = around * (float)width - 0.5f;
     const varying y = clamp(below * (float)height - 0.5f, (varying)(0.0f), (varying)((float)(height - 1)));
     const varying left = floor(x), top = floor(y), to_right = x - left, to_bottom = y - top;
     const varying_int x0 = TO_INT(left), y0 = TO_INT(top);
     const varying_int first = SELECT(x0 < 0, (varying_int)(width - 1), min(x0, width - 1));
     const varying_int second = SELECT(first + 1 < width, first + 1, (varying_int)(0));
+    // The picture ends at the zenith and at the nadir, so rows do not wrap.
     const varying_int upper = clamp(y0, 0, height - 1), lower = clamp(y0 + 1, 0, height - 1);
     const Vec3 a = texel_of_sky(soft, first, upper), b = texel_of_sky(soft, second, upper);
     const Vec3 c = texel_of_sky(soft, first, lower), d = texel_of_sky(soft, second, lower);
@@ -44,9 +46,9 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// Turns `vector`, which is given around the axis (0.36, 0.48, 0.8), by the shortest rotation that takes this axis to
-// the normal. Only the normal opposite to the axis has no such rotation. The axis is an unusual one, so that
-// this normal is unusual too.
+// Returns a vector after the shortest rotation that turns the axis (0.36, 0.48, 0.8) to the normal. The third
+// component of `vector` is along this axis. For a normal opposite to the axis, the shortest rotation is undefined. Few
+// surfaces have that normal, because the axis is not parallel to any usual direction.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
     const Vec3 axis = splat(uniform3(0.36f, 0.48f, 0.8f)), across = splat(uniform3(0.8f, -0.6f, 0.0f));
     const Vec3 down = splat(uniform3(0.48f, 0.64f, -0.6f));
@@ -56,9 +58,9 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
     return along(along(own, -part, both), 2.0f * vector.z, normal);
 }
 
-// Returns the picture's light that a surface with a highlight reflects to the eye, whatever is in between. A half
-// vector is chosen with a probability proportional to (n . h)^s, so that the estimate is k_G times the radiance from
-// the mirrored direction, times a few cosines.
+// Returns the picture's light that the highlight of a surface reflects to the eye. Surfaces that block this light are
+// ignored. A half vector h is chosen with a probability proportional to (n . h)^s, so that the estimate is k_G times
+// the radiance from the mirrored direction, times a few cosines.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
@@ -66,6 +68,7 @@ Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, co
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
+    // The light arrives from the direction that mirrors the direction to the eye at the half vector.
     const varying to_half = dot3(to_eye, half_way);
     const Vec3 way = along(negate(to_eye), 2.0f * to_half, half_way);
     const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(way, normal), (varying)(0.0f));

@@ -1,4 +1,4 @@
-// Included before tests that rely on exact signs: no later expression is contracted to fma.
+// This file is included before tests that rely on exact signs. It forbids to contract any later expression to fma.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

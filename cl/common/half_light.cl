@@ -2,7 +2,7 @@
 // per pixel. Another one has the unoccluded light, which would arrive if nothing were in between. Their ratio is
 // filtered. The unoccluded light of the whole picture, which has no noise, is then multiplied by this ratio (Heitz,
 // Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
-// src/reference/half_light.rs has the same.
+// src/reference/half_light.rs does the same in f64.
 //
 //     lit, grainy        unoccluded        ratio, filtered            unoccluded, all pixels
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
@@ -13,7 +13,7 @@
 #error "HALF_LIGHT_SHARPNESS: how fast pixels count less for each other as their unoccluded light differs"
 #endif
 
-// A work-item processes WIDTH pixels of a row.
+// In both kernels, a work-item processes WIDTH pixels of a row.
 
 // Returns the weight of one pixel for another: largest if their unoccluded light is equal, 0 if it differs much. Pixels
 // on different surfaces, or on different sides of an edge, mostly differ.
@@ -28,7 +28,7 @@ INLINED_ROWS varying part_of(varying part, varying whole, varying other) {
     return SELECT(whole > 0.0f, part / whole, other);
 }
 
-// Filters the ratio of the two half pictures. `ratios` receives the part of the light that arrives, per pixel.
+// Filters the ratio of the two half pictures. `ratios` receives, for each pixel, the part of the light that arrives.
 //
 // Neighbouring pixels use different points of lights and different directions of the sky, which repeat after 4 pixels
 // (soft.cl). The filter's weights along each axis give each of these samples the same share, so that no noise is left
@@ -45,6 +45,7 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     Vec3 arrives = vec3(zero, zero, zero), all = vec3(zero, zero, zero);
     for (int down = -2; down <= 2; down++)
         for (int across = -2; across <= 2; across++) {
+            // Each neighbour counts by its share of the samples, and by how alike its unoccluded light is.
             const PixelRow there = load_pixels(half_unoccluded, half_size, x + across, y + down);
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
@@ -60,8 +61,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// Returns pixels of a row of the half picture, one for each pixel of the whole picture from column x on: the nearest one
-// to the left of that pixel's centre, or the nearest one to its right.
+// Returns a pixel of the half picture's row y for each pixel of the whole picture from column x on: the nearest pixel
+// to the left of that pixel's centre or, if `to_right` is 1, the nearest to its right.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
@@ -94,6 +95,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;
+    // The four nearest pixels of the half picture: left and right, above and below.
     for (int corner = 0; corner < 4; corner++) {
         const int to_right = corner & 1, below = corner >> 1, row = (int)top + below;
         const varying part = (to_right ? across - left : 1.0f - (across - left)) * (below ? down - top : 1.0f - (down - top));
@@ -103,7 +105,7 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
         sum = along(sum, weight, ratio.colour);
         weights += weight;
     }
-    // The background's share of a pixel keeps its brightness.
+    // Only light from surfaces is multiplied. The background's share of a pixel keeps its brightness.
     const Vec3 behind = scale(splat(uniform3(background.x, background.y, background.z)), 1.0f - pixels.hit);
     const Vec3 lit = multiply(subtract(own, behind), scale(sum, 1.0f / weights));
     store_pixels(image, image_size, x, y, add(behind, lit), pixels.hit);

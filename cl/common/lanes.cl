@@ -14,8 +14,8 @@
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// Inlining keeps arguments that are passed by pointer in registers. With barriers the compiler decides, since
-// Oclgrind's cannot inline at all.
+// Inlining keeps arguments that are passed by pointer in registers. With barriers, the compiler decides whether to
+// inline, since Oclgrind's compiler cannot.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else
@@ -32,9 +32,9 @@ typedef struct {
 #if SAMPLED
     const __global uint *wanted; // samples that each block of pixels gets
     uint earlier;                // samples that are already in the image
-    int bits;                    // a frame casts 2^bits x 2^bits rays for each pixel,
-    int samples;                 // or a few less,
-    const __global float *places; // at these x and y in their pixel
+    int bits;                    // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
+    int samples;                 // rays that the frame casts for each pixel; the other sub-pixels stay empty
+    const __global float *places; // x and y of each of these rays in its pixel
     uint tile;                    // where the group's tile begins in the grid of rays: see packed_tile
 #endif
 } Group;
@@ -56,12 +56,12 @@ typedef struct {
     group.board = board;                                                \
     group.turn = 0;
 
-// Not unrolled: there are many of these loops, and compilers take long with barriers.
+// These loops are not unrolled: there are many of them, and barriers make compilation slow.
 #define EACH_LANE(lane) _Pragma("unroll 1") for (int lane = 0; lane < GROUP_LANES; lane++)
 
 INLINED void lane_sync(Group *group) { barrier(CLK_LOCAL_MEM_FENCE); }
 
-// Shows a lane's value to the other lanes, and returns where the values of all lanes are. Two rows take turns:
+// Shows a lane's value to the other lanes, and returns the row with the values of all lanes. Two rows are used in turn:
 //
 //     lane 0    writes row 0 | barrier | reads row 0, writes row 1 | barrier | reads row 1, writes row 0 | ...
 //     lane 31   writes row 0 | barrier |   reads row 0, writes row 1 | barrier |   reads row 1, ...
@@ -76,8 +76,10 @@ INLINED const __local uint *write_board(Group *group, uint value) {
     return row;
 }
 
+// Returns the value of the lane `from`.
 INLINED uint lane_get(Group *group, uint value, int from) { return write_board(group, value)[from]; }
 
+// Returns a word in which bit i is set if `yes` is not 0 in lane i.
 INLINED uint lane_ballot(Group *group, int yes) {
     // Each lane writes its own bit; each lane joins all 32 bits.
     const __local uint *row = write_board(group, yes ? 1u << group->lane : 0u);
@@ -86,6 +88,7 @@ INLINED uint lane_ballot(Group *group, int yes) {
     return bits;
 }
 
+// Returns the smallest value of all lanes.
 INLINED uint lane_least(Group *group, uint value) {
     const __local uint *row = write_board(group, value);
     uint least = value;
@@ -93,6 +96,7 @@ INLINED uint lane_least(Group *group, uint value) {
     return least;
 }
 
+// Returns how many of the lanes `among` have a smaller key.
 INLINED int lane_rank(Group *group, uint key, uint among) {
     const __local uint *row = write_board(group, key);
     int rank = 0;
@@ -185,8 +189,8 @@ INLINED int lane_rank(Group *group, uint key, uint among) {
 }
 #endif
 
-// Returns its argument, but hides its value from the compiler. Values that depend on it are then computed again where
-// they are needed, instead of being kept in registers.
+// Returns its argument, but hides its value from the compiler. Values that depend on the result are then computed again
+// where they are needed, and do not occupy registers in between.
 INLINED int forgotten(int value) {
 #if LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
     asm volatile("" : "+r"(value));
@@ -215,7 +219,7 @@ INLINED float lane_get_float(Group *group, float value, int from) {
 // Returns the smallest of non-negative numbers, whose bits are ordered like the numbers.
 INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
-// Returns the smallest of arbitrary numbers, by converting their bits so that they are ordered, and back.
+// Returns the smallest of arbitrary numbers. Their bits are converted to unsigned integers of the same order, and back.
 INLINED float lane_min(Group *group, float value) {
     const uint bits = as_uint(value);
     // As unsigned integers, positive floats have the right order and negative ones the reverse order. Positive ones

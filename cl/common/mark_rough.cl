@@ -1,24 +1,26 @@
 // Marks the blocks of pixels that get more samples: those where neighbouring pixels differ visibly after the first
-// samples, at an edge, at the border of a shadow, or where few samples leave grain. src/reference/rough.rs has the same.
+// samples, at an edge, at the border of a shadow, or where few samples leave grain. src/reference/rough.rs does the
+// same in f64.
 
 #ifndef ROUGH_STEPS
 #error "ROUGH_STEPS: the difference of neighbouring pixels as displayed, in steps of 256, from which a block is rough"
 #endif
 
-// Returns a pixel's channels from 0 to 255, nearly as they are displayed: the gamma is 2. Pixels beyond the image
-// repeat the last ones.
+// Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. Beyond the image,
+// the pixels at its border repeat.
 float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure) {
     const float4 mean = image[(size_t)clamp(y, 0, image_size.y - 1) * image_size.x + clamp(x, 0, image_size.x - 1)];
     const float4 shown = 255.0f * sqrt(clamp(exposure * mean, 0.0f, 1.0f));
     return (float4)(shown.xyz, 0.0f);
 }
 
-// Sets how many samples a block wants: `most` if it is rough. It is then also added to the list of rough blocks. The
-// pixels directly around the block are compared too, since the filter of a pixel's samples reaches into them.
+// Sets a block's number of samples: `most` if it is rough, otherwise `first`. Also adds a rough block to the list of
+// rough blocks. The pixels directly around the block are compared too, since the filter of a pixel's samples extends
+// to them.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;
-    // The window is one pixel wider than the block on each side; `above` keeps the row before.
+    // The window is one pixel wider than the block on each side; `above` holds the row above.
     const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
     float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
     for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {

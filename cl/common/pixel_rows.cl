@@ -14,6 +14,7 @@ INLINED_ROWS PixelRow gather_pixels(const __global float4 *row, varying_int colu
     IntLanes at;
     at.all = columns;
     Lanes red, green, blue, hit;
+    // One load of 16 bytes per lane; its four channels go to four vectors.
     for (int lane = 0; lane < WIDTH; lane++) {
         const float4 pixel = row[at.each[lane]];
         red.each[lane] = pixel.x, green.each[lane] = pixel.y, blue.each[lane] = pixel.z, hit.each[lane] = pixel.w;
@@ -39,6 +40,7 @@ INLINED_ROWS PixelRow load_pixels(const __global float4 *image, int2 size, int x
         return pixels;
     }
 #endif
+    // At the border of the image, columns are clamped lane by lane.
     return gather_pixels(row, clamp(x + LANE_NUMBER, (varying_int)(0), (varying_int)(size.x - 1)));
 }
 
@@ -47,6 +49,7 @@ INLINED_ROWS void store_pixels(__global float4 *image, int2 size, int x, int y, 
     __global float4 *row = image + (size_t)y * size.x;
 #if WIDTH == 16
     if (x + WIDTH <= size.x) {
+        // Four stores of four pixels each, if all 16 are inside.
         __global float *to = (__global float *)(row + x);
         vstore16(interleave(colour.x.s0123, colour.y.s0123, colour.z.s0123, hit.s0123), 0, to);
         vstore16(interleave(colour.x.s4567, colour.y.s4567, colour.z.s4567, hit.s4567), 1, to);

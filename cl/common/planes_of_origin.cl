@@ -1,7 +1,7 @@
 // Edge planes of triangles for rays from one origin.
 
-// Returns the plane of an edge p - q with the ends p and q, relative to the origin. Swapping p and q only changes all
-// signs.
+// Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
+// origin. Swapping p and q only changes all signs.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
@@ -46,7 +46,7 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
     // All three planes are oriented so that inside is positive, on whichever side the origin is.
     const float turn = height > 0.0f ? per_unit : -per_unit;
-    // 1 / t = d . n / height: linear in the direction, like the edges.
+    // 1 / t = d . n / height is linear in the direction, like the edge functions.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);
     Row row;
     row.a = uniform_scale(edge_plane(uniform_difference(corners.b, corners.c), b, c), turn);

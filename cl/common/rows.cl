@@ -15,8 +15,9 @@ typedef struct {
     float u, v, w;
 } Row;
 
-// In memory, a row is three float4: the first has a and u, the second b and v, the third c and w. Rows are aligned to
-// 16 bytes.
+// In memory, a row is three float4, aligned to 16 bytes:
+//
+//     | a.x a.y a.z u | b.x b.y b.z v | c.x c.y c.z w |
 #define ROW_UNIT float4
 #define ROW_UNITS 3
 #define LOAD_ROW(row, quads)                                     \

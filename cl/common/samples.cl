@@ -1,16 +1,20 @@
-// Several samples of each pixel. The image holds the mean of those cast so far, and every frame adds one to it.
-// `wanted` says how many a pixel gets, with one number for each block of pixels; mark_rough changes it after the first
-// few samples. A pixel that wants no more is treated like one outside the image: it is not cast and not stored.
+// Several samples of each pixel. The image holds the mean of the samples cast so far, to which every frame adds more.
+// `wanted` holds the number of samples of each block of pixels; mark_rough changes it after the first few samples. A
+// pixel with enough samples is treated like a pixel outside the image: its ray is not cast, and nothing is stored.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"
 #endif
 
-// A rough block, in the list of those that get more samples: its row in the upper 16 bits, its column in the lower ones.
+// A rough block, in the list of blocks that get more samples. Rows and columns count blocks:
+//
+//     31 ... 16 | 15 ... 0
+//     row       | column
 #define ROUGH_BLOCK(x, y) ((uint)(y) << 16 | (uint)(x))
 #define ROUGH_X(block) ((block) & 0xffffu)
 #define ROUGH_Y(block) ((block) >> 16)
 
+// Returns how many blocks cover a row or a column of pixels.
 int sampled_blocks(int pixels) { return (pixels + SAMPLED_BLOCK - 1) / SAMPLED_BLOCK; }
 
 // Returns whether a pixel of the image gets another sample after `earlier` ones.
@@ -18,5 +22,5 @@ int is_wanted(const __global uint *wanted, uint earlier, int2 image_size, int x,
     return wanted[y / SAMPLED_BLOCK * sampled_blocks(image_size.x) + x / SAMPLED_BLOCK] > earlier;
 }
 
-// Returns the mean of a pixel's earlier samples and another one.
+// Returns the mean of a pixel's samples after another sample. `mean` is the mean of the `earlier` samples.
 #define MEAN_OF(mean, sample, earlier) ((earlier) ? (mean) + ((sample) - (mean)) / (float)((earlier) + 1) : (sample))

@@ -1,4 +1,4 @@
-// The defines that say what a scene has. Every family needs them.
+// The defines that describe which features a scene has. Every family needs them.
 
 #ifndef TEXTURES
 #error "TEXTURES: 0 or 1: whether triangles have textures"

@@ -1,8 +1,9 @@
 // Shows the picture of the sky where rays from the eye have hit nothing.
 
-// With several samples, the mean that the image holds does not say whether the last one hit something. Its fourth
-// component times the number of samples is the number of hits so far. If this number has not grown, the last sample
-// missed. A miss added nothing to the mean, since the background is black where the sky is seen.
+// With several samples per pixel, the image holds their mean, which does not show whether the last sample hit
+// something. The mean's fourth component times the number of samples is the number of hits so far. If this number has
+// not grown, the last sample missed. A miss added nothing to the mean, since the background is black where the sky is
+// seen.
 __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     const Pixels pixels = own_pixels(image_size);
     Soft sky;
@@ -12,6 +13,7 @@ __kernel void show_sky(SHOW_SKY_PARAMETERS) {
     sky.lane_sample = (varying_uint)(0);
 #endif
     const Vec3 seen = radiance_of_sky(&sky, camera_ray(eye, corner, step_x, step_y, &pixels).direction);
+    // The pixels of a block are not contiguous in the image, so lanes are stored one by one.
     Lanes red, green, blue;
     IntLanes x, y, inside;
     red.all = seen.x, green.all = seen.y, blue.all = seen.z;
@@ -22,13 +24,13 @@ __kernel void show_sky(SHOW_SKY_PARAMETERS) {
         const float4 shown = (float4)(red.each[lane], green.each[lane], blue.each[lane], 0.0f);
 #if SAMPLED
         if (!is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) continue;
-        // Rounded, since the mean of zeros and ones times the number of samples is only nearly a whole number.
+        // The product is rounded, since the mean of zeros and ones times their number is only nearly a whole number.
         const float count = (float)(earlier + 1);
         const uint hits = convert_uint_rte(image[at].w * count);
         if (hits == (earlier ? hits_before[at] : 0)) image[at] += shown / count;
         hits_before[at] = hits;
 #else
-        // The fourth component says whether the ray hit something.
+        // The fourth component is 0 if the ray hit nothing.
         if (image[at].w == 0.0f) image[at] = shown;
 #endif
     }

@@ -1,7 +1,7 @@
-// Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. These follow
-// Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that samples of a pixel,
-// and those of neighbouring pixels, are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion of
-// Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
+// Chooses the points of lights with a radius, and the direction of the sky, to which a pixel's sample casts rays. The
+// choices follow Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that the
+// samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion
+// of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
 // sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
 
 #ifndef SOFT_HEAD_FLOATS
@@ -17,8 +17,10 @@ typedef PASTE(uint, WIDTH) varying_uint;
 #endif
 
 typedef struct {
-    const __global float *numbers; // the sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light
-    uint2 sample;                  // the number of a pixel's sample, and the number of samples; 0 samples: see below
+    // The sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light.
+    const __global float *numbers;
+    // The number of the first sample of each pixel that this frame casts, and the number of samples (0: see below).
+    uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
 #endif
@@ -29,8 +31,8 @@ typedef struct {
 #define SAMPLE_NUMBER(soft) ((soft)->sample.x)
 #endif
 
-// If soft light is cast at half resolution (half_light.cl), some of its pictures contain the unoccluded light. For
-// these, the number of samples is set to 0. Lights are then points, and the sky has its mean radiance.
+// If soft light is cast at half resolution (half_light.cl), some pictures contain the unoccluded light. For these
+// pictures, the number of samples is set to 0. Lights are then points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -40,6 +42,7 @@ typedef struct {
 #define IS_UNOCCLUDED(soft) 0
 #endif
 
+// Returns the 32 bits in reverse order: swaps neighbouring bits, then pairs of bits, and so on.
 varying_uint reversed_bits(varying_uint bits) {
     bits = (bits >> 1 & 0x55555555u) | (bits & 0x55555555u) << 1;
     bits = (bits >> 2 & 0x33333333u) | (bits & 0x33333333u) << 2;
@@ -48,9 +51,9 @@ varying_uint reversed_bits(varying_uint bits) {
     return bits >> 16 | bits << 16;
 }
 
-// Owen's scrambling of bits in reverse order, by a hash in which each bit depends on the bits below it (Laine and Karras,
-// "Stratified Sampling for Stochastic Transparency", 2011, with the constants of Burley, "Practical Hash-based Owen
-// Scrambling", 2020).
+// Applies Owen's scrambling to bits in reverse order, by a hash in which each bit depends on the bits below it (Laine
+// and Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the constants of Burley, "Practical
+// Hash-based Owen Scrambling", 2020).
 varying_uint hashed_bits(varying_uint bits, uint seed) {
     bits += seed;
     bits ^= bits * 0x6c50b47cu;
@@ -60,7 +63,9 @@ varying_uint hashed_bits(varying_uint bits, uint seed) {
     return bits;
 }
 
-// Inserts a zero above each of the lower 16 bits.
+// Inserts a zero above each of the lower 16 bits. With four bits:
+//
+//     d c b a  ->  0 d 0 c 0 b 0 a
 varying_uint spread_bits(varying_uint bits) {
     bits = (bits | bits << 8) & 0x00ff00ffu;
     bits = (bits | bits << 4) & 0x0f0f0f0fu;
@@ -78,17 +83,18 @@ varying_uint second_of_sobol(varying_uint bits) {
     return bits ^ (bits >> 1 & 0x55555555u);
 }
 
-// Converts 23 bits to a number between 0 and 1, exactly.
+// Converts the upper 23 bits to a number between 0 and 1, without rounding.
 varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.1920928955078125e-7f; }
 
+// Returns the seed of a hash. Each light or sky uses several hashes; `which` is the number of the hash.
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light or the sky. The sky's number is one more than the last light's. The
-// first two are also evenly distributed if they are taken as a point of the unit square.
+// Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; the indices after the
+// last light's belong to the sky. The first two numbers, as a point of the unit square, are also evenly distributed.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
-#if HALF_LIGHT // only half pictures see these numbers; other frames of such a program are unoccluded
+#if HALF_LIGHT // only half pictures use these numbers; other frames of such a program are unoccluded
     curve &= INTERLEAVED * INTERLEAVED - 1u;
 #endif
     const varying_uint reversed = reversed_bits(curve * soft->sample.y + SAMPLE_NUMBER(soft));
@@ -105,9 +111,9 @@ float radius_of(const Soft *soft, int light) {
     return soft->sample.y > 1 ? soft->numbers[SOFT_HEAD_FLOATS + light] : 0.0f;
 }
 
-// Returns the offset, from the centre of a light's ball, of the point that a pixel's sample sees. The points are those
-// of a uniform distribution on a sphere in four dimensions, projected to three. From afar the ball then looks equally
-// bright all over from every side, like a disc.
+// Returns the point of a light to which a pixel's sample casts a ray, relative to the centre of the light's ball. The
+// points are uniformly distributed on a sphere in four dimensions, and then projected to three. From a distance, the
+// ball then looks like an evenly bright disc from every side.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
     // Three of the four coordinates of a point on that sphere.
@@ -117,8 +123,8 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 }
 
 #if SKY
-// Returns a unit vector around a normal, with a probability proportional to the cosine of the angle between them. It
-// points to a uniformly distributed point of the unit sphere that touches the surface. This needs no axes
+// Returns a unit vector around a normal, with a probability proportional to the cosine of the angle between them. The
+// vector points to a uniformly distributed point of the unit sphere that touches the surface. This method needs no axes
 // perpendicular to the normal, which could not be continuous everywhere.
 Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
@@ -133,7 +139,7 @@ float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 #if ENVIRONMENT
 #include "common/environment.cl"
 #else
-// Returns the sky's radiance in a direction; below the horizon it is the horizon's.
+// Returns the sky's radiance in a direction. Below the horizon, it is the radiance of the horizon.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
     const varying height = max(dot3(way, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
@@ -142,7 +148,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 #endif
 
 // Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of these directions is
-// 2 / (3 pi) (sin a + (pi - a) cos a) for an angle a between the normal and up; a parabola in cos a is within 0.006 of it.
+// 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and up. The parabola in cos a that is
+// used here differs from it by at most 0.006.
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);
@@ -162,6 +169,7 @@ Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, va
            const Vec3 *way, varying t_max) {
     const Vec3 q = cross3(*way, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);
     const varying a = dot3(*e1, q), size = fabs(a);
+    // Weights and t stay multiplied by |a|, the absolute value of the determinant.
     const varying_int sign = sign_bit(a);
     const varying distance = fabs(s.x) + fabs(s.y) + fabs(s.z);
     const varying slack1 = ROUNDING * size2 * distance, slack2 = ROUNDING * size1 * distance;

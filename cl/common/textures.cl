@@ -15,25 +15,34 @@
 //
 //     | 256 floats | head | head | ... | texels of texture 0, row by row from the top | texels of texture 1 | ...
 //
-// The floats are the linear light of each 8-bit value (sRGB). A head has a texture's first texel, its width, its
-// height, and a word with several numbers. The lowest 8 bits say how the texture continues beyond its edges along u,
-// and the next 4 bits say so for v. The next 4 bits have the number of its last mip level. common/cutouts.cl
-// describes the rest. A texel has red in the lowest 8 bits, then green, blue and alpha. Mip levels follow the texels
-// of their texture, each half as large as the one before.
+// The floats are the linear light of each 8-bit value (sRGB). A head describes a texture in four words:
+//
+//     | first texel | width | height | several numbers |
+//
+//     several numbers:  31 ........ 16 | 15 ... 12      | 11 .. 8 | 7 ... 0
+//                       least alpha    | last mip level | wrap v  | wrap u
+//     a texel:          31 .. 24 | 23 .. 16 | 15 .. 8 | 7 ... 0
+//                       alpha    | blue     | green   | red
+//
+// "Wrap u" and "wrap v" define how the texture continues beyond its edges along u and v. common/cutouts.cl explains the
+// least alpha. Mip levels follow the texels of their texture, each half as large as the one before.
 #define CHANNEL_VALUES 256
 
-// Number of float4 in a triangle's row. The row has u and v of the corners, the texture's number or -1, and the
-// mask's number. With mip levels, it also has the triangle's unit normal, times the side of a texel on the triangle
-// in the scene's units.
+// Number of float4 in a triangle's row:
+//
+//     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
+//
+// With mip levels, a third float4 holds the triangle's unit normal, times the side of a texel on the triangle in the
+// scene's units.
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
     const __global float4 *rows;
     const __global uint *words;
-    float4 cone; // times the vector from the eye to a point: the width of a pixel's cone there
+    float4 cone; // its dot product with the vector from the eye to a point is the width of a pixel's cone there
 } Textures;
 
-// Returns a texture coordinate wrapped to the range from 0 to 1.
+// Returns a texture coordinate after wrapping it to the range from 0 to 1.
 float place_in_texture(float place, uint wrap) {
     if (wrap == WRAP_CLAMP) return clamp(place, 0.0f, 1.0f);
     if (wrap == WRAP_MIRROR) {
@@ -44,13 +53,14 @@ float place_in_texture(float place, uint wrap) {
     return place - floor(place);
 }
 
-// Returns the index of a texel along an axis, wrapped if the filter needs one beyond the edge.
+// Returns the index of a texel along an axis; an index beyond the edge is wrapped.
 int texel_in_texture(int texel, int size, uint wrap) {
     if (wrap == WRAP_REPEAT) texel += texel < 0 ? size : texel >= size ? -size : 0;
-    // For any coordinates, no texel outside the texture is read.
+    // Whatever the coordinates are, no texel outside the texture may be read.
     return clamp(texel, 0, size - 1);
 }
 
+// Returns the colour of a texel in linear light.
 Uniform3 texel_colour(const __global uint *words, uint at) {
     const uint texel = words[at];
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
@@ -80,8 +90,8 @@ typedef struct {
     float ka, kb, kd, ke;
 } Texels;
 
-// Returns the texels of a level at the point of a triangle with these weights; `ab` and `c` are the triangle's row, `wrap` is
-// the last word of the texture's head.
+// Returns the texels of a level around a point of a triangle, which is given by its weights. `ab` and `c` are the
+// triangle's row, `wrap` is the last word of the texture's head.
 Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
     const int width = level.width, height = level.height;
     const uint across = wrap & 255, down = wrap >> 8 & 15;
@@ -119,13 +129,14 @@ Level next_level(Level level) {
     return level;
 }
 
-// Returns for each lane the level whose texels are as large as a pixel, which may lie between two levels. It is less
-// than 0 where the texels of level 0 are larger than a pixel. Rays from the eye meet the triangles at distance t
-// (Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
+// Returns, for each lane, the mip level whose texels are as large as a pixel. The result may lie between two levels,
+// and is less than 0 if the texels of level 0 are larger than a pixel. Rays from the eye meet the triangles at distance
+// t (Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
 varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
     IntLanes id;
     Lanes x, y, z;
     id.all = triangle;
+    // Lanes may have different triangles, so normals are read one lane after the other.
     x.all = y.all = z.all = (varying)(1.0f);
     for (int lane = 0; lane < WIDTH; lane++) {
         if (id.each[lane] == NO_HIT) continue;
@@ -142,8 +153,8 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, var
 #define levels_for(textures, triangle, way, t) (varying)(0.0f)
 #endif
 
-// Returns the texture's colour at a point of a triangle with these weights, as a mean of the two levels nearest to
-// `wanted`. White without a texture.
+// Returns the texture's colour at the point of a triangle with these weights, as a mean of the two mip levels nearest
+// to `wanted`. Returns white if the triangle has no texture.
 Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float w2, float wanted) {
     const __global float4 *row = textures->rows + MAPPED_QUADS * (size_t)triangle;
     const __global uint *words = textures->words;
@@ -154,13 +165,13 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 #if MIPS
     const int last = (int)(head[3] >> 12 & 15);
     const float between = clamp(wanted, 0.0f, (float)last);
-    // For any level, no texel outside the texture is read.
+    // Whatever `wanted` is, no texel outside the texture may be read.
     const int finer = clamp((int)between, 0, last);
     Level level = whole_texture(head);
     for (int i = 0; i < finer; i++) level = next_level(level);
     const Uniform3 colour = mixed_colour(words, texels_at(level, head[3], ab, c, w1, w2));
     const float part = between - (float)finer, rest = 1.0f - part;
-    // Most pixels that show near surfaces need level 0 alone.
+    // Most pixels that show near surfaces only need level 0.
     if (finer == last || !(part > 0.0f)) return colour;
     const Uniform3 other = mixed_colour(words, texels_at(next_level(level), head[3], ab, c, w1, w2));
     return uniform3(rest * colour.x + part * other.x, rest * colour.y + part * other.y, rest * colour.z + part * other.z);

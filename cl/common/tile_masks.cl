@@ -1,4 +1,4 @@
-// The masks of cut-outs, through whose holes the rays of a tile go on.
+// The masks of cut-outs, for tiles: rays pass through the holes.
 
 #if CUTOUTS
 #include "common/cutouts.cl"

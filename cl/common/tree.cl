@@ -19,15 +19,16 @@
 //     rows 4, 5     low z, high z
 //     row 6         word   word   word                          CHILD_ROW
 //
-// A child's word, for a node: its number. For a leaf: bit 31 is set; then the count of its triangles, from bit
-// LEAF_COUNT_SHIFT on; then the first one's place in leaf order:
+// A child's word. `first` is the place of the leaf's first triangle in leaf order:
 //
-//     1 | count | first
+//     bit 31 | bits 30 to LEAF_COUNT_SHIFT | lower bits
+//     0      | number of the node
+//     1      | count of triangles          | first              for a leaf
 #define CHILD_ROW (6 * NODE_WIDTH)
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// The factor by which a box's far side is moved outwards; more than its rounding error (Ize, "Robust BVH Ray
+// The factor by which the t of a box's far side is increased, by more than its rounding error (Ize, "Robust BVH Ray
 // Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
@@ -36,11 +37,12 @@ typedef struct {
     const __global float *nodes;
     const __global float *leaves;
 #if PLANES_OF_ORIGIN
-    const __global float4 *planes; // three rows of quads for the eye, then for each light; one quad per triangle in leaf order
-    int row;                       // number of quads in a row
+    // Three rows of float4 for the eye, then three for each light; a row has one float4 per triangle, in leaf order.
+    const __global float4 *planes;
+    int row; // number of float4 in a row
 #endif
 #if CUTOUTS && defined(TILE_X)
-    Textures masks; // of the triangles
+    Textures masks; // the triangles' masks
 #endif
 } Tree;
 
@@ -56,6 +58,7 @@ Corners leaf_corners(const Tree *tree, int place) {
     return corners;
 }
 
+// Returns the number of the triangle at an index in leaf order.
 int leaf_triangle(const Tree *tree, int place) { return as_int(tree->leaves[LEAF_ROW * (size_t)place + 3]); }
 
 #if PLANES_OF_ORIGIN

@@ -28,7 +28,7 @@ Vec3 cross3(Vec3 a, Vec3 b) {
     return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-// origin + t * direction
+// Returns origin + t * direction.
 Vec3 along(Vec3 origin, varying t, Vec3 direction) {
     return vec3(origin.x + t * direction.x, origin.y + t * direction.y, origin.z + t * direction.z);
 }

@@ -69,7 +69,7 @@ typedef union {
 #define ANY(mask) (mask)
 #elif defined(HAS_REDUCE_OR)
 #define ANY(mask) __builtin_reduce_or(mask)
-#else // names that are not macros in any header
+#else // the names of these functions are not macros in any header
 int or_of_2(int2 m) { return m.x | m.y; }
 int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
 int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }
@@ -90,8 +90,8 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
-// sign_bit(a) has the sign bits of a. flip_sign(a, sign) flips the sign of a where `sign` has a sign bit, which
-// multiplies by a sign without a multiplication.
+// sign_bit(a) returns the sign bits of a. flip_sign(a, sign) flips the sign of a in the lanes in which `sign` has its
+// sign bit set, which multiplies by a sign without a multiplication.
 #if WIDTH == 1
 #define AS_INT(a) as_int(a)
 #define AS_FLOAT(a) as_float(a)

@@ -16,21 +16,21 @@
 
 #define ITEM_BYTES (3 * ITEM_PIXELS)
 
-// Returns the displayed value of a channel; radiance that is not positive, or not a number, is black. smallest: for each
-// value, the smallest radiance that is displayed brighter. at_least: for the upper bits of a radiance, a lower bound of
-// its value. Both are in global memory: work-items read different addresses, which __constant memory would serve one by
-// one.
+// Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. smallest: for
+// each value, the smallest radiance that is displayed with a larger value. at_least: for the upper bits of a radiance,
+// a lower bound of its value. Both tables are in global memory: work-items read different addresses, which __constant
+// memory would serve one after the other.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
-    // At most one or two steps remain.
+    // The table's bound is at most one or two steps too low.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }
 
 // image: pixels, of which `count` are displayed, starting with `first`; the fourth channel is positive for a hit.
-// rows: three bytes per pixel, then padding for the last work-item. found: two counters, to which the numbers of
-// pixels that hit something and of pixels that are not finite are added.
+// rows: three bytes per pixel, then padding for the last work-item. found: two counters, to which the kernel adds the
+// number of pixels that hit something, and the number of pixels that are not finite.
 __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     __global const float4 *restrict image, const ulong first, const uint count, __global const float *restrict smallest,
     __global const uchar *restrict at_least, __global uchar *restrict rows, __global uint *restrict found) {
@@ -38,7 +38,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
     if (get_local_id(0) == 0) hits = wrong = 0;
     barrier(CLK_LOCAL_MEM_FENCE);
 
-    // The pixels of a work-item are consecutive; after the last one there is nothing to read.
+    // The pixels of a work-item are consecutive. After the last pixel, zeros are used.
     const uint begin = ITEM_PIXELS * (uint)get_global_id(0);
     uint own_hits = 0, own_wrong = 0;
     uchar bytes[ITEM_BYTES];
@@ -50,7 +50,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }
-    // Writes four bytes at a time, which is the unit in which memory is written.
+    // Four bytes at a time are written, which is the unit in which memory is written.
     if (begin < count) {
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }

@@ -1,4 +1,4 @@
-// Reads one buffer and writes another, one vector per work-item.
+// Copies a buffer to another buffer, one vector per work-item.
 
 #include "peak/vector.cl"
 

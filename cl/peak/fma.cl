@@ -1,5 +1,5 @@
-// Multiply-adds that need not wait: CHAINS independent chains. Each chain converges to addend / (1 - factor), so the
-// result is known.
+// Measures the rate of multiply-adds that do not wait for each other, in CHAINS independent chains. Each chain
+// converges to addend / (1 - factor), so the result is known.
 
 #include "peak/vector.cl"
 
@@ -8,7 +8,7 @@
 #define EACH_CHAIN(DO) \
     DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7) DO(8) DO(9) DO(10) DO(11) DO(12) DO(13) DO(14) DO(15)
 
-// A function with vector parameters: some compilers use their widest registers only for those.
+// A function with vector parameters, since some compilers use their widest registers only for such functions.
 vector multiply_add(vector a, vector b, vector c) { return fma(a, b, c); }
 
 // STEPS * CHAINS * WIDTH multiply-adds per loop, so that the cost of the loop counter is negligible.

@@ -1,4 +1,4 @@
-// Measures latencies in each kind of memory: a single work-item needs every result before its next step.
+// Measures the latency of each kind of memory: a single work-item needs every result before its next step.
 
 #ifndef ENTRIES
 #error "ENTRIES: of the chases in private and __local memory"
@@ -8,7 +8,7 @@
 #define STEPS 16
 #define DO_STEPS(DO) DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO DO
 
-// Private values in registers: each multiply-add waits for the previous one.
+// Measures private values in registers: each multiply-add waits for the previous one.
 __kernel void chain_private(const int loops, const float factor, const float addend, __global float *out) {
     float value = out[0];
     for (int loop = 0; loop < loops; loop++) {
@@ -18,14 +18,17 @@ __kernel void chain_private(const int loops, const float factor, const float add
     out[0] = value;
 }
 
-// next[i] = (i + stride) % ENTRIES, in any address space.
+// Fills an array in any address space with indices of its own elements. Reading an element gives the index of the next
+// element to read, `stride` further on.
 #define FILL(next) \
     for (int i = 0; i < ENTRIES; i++) next[i] = (i + stride) % ENTRIES;
 
-// A private array whose next index is only known when the last read returns, so it cannot be kept in registers.
+// Measures a private array. Each index is only known when the previous read returns, so the array cannot be kept in
+// registers.
 __kernel void chase_private(const int loops, const int stride, __global int *out) {
     volatile int next[ENTRIES];
     FILL(next)
+    // Each read waits for the previous one, which returns its index. The other two kernels do the same.
     int at = 0;
     for (int loop = 0; loop < loops; loop++) {
         DO_STEPS(at = next[at];)
@@ -33,6 +36,7 @@ __kernel void chase_private(const int loops, const int stride, __global int *out
     out[0] = at;
 }
 
+// Measures an array in __local memory.
 __kernel void chase_local(const int loops, const int stride, __global int *out) {
     __local volatile int next[ENTRIES];
     FILL(next)
@@ -43,7 +47,7 @@ __kernel void chase_local(const int loops, const int stride, __global int *out) 
     out[0] = at;
 }
 
-// `next` contains one cycle through all of a buffer that is larger than any cache.
+// Measures global memory. `next` contains one cycle through all elements of a buffer that is larger than any cache.
 __kernel void chase_global(const int loops, const int start, const __global int *restrict next, __global int *out) {
     int at = start;
     for (int loop = 0; loop < loops; loop++) {

@@ -1,5 +1,5 @@
-// Reads __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring addresses. The pointer is
-// volatile, since compilers would otherwise read the memory only once.
+// Measures the rate of reads from __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring
+// addresses. The pointer is volatile, since compilers would otherwise read the memory only once.
 
 #include "peak/vector.cl"
 
@@ -11,7 +11,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void local_rate(cons
     __local vector tile[SLOTS * GROUP];
     const int item = get_local_id(0);
 #define FILL(i) tile[i * GROUP + item] = (vector)(1.0f);
-    // Neighbouring work-items access neighbouring vectors, so that no two use the same bank at the same time.
+    // Neighbouring work-items access neighbouring vectors, so that no two use the same memory bank at the same time.
     EACH_SLOT(FILL)
     barrier(CLK_LOCAL_MEM_FENCE);
     const volatile __local vector *own = tile + item;

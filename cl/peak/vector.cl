@@ -24,6 +24,7 @@ typedef union {
     float each[WIDTH];
 } Parts;
 
+// Returns the sum of a vector's components.
 float sum_of(vector v) {
     Parts parts;
     parts.all = v;

@@ -1,10 +1,10 @@
-// The book's rasteriser, one work-item per triangle. Unlike the book's, it clips at the near plane and interpolates
-// 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D Homogeneous
-// Coordinates", 1997) need no division by a vertex's depth, so triangles may reach behind the eye.
+// The book's rasteriser, with one work-item per triangle. Unlike the book's version, it clips at the near plane and
+// interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D
+// Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may extend behind the eye.
 //
-// Depth is determined by an atomic minimum over its bits (positive floats are ordered like integers). A second kernel
-// finds the triangle that has the nearest depth; of several at equal depth, the first one. shade_nearest does the
-// rest.
+// The first kernel finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive floats are
+// ordered like integers). The second kernel finds the triangle with this depth; if there are several, the first of
+// them. shade_nearest shades it.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
@@ -14,7 +14,8 @@
 // triangle, and all triangles at a vertex are consistent. A pixel on an edge belongs to both sides.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Functions defined before the pragma may be contracted, and differently in each place.
+// Returns a dot product that is not contracted. Functions defined before the pragma may be contracted, and differently
+// in each place.
 float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A linear function of the pixel: at(x, y) = c + x * dx + y * dy.
@@ -22,6 +23,7 @@ typedef struct {
     float c, dx, dy;
 } Linear;
 
+// Returns the dot product of a plane with a pixel's direction, as a function of the pixel.
 Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     Linear f;
     f.c = exact_dot(plane, uniform3(corner.x, corner.y, corner.z));
@@ -38,6 +40,7 @@ typedef struct {
     float across, down, depth;
 } Projected;
 
+// Projects a point, which is relative to the eye.
 Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
@@ -51,6 +54,7 @@ Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     return q;
 }
 
+// A triangle as seen from the eye, and the pixels that it may cover.
 typedef struct {
     Projected at[3];
     Linear per_depth;   // 1 / depth
@@ -58,6 +62,7 @@ typedef struct {
     int2 low, high;     // pixels to test: low <= pixel < high
 } Coverage;
 
+// Returns whether a triangle covers the point (x, y) of the image.
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
     // Corners relative to the pixel, times their depth: without a division, corners behind the eye do no harm.
@@ -96,8 +101,8 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
         const Uniform3 p = corners3[i], q = corners3[i == 2 ? 0 : i + 1];
         const float zp = uniform_dot(p, forward), zq = uniform_dot(q, forward);
         if (zp > z_near) include_point(coverage, p, zp, eye, corner, step_x, step_y, image_size);
-        // The edge ends where it crosses the near plane. If the near plane passes through the eye, the edge may be
-        // visible at any pixel.
+        // The edge is cut off where it crosses the near plane. If the near plane passes through the eye, the edge may
+        // be visible at any pixel.
         if ((zp > z_near) == (zq > z_near)) continue;
         if (z_near == 0.0f) {
             coverage->low = (int2)(0, 0);
@@ -112,6 +117,7 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
     coverage->high = min(coverage->high, image_size);
 }
 
+// Computes which pixels a triangle may cover, and its depth as a function of the pixel.
 Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 from = uniform3(eye.x, eye.y, eye.z);
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
@@ -149,26 +155,29 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const int triangle = get_global_id(0);   \
     const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
 
-// The host fills both buffers with NO_HIT first.
+// A loop over the pixels that a triangle may cover. The host first fills the buffers of both kernels with NO_HIT.
 #define FOR_COVERED_PIXELS(coverage)                                              \
     for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
         for (int x = coverage.low.x; x < coverage.high.x; x++)
 
+// Finds the smallest depth at each pixel.
 __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
     COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // Triangles compete for the pixel; the nearest depth wins in any order.
+        // Triangles compete for the pixel. The smallest depth remains, in whatever order they come.
         if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
     }
 }
 
+// Finds the nearest triangle at each pixel, after raster_depth.
 __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
     COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // The same arithmetic gives the same bits, by which a triangle recognises its depth. Of equals the first is kept.
+        // The same arithmetic gives the same bits, so a triangle finds out whether the smallest depth is its own. Of
+        // several triangles with this depth, the first is stored.
         if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
     }
 }

@@ -1,10 +1,11 @@
-// A tile of the camera's rays.
+// A tile of rays from the eye.
 
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
 // Returns the index of each lane's sample among the samples of its pixel that the frame casts.
 varying_int sample_of_lane(int bits) {
+    // The lowest bits of a lane's column and row in the vector are its column and row in the pixel.
     const int last = (1 << bits) - 1;
     return (LANE_X & last) | (LANE_Y & last) << bits;
 }
@@ -13,6 +14,7 @@ varying_int sample_of_lane(int bits) {
 // Returns the pixels of a vector of a tile: a block, or a part of a block if pixels have several rays.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
+    // The ray's place in the grid of all rays, divided by the number of sub-pixels across or down.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
@@ -23,8 +25,8 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     return pixels;
 }
 
-// Where the rays of a block lie: the coordinates of its first column and row, relative to the block's first pixel, and
-// the distances from there to the last column and row.
+// The positions of a block's rays: the coordinates of its first column and row, relative to the block's first pixel,
+// and the distances from them to the last column and row.
 typedef struct {
     float x, y, across, down;
 } BlockRays;
@@ -43,8 +45,8 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     return rays;
 }
 
-// Computes the interval of corner + x step_x + y step_y over each vector's rays, extended by its rounding error. x and
-// y belong to the first ray.
+// Computes the interval of corner + x step_x + y step_y over the rays of each vector, extended by its rounding error.
+// `x` and `y` are the coordinates of each vector's first ray.
 void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // A direction is linear in x and y, so its smallest and largest values lie at corners of the block.
@@ -58,12 +60,12 @@ void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays,
     *high = base + (max(across, 0.0f) + max(down, 0.0f)) + rounding;
 }
 
-// Computes the intervals of the tile's directions without making any ray; returns their largest component.
+// Computes the intervals of the tile's directions without computing any ray. Returns the directions' largest component.
 float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *slices) {
     const BlockRays rays = block_rays(CAST_ARGUMENTS SUBPIXEL_BITS);
     float16 longest = (float16)(0.0f);
     for (int part = 0; part < PARTS; part++) {
-        // A lane is a vector here: sixteen vectors' intervals are computed at once.
+        // Each lane computes the interval of one vector of rays, so sixteen intervals are computed together.
         const int16 vector = LANES + 16 * part;
         const int16 px = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
         const int16 py = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
@@ -87,7 +89,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 }
 
 #if SAMPLED
-// Returns the vectors whose pixels get another sample.
+// Returns the vectors whose pixels get another sample, one bit each.
 uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
@@ -101,6 +103,7 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
 // Gives the other vectors an empty interval, which overlaps no box, and a reach of less than zero.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
+        // Each lane takes the bit of its vector.
         const int16 is_cast = (int16)((int)(cast >> (16 * part))) >> LANES & 1;
         for (int axis = 0; axis < 3; axis++) {
             slices->low[axis][part] = SELECT(is_cast != 0, slices->low[axis][part], (float16)(FAR));
@@ -111,7 +114,7 @@ void leave_out_others(Slices *slices, uint cast) {
 }
 #endif
 
-// Returns the vectors with a ray inside the image.
+// Computes the rays of the tile's vectors. Returns the vectors with a ray inside the image, one bit each.
 uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 image_size) {
     uint inside = 0;
 #if SAMPLED
@@ -120,6 +123,7 @@ uint make_camera_rays(CAST_PARAMETERS Bundle *bundle, CAMERA_PARAMETERS, int2 im
     EACH_CAST(vector) {
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const varying x = RAY_X(pixels), y = RAY_Y(pixels);
+        // Directions have depth 1, not length 1.
         bundle->x[vector] = corner.x + x * step_x.x + y * step_y.x;
         bundle->y[vector] = corner.y + x * step_x.y + y * step_y.y;
         bundle->z[vector] = corner.z + x * step_x.z + y * step_y.z;

@@ -1,16 +1,16 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. A work-item owns the tile,
-// as VECTORS vectors of WIDTH rays in private memory. A bit of a `live` mask stands for a vector.
+// as VECTORS vectors of WIDTH rays in private memory. A mask such as `live` has one bit for each vector.
 //
-// All children of a node are tested at once against the interval of the tile's directions; then each child is tested
-// against the intervals of all vectors at once (slices.cl). Single rays are tested against boxes only if their
+// All children of a node are tested together against the interval of the tile's directions. Each child that is met is
+// then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes only if their
 // vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the rays of the
 // remaining vectors (intersect/).
 
-#if SAMPLED // a pixel may have several rays, each at a place of its own
+#if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
 #include "common/tile.cl"
-#if WATERTIGHT // also for vectors whose rays have no common axis
+#if WATERTIGHT // tile_cpu/intersect/watertight.cl also uses this test, for vectors whose rays have no common axis
 #include "cast/intersect/watertight.cl"
 #endif
 #include "common/tree.cl"
@@ -30,7 +30,7 @@
 //            16 17 18 19 20 21 22 23                           8  9 10 11
 //            24 25 26 27 28 29 30 31                          12 13 14 15
 //
-//     live = 0x00000700: vectors 8, 9 and 10 still have rays that go on here
+//     live = 0x00000700: the traversal continues with the rays of vectors 8, 9 and 10
 #define VECTORS (TILE_X * TILE_Y / WIDTH)
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
@@ -48,10 +48,11 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// The shears of a vector's rays along their common axis, for the watertight test.
+// The shears of a vector's rays along their common axis k, for the watertight test.
 typedef struct {
-    varying x[VECTORS], y[VECTORS]; // -d_(k+1) / d_k, mirrored for rays against the axis, and -d_(k+2) / d_k, for the axis k
-    int axis[VECTORS];
+    // -d_(k+1) / d_k, with the opposite sign if rays run against the axis, and -d_(k+2) / d_k.
+    varying x[VECTORS], y[VECTORS];
+    int axis[VECTORS];      // k, or NO_AXIS
     float forward[VECTORS]; // 1, or -1 if the rays run against their axis
 } Shears;
 
@@ -59,18 +60,18 @@ typedef struct {
 // division; 0 means infinitely far.
 typedef struct {
     Uniform3 origin;
-    float too_near; // 1 / t of the nearest distance at which hits count
+    float too_near; // 1 / t of the nearest distance at which hits count; hits with a larger 1 / t are ignored
     float longest;  // the largest component of all directions
     varying x[VECTORS], y[VECTORS], z[VECTORS]; // directions, of any length
     varying inv_t[VECTORS];  // 1 / t of the nearest hit so far, or of the ray's end; FAR if the ray is finished
     varying_int place[VECTORS]; // the nearest triangle so far, as an index in leaf order
     uint scattered;             // vectors of shadow rays whose directions differ much, one bit each
-    varying per[3][VECTORS];    // the reciprocals of their directions
+    varying per[3][VECTORS];    // the reciprocals of the directions of scattered vectors
 #if WATERTIGHT
     Shears shears;
 #endif
 #if CUTOUTS
-    const Tree *tree; // that the rays walk
+    const Tree *tree; // the tree that the rays traverse
 #endif
 } Bundle;
 
@@ -80,10 +81,10 @@ typedef struct {
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
-// With several samples per pixel, a frame casts one sample of each pixel, or up to 4 or 16 at once. For more than
-// one, a pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A tile always has
-// 512 rays, so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than those
-// of neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
+// With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. For more than one, a
+// pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A tile always has 512 rays,
+// so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than rays of
+// neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3
@@ -93,9 +94,9 @@ typedef struct {
 #if SAMPLED
 typedef struct {
     uint earlier; // samples that are in the image already
-    uint cast;    // vectors whose pixels get more of them, one bit each
+    uint cast;    // vectors whose pixels get another sample, one bit each
     int bits;     // a pixel has 2^bits sub-pixels across and down
-    int count;    // samples that the frame casts; sub-pixels beyond them stay empty
+    int count;    // samples of each pixel that the frame casts; the other sub-pixels stay empty
     varying x, y; // the place of each lane's sample in its pixel
 } FrameSamples;
 // The additional parameter of programs with several samples, including the comma.
@@ -111,7 +112,7 @@ typedef struct {
 #endif
 
 float least_lane(float16 v) {
-    // Compares halves: 16 lanes, 8, 4, 2, 1.
+    // Halves are compared: 16 lanes, then 8, 4, 2, 1.
     const float8 a = min(v.lo, v.hi);
     const float4 b = min(a.lo, a.hi);
     const float2 c = min(b.lo, b.hi);

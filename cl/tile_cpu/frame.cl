@@ -1,10 +1,10 @@
-// The kernels of a frame that is cast in tiles: the whole frame, or nearest hits and shading separately.
+// The kernels of a frame that is cast in tiles: one for the whole frame, or one for nearest hits and one for shading.
 
-// Finds the nearest hits of the camera's rays and stores their indices in leaf order in the bundle. Returns 0,
-// without making any ray, if all rays miss the scene.
+// Finds the nearest hits of the rays from the eye, and stores the triangles' indices in leaf order in the bundle. If
+// no ray of the tile can hit the scene, computes no ray and returns 0.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
-    // First only the intervals are tested, which costs far less than 512 rays.
+    // First, only intervals of directions are tested, which costs far less than 512 rays.
     bundle->longest = slice_camera(CAST_ARGUMENTS eye, corner, step_x, step_y, image_size, &slices);
 #if SAMPLED
     leave_out_others(&slices, samples->cast);
@@ -13,7 +13,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     bundle->too_near = 1.0f / max(eye.w, LEAST_INV_T);
     const Cone cone = finish_slices(&slices);
     Boxes boxes;
-    // A tile of background ends here, before any ray is made.
+    // A tile that shows only background ends here, before any ray is computed.
     if (!children_meet(&cone, bundle->origin, tree->tree.nodes, FAR, &boxes)) return 0;
     const uint open = make_camera_rays(CAST_ARGUMENTS bundle, eye, corner, step_x, step_y, image_size);
     walk(bundle, &slices, &cone, tree, open, 0);
@@ -73,7 +73,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     frame_samples.x = sample_x;                  \
     frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
-// A tile all of whose pixels have enough samples is not cast either.
+// A tile is not cast either if all its pixels have enough samples.
 #define LEAVE_ENOUGH(image_size)                                       \
     frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
     if (!frame_samples.cast) return;
@@ -82,22 +82,22 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #define LEAVE_ENOUGH(image_size)
 #endif
 
-// A whole frame.
+// Casts a whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
-    // Primary rays, then, from each light in turn, shadow rays to the hits.
+    // Primary rays first; then, from each light in turn, shadow rays to the hits.
     if (find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size))
         shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
     else
         store_background(CAST_ARGUMENTS image, image_size, background);
 }
 
-// Returns where the places of the triangles that the tile's vectors hit are stored: tile by tile, since only the next
-// pass reads them.
+// Returns the index at which the tile's part of `nearest` begins. It is ordered tile by tile and not by pixels, since
+// only the next pass reads it.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.
@@ -108,6 +108,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     SurfaceTree tree;
     BIND_SURFACE_TREE(tree)
     Bundle bundle;
+    // If no ray can hit the scene, the bundle has no results, so NO_HIT is stored instead.
     const int found = find_nearest(CAST_ARGUMENTS &bundle, &tree, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++)
         vstore16(found ? bundle.place[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());

@@ -1,7 +1,7 @@
 // The leaves of a tile's traversal.
 
 #if CUTOUTS
-// Returns those lanes of `hits` that hit the surface of the triangle at an index in leaf order, and no hole of it.
+// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `place` is its index in leaf order.
 Mask solid_in_tile(const Bundle *bundle, int vector, int place, Mask hits) {
     const Vec3 way = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, place), leaf_corners(bundle->tree, place),
@@ -14,7 +14,7 @@ Mask solid_in_tile(const Bundle *bundle, int vector, int place, Mask hits) {
 
 #include "tile_cpu/intersect/{intersector}.cl"
 
-// Returns those of `vectors` whose rays are all finished.
+// Returns the vectors, among `vectors`, whose rays are all finished.
 uint vectors_done(const Bundle *bundle, uint vectors) {
     uint done = 0;
     for (; vectors; vectors &= vectors - 1) {
@@ -24,8 +24,8 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
     return done;
 }
 
-// Tests up to PREPARED of a leaf's triangles with the live vectors. Returns the vectors in which something changed,
-// or, with `any`, those that are finished.
+// Tests up to PREPARED of a leaf's triangles against the live vectors. Returns the vectors in which a ray hit or, with
+// `any`, the vectors whose rays are all finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
     // The last group of eight may be incomplete: bits beyond `count` belong to other leaves' triangles.
@@ -41,7 +41,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
             live &= ~done;
         } else {
             changed |= now;
-            // Normals of hits are fetched ahead for shading, without a branch that could not be predicted.
+            // Normals of hits are prefetched for shading. There is no branch, since it could not be predicted.
             const __global float4 *surface = tree->surfaces + 3 * (size_t)(now ? first + lane : first);
             FETCH(surface), FETCH(surface + 2);
         }
@@ -49,7 +49,7 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
     return changed;
 }
 
-// Tests all of a leaf's triangles with the live vectors, and returns the same vectors as test_prepared.
+// Tests all of a leaf's triangles against the live vectors, and returns vectors like test_prepared.
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;

@@ -11,13 +11,14 @@ float pixel_side(float4 step_x, float4 step_y) {
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Returns the vectors whose hits lie that far apart, one bit each, computed from the intervals of their directions
-// from a light. `block_side` is the width of a vector's block of pixels at a depth of 1.
+// Returns the vectors whose hits lie far apart, one bit each. They are found from the intervals of the directions from
+// a light to the hits. `block_side` is the width of a vector's block of pixels at a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
     for (int part = 0; part < PARTS; part++) {
-        float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f); // from the eye, a lower bound
+        // `distance_squared` is a lower bound of the squared distance from the eye.
+        float16 apart = (float16)(0.0f), distance_squared = (float16)(0.0f);
         for (int axis = 0; axis < 3; axis++) {
             // A shadow ray's direction is the vector from the light to the hit, so the interval of directions is the
             // box around the hits, relative to the light.
@@ -33,11 +34,12 @@ uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float bl
     return scattered;
 }
 
+// Returns the reciprocal of a component. Replaces a component that is nearly zero by a small number.
 varying reciprocal(varying component) {
     return 1.0f / SELECT(fabs(component) < NO_DIRECTION, (varying)(NO_DIRECTION), component);
 }
 
-// Prepares the bundle for rays_meet.
+// Stores which vectors are scattered, and the reciprocals of their directions for rays_meet.
 void set_scattered(Bundle *bundle, uint vectors) {
     bundle->scattered = vectors;
     for (; vectors; vectors &= vectors - 1) {
@@ -48,14 +50,14 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// `vectors` are scattered vectors. Returns those with an unfinished ray that enters a child's box before t = 1.
+// Returns the vectors with an unfinished ray that enters a child's box before t = 1. All `vectors` must be scattered.
 uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {
         const int vector = LOWEST_BIT(vectors);
         varying entry = (varying)(0.0f), leave = (varying)(1.0f);
         for (int axis = 0; axis < 3; axis++) {
-            // The usual slab test (Kay and Kajiya 1986), sixteen rays against one box.
+            // The slab test (Kay and Kajiya 1986) of sixteen rays against one box.
             const varying per = bundle->per[axis][vector];
             const varying a = boxes->near[axis][child] * per, b = boxes->far[axis][child] * per;
             entry = max(entry, min(a, b));

@@ -1,10 +1,11 @@
 // Shades a tile's nearest hits.
 
-// Loads each lane's row of three float4 as 12 columns: one load of 16 bytes per lane and quad, transposed in
-// registers.
+// Loads a row of three float4 (quads) for each lane, and returns it as 12 columns with one value per lane. Each lane
+// loads each quad of 16 bytes in one piece; the quads are transposed in registers. If `are_equal`, all lanes have the
+// same row.
 void gather_rows(const __global float4 *rows, varying_int places, int are_equal, varying *column) {
     if (are_equal) {
-        // One triangle for all: one load, copied to all lanes.
+        // All lanes have the same triangle, so one load is enough.
         for (int quad = 0; quad < 3; quad++) {
             const float4 row = rows[3 * (size_t)places.s0 + quad];
             column[4 * quad] = (varying)(row.x), column[4 * quad + 1] = (varying)(row.y);
@@ -20,7 +21,8 @@ void gather_rows(const __global float4 *rows, varying_int places, int are_equal,
         const float16 b = (float16)(from[at.each[4]], from[at.each[5]], from[at.each[6]], from[at.each[7]]);
         const float16 c = (float16)(from[at.each[8]], from[at.each[9]], from[at.each[10]], from[at.each[11]]);
         const float16 d = (float16)(from[at.each[12]], from[at.each[13]], from[at.each[14]], from[at.each[15]]);
-        // Four quads per register; then even and odd lanes are separated twice: 16 rows become 4 columns.
+        // Each register holds four quads. Separating even and odd lanes twice turns the 16 quads into 4 columns:
+        //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x ...,  z z z ...,  y y y ...
         const float16 xz = (float16)(a.even, b.even), xz2 = (float16)(c.even, d.even);
         const float16 yw = (float16)(a.odd, b.odd), yw2 = (float16)(c.odd, d.odd);
         column[4 * quad] = (float16)(xz.even, xz2.even);
@@ -44,6 +46,7 @@ typedef struct {
 #endif
 } Lighting;
 
+// Returns one material, in all lanes.
 Surface one_material(const __global float *material) {
     Surface surface;
     surface.lambertian = splat(LOAD3(material));
@@ -53,13 +56,14 @@ Surface one_material(const __global float *material) {
     return surface;
 }
 
-// Gathers the materials of a vector's hits, which mostly have a common one.
+// Gathers the materials of a vector's hits. Mostly, all hits have the same material.
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
     // If all hits share a material, one load is enough; otherwise each lane gathers its own.
     const int first = at.each[LOWEST_BIT(LANE_BITS16(hits))];
     if (!ANY(hits & (at.all != first))) return one_material(lighting->materials + MATERIAL_FLOATS * first);
+    // Lanes without a hit gather the first hit's material, so that every address is valid.
     at.all = SELECT(hits, at.all, (varying_int)(first));
     Lanes column[MATERIAL_FLOATS];
     for (int lane = 0; lane < WIDTH; lane++)
@@ -78,6 +82,7 @@ typedef struct {
     Surface surface;
 } Shaded;
 
+// Computes a vector's hits from its rays and the triangles that they hit.
 void meet_vector(const SurfaceTree *tree, const Lighting *lighting, const Ray *ray, varying_int place, Mask hits,
                  Shaded *shaded) {
     // Lanes without a hit gather another lane's triangle, so that every address is valid.
@@ -105,8 +110,8 @@ void meet_vector(const SurfaceTree *tree, const Lighting *lighting, const Ray *r
                                SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray->direction, hit.t);
 }
 
-// Makes the rays from a light to a vector of hits, the interval of their directions, and the radiance that arrives if
-// nothing is in between. Returns the lanes that the light can reach.
+// Computes the rays from a light to a vector of hits, the interval of their directions, and the radiance that reaches
+// the eye if nothing blocks the light. Returns the lanes that the light can reach.
 Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int light, int vector, const Shaded *shaded,
                   Mask hits, Vec3 *arriving) {
     const Vec3 offset = subtract(splat(LOAD3(lighting->lights + LIGHT_FLOATS * light)), shaded->point);
@@ -126,7 +131,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
-    // The shadow ray ends at t = 1, less the bias.
+    // The shadow ray ends before t = 1, by the bias.
     bundle->inv_t[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
     bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
@@ -140,8 +145,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Makes a light's rays to the hits of the tile's vectors. The hits are computed for the first light and kept for
-// others. Returns the vectors with any rays.
+// Computes a light's rays to the hits of the tile's vectors. The hits are computed for the first light, and stored for
+// the others. Returns the vectors with any rays.
 uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting,
                      int light, CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
@@ -162,7 +167,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
 #if SOFT
         const Shaded *surface = shaded + vector; // computed for the first light
 #else
-        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not kept
+        Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored
         if (light == 0) {
             const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
             const Ray ray = camera_ray(eye, corner, step_x, step_y, &pixels);
@@ -178,14 +183,14 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     return open;
 }
 
-// Stores that bypass the caches: nothing reads the image again before the next sample, or before other kernels.
+// Stores that bypass the caches, since nothing reads the image again before the next sample or the next kernel.
 #if PREFETCH
 #define STREAM16(value, to) __builtin_nontemporal_store(value, (__global float16 *)(to))
 #else
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// Stores a row of a block: four of its lanes, say s0123.
+// Stores a row of a block, which consists of four lanes, for example s0123.
 #define STORE_ROW(lanes, row)                                             \
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
@@ -198,15 +203,17 @@ float sum_of_lanes(float16 v) {
     return c.x + c.y;
 }
 
-// Returns the sums over squares of 2 x 2 lanes.
+// Returns the sums over 2 x 2 neighbouring lanes, which are the sub-pixels of one pixel.
 float4 sums_of_squares(float16 v) {
-    // Neighbours across, then down:   0  1  2  3                 0 1
+    // Adds neighbours across, then down:
+    //
+    //                                 0  1  2  3                 0 1
     //                                 4  5  6  7   4 rows of 2   2 3   2 rows of 2
     const float8 across = v.even + v.odd;
     return across.s0145 + across.s2367;
 }
 
-// Adds `count` samples to a pixel's mean of `earlier` ones, given their sum.
+// Updates a pixel's mean of `earlier` samples by `count` new samples with the given sum.
 void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
     const float per_sample = 1.0f / (float)(earlier + count);
     *mean = earlier ? *mean + (sum - (float)count * *mean) * per_sample : sum * per_sample;
@@ -215,6 +222,7 @@ void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
 // Adds all samples of a vector's pixels to their means.
 void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
                      const Vec3 *sum, const Pixels *pixels, Mask hits) {
+    // Sub-pixels without a sample add nothing; samples that hit nothing add the background.
     const Mask cast = sample_of_lane(samples->bits) < samples->count;
     const varying red = SELECT(hits, sum->x, SELECT(cast, (varying)(background.x), (varying)(0.0f)));
     const varying green = SELECT(hits, sum->y, SELECT(cast, (varying)(background.y), (varying)(0.0f)));
@@ -229,6 +237,7 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
         add_samples(mean, total, samples->earlier, samples->count);
         return;
     }
+    // Otherwise the vector has 2 x 2 pixels, of which some may lie outside the image.
     const float4 r = sums_of_squares(red), g = sums_of_squares(green), b = sums_of_squares(blue), h = sums_of_squares(hit);
     const int right = x + 1 < image_size.x, below = y + 1 < image_size.y;
     add_samples(mean, (float4)(r.x, g.x, b.x, h.x), samples->earlier, samples->count);
@@ -239,8 +248,8 @@ void store_subpixels(const FrameSamples *samples, __global float4 *restrict imag
 }
 #endif
 
-// Does the same as store_radiance for a vector of a tile: a row of four pixels at once if all are inside and rows are
-// aligned.
+// Stores the radiance of a vector of a tile, like store_radiance. If all pixels are inside and rows are aligned, stores
+// a row of four pixels at a time.
 void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background,
                  const Vec3 *sum, const Pixels *pixels, Mask hits) {
 #if SAMPLED
@@ -251,6 +260,7 @@ void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_siz
     const uint earlier = samples->earlier;
 #endif
     const int x = pixels->x.s0, y = pixels->y.s0;
+    // At the border of the image, or if rows are not aligned, pixels are stored one by one.
     if (image_size.x % BLOCK_X || x >= image_size.x || y + BLOCK_Y > image_size.y) {
         store_radiance(EARLIER_ARGUMENT image, image_size, background, *sum, *pixels, hits);
         return;
@@ -266,6 +276,7 @@ void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_siz
     STORE_ROW(scdef, row + 3 * image_size.x);
 }
 
+// Stores the background in all pixels of the tile.
 void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 image_size, float4 background) {
     const Vec3 none = splat(uniform3(0.0f, 0.0f, 0.0f));
     EACH_CAST(vector) {
@@ -278,8 +289,8 @@ void store_background(CAST_PARAMETERS __global float4 *restrict image, int2 imag
 #include "tile_cpu/soft.cl"
 #endif
 
-// For each light: computes the radiance of the tile's hits if nothing is in between, then traverses the tree from the
-// light to find the hits that are in shadow.
+// Shades a tile. For each light, computes the radiance of the tile's hits without shadows, then traverses the tree from
+// the light to find the hits that are in shadow.
 void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, CAMERA_PARAMETERS,
                 int2 image_size, float4 background, __global float4 *restrict image) {
     Shaded shaded[VECTORS];
@@ -290,6 +301,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
     }
 #if SOFT
+    // Several kinds of light need the hits, so they are computed once, before all lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
@@ -307,7 +319,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         Slices slices;
         const uint open = make_light_rays(CAST_ARGUMENTS bundle, &slices, tree, lighting, light, eye, corner, step_x, step_y,
                                           image_size, hit, shaded, arriving);
-        // No hit of the tile faces this light.
+        // If no hit of the tile faces this light, there is nothing to add.
         if (!open) continue;
 #if SOFT
         if (!IS_UNOCCLUDED(&lighting->soft))
@@ -318,7 +330,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         }
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
-            // A shadow ray that hit something was set to FAR; the others add their light.
+            // If something blocks a shadow ray, its inv_t is FAR. All other lanes add their light.
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

@@ -1,17 +1,18 @@
-// One ray of a tile that traverses the tree alone. Rays to the sky run in all directions, so that a packet of them
-// would visit the nodes of each of its rays. A single ray tests all children of a node at once, and eight triangles of
-// a leaf at once.
+// A single ray of a tile, which traverses the tree alone. Rays to the sky run in all directions, so a packet of such
+// rays would visit all nodes that any of its rays visits. A single ray tests all children of a node together, and eight
+// triangles of a leaf together.
 
 typedef struct {
     float from[3], way[3]; // the origin and the unit direction
     float reach;           // triangles beyond this distance stop nothing
-    // For the test against boxes: the origin and the direction's reciprocals, each in all lanes; and, for each axis,
-    // the rows of a node that contain the sides where the ray enters and leaves. A ray towards smaller x enters at
-    // the high side.
+    // For the test against boxes: the origin and the direction's reciprocals, each in all lanes. Then, for each axis,
+    // the offsets in a node of the sides at which the ray enters and leaves. A ray towards smaller x enters at the high
+    // side.
     Children origin[3], per_way[3];
     int near_row[3], far_row[3];
 } SingleRay;
 
+// Prepares the test against boxes. `per_way` contains the reciprocals of the direction's components.
 void prepare_single_ray(SingleRay *ray, const float *per_way) {
     for (int axis = 0; axis < 3; axis++) {
         const int negative = per_way[axis] < 0.0f;
@@ -22,13 +23,13 @@ void prepare_single_ray(SingleRay *ray, const float *per_way) {
     }
 }
 
-// Returns the t at which the ray passes a side of each child.
+// Returns the t at which the ray crosses one side of each child's box, one lane per child.
 Children pass_side(const SingleRay *ray, const __global float *node, int axis, int row) {
     return (LOAD_CHILDREN(node + row) - ray->origin[axis]) * ray->per_way[axis];
 }
 
-// Returns the children of a node that the ray enters before its reach, one bit each: the slab test (Kay and Kajiya 1986),
-// a child per lane.
+// Returns the children of a node that the ray enters before its reach, one bit each. This is the slab test (Kay and
+// Kajiya 1986) with one child per lane.
 uint single_ray_meets(const SingleRay *ray, const __global float *node) {
     const Children x = pass_side(ray, node, 0, ray->near_row[0]), x2 = pass_side(ray, node, 0, ray->far_row[0]);
     const Children y = pass_side(ray, node, 1, ray->near_row[1]), y2 = pass_side(ray, node, 1, ray->far_row[1]);
@@ -38,7 +39,7 @@ uint single_ray_meets(const SingleRay *ray, const __global float *node) {
     return CHILD_BITS((entry <= leave) & (AS_WORDS(LOAD_CHILDREN(node + CHILD_ROW)) != UNUSED_CHILD));
 }
 
-// Returns eight triangles' vectors twice, in all 16 lanes.
+// Returns 16 lanes that contain the vectors of eight triangles twice.
 Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
 
 // Returns which of the eight triangles from `first` on stop the ray, one bit each.
@@ -48,14 +49,15 @@ uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
     const Lanes3 b = lanes_difference(load_corners(rows + 1), a), c = lanes_difference(load_corners(rows + 2), a);
     const Vec3 corner = in_both_halves(a), e1 = in_both_halves(b), e2 = in_both_halves(c);
     const float8 size1 = lanes_size(b), size2 = lanes_size(c);
-    // A lane is a triangle here; all have the same ray.
+    // Each lane tests one triangle; all lanes have the same ray.
     const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
     return LANE_BITS16(stops(&corner, &e1, &e2, (float16)(size1, size1), (float16)(size2, size2), &from, &way,
                              (varying)(ray->reach)));
 }
 
 #if CUTOUTS
-// Returns those of the `hits` among eight triangles at which the ray hits the surface and not a hole.
+// Returns the triangles, among the bits of `hits`, of which the ray hits the surface and not a hole. Bit 0 is the
+// triangle `first`.
 uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits) {
     const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
     uint solid = 0;
@@ -71,6 +73,7 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 #define SOLID_OF_LEAF(ray, tree, first, hits) hits
 #endif
 
+// Returns whether any triangle of a leaf stops the ray.
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
@@ -93,7 +96,7 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
             continue;
         }
         const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
-        // Any hit will do, so children are not sorted.
+        // Any hit is enough, so children are not sorted.
         for (uint met = single_ray_meets(ray, node); met; met &= met - 1) {
             stack[waiting] = as_uint(node[CHILD_ROW + LOWEST_BIT(met)]);
             fetch_child(tree, stack[waiting++]);
@@ -102,7 +105,7 @@ int is_stopped_alone(const SingleRay *ray, const Tree *tree) {
     return 0;
 }
 
-// Returns the lanes of `wanted` whose ray is stopped before `reach`, each cast alone.
+// Returns the lanes of `wanted` whose ray is stopped before `reach`. Each ray is cast alone.
 Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *way, float reach, Mask wanted) {
     const BoxProbe probe = prepare_box_probe(*from, *way);
     const varying numbers[9] = {from->x, from->y, from->z, way->x, way->y, way->z,
@@ -113,6 +116,7 @@ Mask are_stopped_alone(const Tree *tree, const Vec3 *from, const Vec3 *way, floa
         const int lane = LOWEST_BIT(left);
         SingleRay ray;
         float per_way[3];
+        // Vectors are read lane by lane through memory.
         for (int axis = 0; axis < 3; axis++) {
             ray.from[axis] = ((const float *)(numbers + axis))[lane];
             ray.way[axis] = ((const float *)(numbers + 3 + axis))[lane];

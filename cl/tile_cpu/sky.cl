@@ -3,7 +3,7 @@
 #include "tile_cpu/single_ray.cl"
 
 #if ENVIRONMENT
-// Adds the picture of the sky as shiny surfaces mirror it at the hits of one vector.
+// Adds the light from the picture of the sky that shiny surfaces mirror at the hits of one vector.
 void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixels *pixels, Mask hits, Vec3 *sum) {
     const Vec3 mirrored = mirrored_sky(&lighting->soft, lighting->light_count + 1, pixels->x, pixels->y, &shaded->surface,
                                        shaded->normal, shaded->to_eye);
@@ -11,8 +11,8 @@ void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixe
 }
 #endif
 
-// Adds the light of the sky from one direction. The probability of a direction is proportional to its cosine with the
-// normal, so the light to add is k_L times the sky's radiance in this direction.
+// Adds the light of the sky, from one direction per ray. The probability of a direction is proportional to its cosine
+// with the normal, so the light to add is k_L times the sky's radiance in this direction.
 void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int2 image_size,
              const Shaded *shaded, Vec3 *sum) {
     const float reach = reach_of_sky(&lighting->soft) - lighting->bias;
@@ -21,6 +21,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         if (!ANY(hits)) continue;
         const Shaded *own = shaded + vector;
         if (IS_UNOCCLUDED(&lighting->soft)) {
+            // Unoccluded light needs no ray.
             const Vec3 arriving = multiply(own->surface.lambertian, mean_of_sky(&lighting->soft, own->normal));
             sum[vector] = select3(hits, add(sum[vector], arriving), sum[vector]);
             continue;

@@ -1,8 +1,8 @@
 // Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors (Slices).
 
-// Relative extension of an interval of reciprocals; more than their rounding error.
+// The part by which an interval of reciprocals is extended; it is larger than their relative rounding error.
 #define RECIPROCAL_ROUNDING 3e-7f
-// Smaller components of directions count as zero.
+// Components of directions that are smaller than this count as zero.
 #define NO_DIRECTION 1e-20f
 // The smallest 1 / t, so that t is finite.
 #define LEAST_INV_T 1e-37f
@@ -43,18 +43,19 @@ typedef uint16 ChildWords;
 #endif
 #define UNUSED_CHILD ((uint)UNUSED_WORD)
 
-// A node's children relative to the origin: the sides by which the rays enter and leave, and where the first ray
-// enters.
+// The boxes of a node's children relative to the origin: the sides at which rays enter and leave, and the smallest t at
+// which a ray enters each child.
 typedef struct {
     float near[3][NODE_WIDTH], far[3][NODE_WIDTH];
     Children entry;
 } Boxes;
 
-// Converts intervals of directions to intervals of their reciprocals, and extends these by more than the rounding
+// Converts intervals of directions to intervals of their reciprocals, and extends the results by more than the rounding
 // error. 1 / d decreases as d grows, so the ends are swapped. If the interval contains zero, the reciprocals form two
 // half-lines. An end at zero becomes infinity, represented by FAR.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
+    // The reciprocals of a mixed interval lie below 1 / least or above 1 / most.
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
@@ -63,7 +64,7 @@ void invert_intervals(float16 *low, float16 *high) {
     *high = SELECT(none, (float16)(-FAR), b);
 }
 
-// Finds the minimum and the maximum over parts, lane by lane, then over lanes.
+// Finds the minimum and the maximum over a whole tile: over parts, lane by lane, then over lanes.
 void whole_tile(const float16 *low, const float16 *high, float *least, float *most) {
     float16 l = low[0], h = high[0];
     for (int part = 1; part < PARTS; part++) l = min(l, low[part]), h = max(h, high[part]);
@@ -85,6 +86,7 @@ Cone finish_slices(Slices *slices) {
         cone.low[axis] = low.s0;
         cone.high[axis] = high.s0;
     }
+    // Now the intervals of single vectors are converted.
     for (int axis = 0; axis < 3; axis++)
         for (int part = 0; part < PARTS; part++) invert_intervals(&slices->low[axis][part], &slices->high[axis][part]);
     return cone;
@@ -95,15 +97,15 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays towards smaller x reach the box's high side first. The cone's sign decides that for the whole tile.
+        // Rays towards smaller x reach the box's high side first. The cone's sign decides this for the whole tile.
         const int negative = cone->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
-            // Along this axis, the rays may run in both directions, so it bounds the entry only if the origin does
-            // not lie between the box's two sides.
+            // Along a mixed axis, rays run in both directions. It bounds the entry only if the origin does not lie
+            // between the box's two sides.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
             // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
@@ -119,7 +121,7 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
 uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
-        // The same slab test for one child: each lane tests the interval of one vector of rays.
+        // The same slab test for a single child: each lane tests the interval of one vector of rays.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
@@ -139,13 +141,14 @@ uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int
     return met;
 }
 
-// Returns the vectors that reach farther than `entry`.
+// Returns the vectors whose reach is larger than `entry`, one bit each.
 uint reaching(const Slices *slices, float entry) {
     uint bits = 0;
     for (int part = 0; part < PARTS; part++) bits |= LANE_BITS16(slices->reach[part] > entry) << (16 * part);
     return bits;
 }
 
+// Returns the largest reach of all vectors.
 float furthest(const Slices *slices) {
     float16 most = slices->reach[0];
     for (int part = 1; part < PARTS; part++) most = max(most, slices->reach[part]);
@@ -159,8 +162,8 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
         // The smallest 1 / t of a vector belongs to the ray that may still hit the farthest triangle.
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
-            // The lane is selected by a comparison of indices, so that the slices stay in registers; access by an
-            // address would move them to memory.
+            // The lane is selected by comparing indices, so that the slices stay in registers. Access by an address
+            // would move them to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

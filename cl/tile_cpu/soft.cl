@@ -3,13 +3,14 @@
 
 #include "cast/bvh_node.cl"
 
-// The interval of a packet's origins, and that of its reciprocal directions, per axis. If directions run both ways along
-// an axis, the axis excludes nothing.
+// For each axis, the interval of a packet's origins, and the interval of its directions' reciprocals. If rays run in
+// both directions along an axis, the axis is mixed and excludes no box.
 typedef struct {
     float low[3], high[3], per_low[3], per_high[3];
     int mixed[3], negative[3];
 } PacketBounds;
 
+// Computes the bounds of a packet's `rays` along one axis.
 void bound_axis(varying origin, varying per_direction, Mask rays, int axis, PacketBounds *bounds) {
     // Lanes without a wanted ray get values that widen no interval.
     bounds->low[axis] = least_lane(SELECT(rays, origin, (varying)(FAR)));
@@ -26,7 +27,8 @@ uint packet_meets(const PacketBounds *bounds, const __global float *node, float 
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The shortest way to the nearer side starts at the end of the origins' interval that lies nearest to it.
+        // The earliest entry is from the end of the origins' interval that is nearest to the box's near side, the
+        // latest exit from the other end.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -51,7 +53,7 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     int waiting = 0;
     for (;;) {
         if (IS_LEAF(word)) {
-            // All rays test each triangle; rays that something stops leave the packet.
+            // All rays test each triangle. A ray that is stopped leaves the packet.
             const int first = LEAF_FIRST(word), end = first + LEAF_COUNT(word);
             for (int place = first; place < end; place++)
                 open &= !SOLID_ON_RAYS(&tree->masks, leaf_triangle(tree, place), leaf_corners(tree, place), from, way,
@@ -60,8 +62,8 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
         } else {
             const __global float *node = tree->nodes + NODE_STRIDE * (size_t)word;
             const varying own_reach = SELECT(open, t_max, (varying)(-1.0f));
-            // First the whole packet is tested against all children at once, then its rays, child by child. Any hit
-            // will do, so children are not sorted.
+            // First, the whole packet is tested against all children together; then its rays, child by child. Any hit
+            // is enough, so children are not sorted.
             for (uint met = packet_meets(&bounds, node, reach); met; met &= met - 1) {
                 const int child = LOWEST_BIT(met);
                 varying entry;
@@ -76,15 +78,15 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     return wanted & !open;
 }
 
-// Adds the light of a source with a radius to the sums of a tile's vectors, from a different point of it for each
-// pixel.
+// Adds the light of a source with a radius to the sums of a tile's vectors. Each pixel is lit by a different point of
+// the source.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;
     for (int vector = 0; vector < VECTORS; vector++) {
         const Mask hits = bundle->place[vector] != NO_HIT;
         if (!ANY(hits)) continue;
-        // Each lane's ray goes to a point of the light that its pixel and sample choose.
+        // Each lane's ray runs to a point of the light, chosen by its pixel and sample.
         const Shaded *own = shaded + vector;
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
         const Vec3 position = add(splat(LOAD3(at)), off_middle(&lighting->soft, light, pixels.x, pixels.y));

@@ -5,6 +5,7 @@
 #error "PADDING_ROWS: rows after a tree's last triangle, as many as are loaded at once"
 #endif
 
+// A vector for each of eight triangles.
 typedef struct {
     float8 x, y, z;
 } Lanes3;
@@ -29,11 +30,12 @@ Lanes3 lanes_cross(Lanes3 a, Lanes3 b) {
 
 float8 lanes_size(Lanes3 a) { return fabs(a.x) + fabs(a.y) + fabs(a.z); } // the 1-norm
 
-// Loads one corner of eight triangles. After a leaf's last triangle there are others, or padding.
+// Loads one corner of eight triangles. After a leaf's last triangle, triangles of other leaves or padding are loaded.
 //
-// Rows are x y z and a word. Taking every second lane, twice, transposes eight of them:
+// A row in memory is x y z and a word w. Separating even and odd lanes twice transposes eight rows:
 //     x y z w, x y z w, ...  ->  even: x z x z ...,  odd: y w y w ...  ->  x x x x ...,  z z z z ...,  y y y y ...
 Lanes3 load_corners(const __global float4 *rows) {
+    // A triangle has three rows, one for each corner.
     const float16 a = (float16)(rows[0], rows[3], rows[6], rows[9]);
     const float16 b = (float16)(rows[12], rows[15], rows[18], rows[21]);
     const float8 xz = a.even, xz2 = b.even, yw = a.odd, yw2 = b.odd;

@@ -16,21 +16,21 @@ void fetch_child(const Tree *tree, uint word) {
 }
 
 // Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last. With `any`, the order
-// does not matter. A child's place is the number of children that lie below it. An example with three children,
-// entered at 5, 2 and 9:
+// does not matter. Returns the new height of the stack. A child's place is the number of children that belong below it,
+// because they are entered later. An example with three children, entered at 5, 2 and 9:
 //
-//     5 has one greater entry below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
+//     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
                   uint live, const int any, WaitingTile *stack, int waiting) {
     const __global float *node = tree->tree.nodes + NODE_STRIDE * (size_t)word;
     Boxes boxes;
     uint vectors[NODE_WIDTH], kept = 0;
     const float reach = any ? 1.0f : furthest(slices);
-    // First the whole tile is tested against all children at once; then the vectors, child by child.
+    // First, the whole tile is tested against all children together; then the vectors, child by child.
     for (uint met = children_meet(cone, bundle->origin, node, reach, &boxes); met; met &= met - 1) {
         const int child = LOWEST_BIT(met);
         vectors[child] = live & slices_meet(slices, cone, &boxes, child);
-        // The intervals of scattered vectors are too wide, so their rays are tested one by one.
+        // The intervals of scattered vectors are too wide, so each of their rays is tested.
         const uint unsure = any ? vectors[child] & bundle->scattered : 0;
         if (unsure) vectors[child] = (vectors[child] & ~unsure) | rays_meet(bundle, &boxes, child, unsure);
         if (!vectors[child]) continue;
@@ -52,20 +52,20 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     return waiting + popcount(kept);
 }
 
-// Traverses the tree with a bundle's rays. With `any`, the traversal ends early when every ray has a hit.
+// Traverses the tree with a bundle's rays. With `any`, the traversal ends as soon as every ray has a hit.
 void walk(Bundle *bundle, Slices *slices, const Cone *cone, const SurfaceTree *tree, uint open, const int any) {
 #if CUTOUTS
     bundle->tree = &tree->tree;
 #endif
     WaitingTile stack[STACK_SIZE];
-    // The root, with every vector that has a ray.
+    // The first entry is the root, with every vector that has a ray.
     stack[0].word = 0;
     stack[0].entry = 0.0f;
     stack[0].live = open;
     int waiting = 1;
     while (waiting && open) {
         const WaitingTile next = stack[--waiting];
-        // Vectors whose rays have all hit something nearer since this entry was pushed are left out.
+        // A vector is excluded if all its rays have hit something nearer since this entry was pushed.
         const uint live = next.live & (any ? open : reaching(slices, next.entry));
         if (!live) continue;
         if (!IS_LEAF(next.word)) {

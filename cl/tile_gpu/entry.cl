@@ -1,12 +1,13 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together, as in tile_cpu/. Here a
-// group of 32 work-items owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node and prepares
-// triangle i of a leaf. The group's stack, and the triangles that its rays have to test, are in __local memory.
+// group of 32 work-items (lanes) owns the tile. Lane i has RAYS of the tile's rays, tests child i of a node and
+// prepares triangle i of a leaf. The group's stack, and the triangles that its rays have to test, are in __local
+// memory.
 //
 // A pass consists of rays that run mainly along one axis of the scene, say z. Relative to its origin, a ray of the
 // pass then consists of the points (x z, y z, z), z > 0, where x and y are its slopes. The nearest hit has the
 // largest 1/z, which is linear in x and y over a triangle. The edge functions are linear too.
 
-#if SAMPLED // a pixel may have several rays, each at a place of its own
+#if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
 #endif
 #include "common/tile.cl"
@@ -40,40 +41,42 @@
 //                   16 17 18 19 20 21 22 23
 //                   24 25 26 27 28 29 30 31
 //
-// A lane has three roles in turn: it owns these rays, it tests child `lane` of a node, it prepares triangle `lane` of a leaf.
+// A lane has three roles in turn: it owns its rays, it tests child `lane` of a node, and it prepares triangle `lane` of
+// a leaf.
 #define RAYS (TILE_X * TILE_Y / GROUP_LANES)
 #define EACH_RAY(ray) _Pragma("unroll") for (int ray = 0; ray < RAYS; ray++)
 #define HAS(bits, ray) (((bits) >> (ray)) & 1u)
 
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
-// direction's 1-norm. For the leader, the ray whose direction determines this axis, the fraction is at least a third.
+// direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// In a pass of only close rays, the largest distance of a ray from the leader, as a multiple of the distance between
-// neighbouring rays. The value is the width of a tile in rays, because rays to one surface are at most this many such
-// distances apart.
+// A pass may be restricted to rays close to the leader. This is their largest distance from it, as a multiple of the
+// distance between neighbouring rays. The value is the width of a tile in rays, because rays to one surface are not
+// farther apart than this.
 #define NEIGHBOURS ((float)TILE_X)
-// If this lane still has a ray to cast, it is the leader: it lies in the middle of the lanes' 8 x 4 pixels.
+// This lane, in the middle of the lanes' 8 x 4 pixels, provides the leader if it still has a ray to cast.
 #define MIDDLE_LANE 20
 
 #include "tile_gpu/shaft.cl"
 
-// A lane's rays in a pass. A ray that takes no part, or is finished, has nearest = FAR.
+// A lane's rays in a pass. A ray that is not in the pass, or is finished, has nearest = FAR.
 typedef struct {
-    float x[RAYS], y[RAYS];
-    float nearest[RAYS]; // 1/z of the nearest hit so far, or of where the ray ends
+    float x[RAYS], y[RAYS]; // slopes
+    float nearest[RAYS]; // 1/z of the nearest hit so far, or of the ray's end
     float ceiling[RAYS]; // hits at this 1/z or more are ignored
     int place[RAYS];     // the nearest triangle so far, as an index in leaf order
 } Beam;
 
-// A lane's rays before they are grouped. Directions may have any length; distances t are in units of these lengths. All
-// rays begin at the same 1/t (FAR if at the origin itself) and end at the same 1/t (0 if they do not end).
+// A lane's rays before they are divided into passes. Directions may have any length; distances t are in units of these
+// lengths. All rays begin at the same 1/t (FAR if they begin at the origin) and end at the same 1/t (0 if they do not
+// end).
 typedef struct {
     float x[RAYS], y[RAYS], z[RAYS];
     float per_begin, per_end;
 } Ways;
 
-// Returns the component of a ray's direction along the axis of a pass (see the top of this file), if it is large
-// enough for the ray to join the pass (ALONG_AXIS), else 0.
+// Returns the component of a ray's direction along the axis of a pass. If it is too small for the ray to join the pass
+// (ALONG_AXIS), returns 0.
 INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
     const float depth = shaft->sign * component(x, y, z, shaft->along);
     return depth > ALONG_AXIS * (fabs(x) + fabs(y) + fabs(z)) ? depth : 0.0f;
@@ -81,10 +84,11 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes, between the leader's ray and those of neighbouring pixels: the larger of two
-// distances, to the nearer neighbour in its row and to the nearer one in its column. FAR without neighbours. `distance`
-// is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the index of a neighbour differs by 1 in a
-// row, and by 8 in a column; at an edge the index wraps around, which gives a more distant ray.
+// Returns the distance, in slopes, between the leader's ray and the rays of neighbouring pixels. It is the larger of
+// two distances: to the nearer neighbour in the leader's row, and to the nearer neighbour in its column. Returns FAR if
+// there are no neighbours. `distance` is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the
+// index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index wraps around to a more distant
+// ray.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -95,15 +99,15 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
     return fmax(across, down) < FAR ? fmax(across, down) : fmin(across, down);
 }
 
-// Chooses a leader and the rays of `todo` that go with it, and makes their shaft and beam. With `close`, only rays
-// close to the leader's direction are chosen. Returns this lane's rays in the pass. The leader's ray is among them,
-// unless its direction is zero or not a number (NaN).
+// Begins a pass: chooses a leader and the rays of `todo` that join it, and computes their shaft and beam. With `close`,
+// only rays close to the leader's direction join. Returns this lane's rays in the pass, one bit each. The leader's ray
+// always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
     // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // The bit of the leader's first ray. The other lanes use their rays at the same bit.
+    // The bit of the leader's first ray. Other lanes use their ray with the same bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
@@ -111,13 +115,15 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    // The axis along which the leader runs most becomes the pass's z. Slopes are the other components, per unit of z.
+    // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are the other
+    // components, per unit of z.
     aim(group, tree, origin, way, shaft);
 
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));
     const float leader_x = component(way.x, way.y, way.z, shaft->across) * per_leader;
     const float leader_y = component(way.x, way.y, way.z, shaft->down) * per_leader;
-    // Rays from the eye are close to each other. Shadow rays may not be, since their hits may lie on several surfaces.
+    // Rays from the eye are close to each other. Shadow rays may be far apart, since their hits may lie on several
+    // surfaces.
     float tolerance = FAR;
     if (close) {
         const float depth = depth_of(shaft, own.x, own.y, own.z), per_depth = reciprocal(depth);
@@ -145,7 +151,7 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
         high_y = joins ? fmax(high_y, y) : high_y;
         beam->x[ray] = x;
         beam->y[ray] = y;
-        // In a pass, distances are stored as 1 / z: this is 1 / t, divided by the z of the direction.
+        // In a pass, distances are stored as 1 / z, which is 1 / t divided by the z of the direction.
         beam->nearest[ray] = joins ? ways->per_end * per_depth : FAR;
         beam->ceiling[ray] = fmin(ways->per_begin * per_depth, FAR);
     }

@@ -1,5 +1,5 @@
-// Casts rays from the eye in tiles that groups own, and finds their nearest hits. shadow.cl casts the shadow rays of a
-// round of lights; shade.cl casts leftover shadow rays, and shades.
+// Casts rays from the eye in tiles, each owned by a group, and finds their nearest hits. shadow.cl casts the shadow
+// rays of a round of lights; shade.cl casts leftover shadow rays, and shades.
 
 // The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
@@ -7,8 +7,8 @@
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
-// A frame may cast several samples of each pixel. Its rays then form a grid that is finer than the image, with 2^bits columns
-// and rows per column and row of the image. For 2 bits, the samples of a pixel lie in the grid like this:
+// A frame may cast several samples of each pixel. Its rays then form a grid that is finer than the image: each pixel
+// has 2^bits columns and 2^bits rows of rays. For 2 bits, the samples of a pixel lie in the grid like this:
 //
 //      0  1  2  3
 //      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid,
@@ -31,8 +31,8 @@
 #endif
 #define GRID_OF(image_size) ((image_size) << SUBPIXEL_BITS)
 
-// Returns where a group's tile begins in the grid of rays, if tiles cover the whole grid. `row` is the row of
-// work-groups that contains the tile.
+// Returns the first column and row of a group's tile in the grid of rays, if tiles cover the whole grid. `row` is the
+// row of work-groups that contains the tile.
 INLINED int2 tile_in_row(Group *group, int row) {
     // The first tile of the work-group, plus the place of the group's tile within it.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
@@ -41,15 +41,18 @@ INLINED int2 tile_in_row(Group *group, int row) {
 }
 
 #if SAMPLED
-// Packs where a tile begins into one register, y in the upper 16 bits. All tiles begin at multiples of 8 x 4 rays, and an
-// image of at most 65,536 pixels across and down has at most 262,144 rays each way.
+// Packs the first column and row of a tile into one register. Tiles begin at multiples of 8 x 4 rays. An image of at
+// most 65,536 pixels across and down has at most 262,144 rays across and down.
+//
+//     31 ... 16 | 15 ... 0
+//     row / 4   | column / 8
 INLINED uint packed_tile(int2 at) { return (uint)(at.y / 4) << 16 | (uint)(at.x / 8); }
 INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8, (int)(tile >> 16) * 4); }
 #define TILE_OUTSIDE 0xffffffffu // beyond every grid
 
-// Returns where the group's own tile begins, packed. If `rough_count` is not 0, tiles cover only that many blocks of
-// pixels, and no tile is larger than a block. Only as many work-groups run as these blocks need, and their tiles are
-// numbered block by block. Here each block has 16 x 16 rays, which are four tiles:
+// Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only that many blocks of
+// pixels, and no tile is larger than a block. The number of work-groups is then only as large as these blocks need, and
+// tiles are numbered block by block. Here each block has 16 x 16 rays, which are four tiles:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7
@@ -67,7 +70,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
 }
 #endif
 
-// A group with its stack, and with the triangles of a leaf that its rays have to test.
+// Define a group with its stack, and the triangles of a leaf that its rays have to test.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
     __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \
@@ -103,10 +106,11 @@ typedef struct {
 #endif
 } EyeRay;
 
-// Returns the ray at a place in the grid. A pixel with enough samples is treated like one outside the image, and so are
-// sub-pixels for which the frame has no sample.
+// Returns the ray at a place in the grid. A pixel with enough samples is treated like a pixel outside the image. So is
+// a sub-pixel for which the frame has no sample.
 #if SAMPLED
 INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
+    // The lowest bits of a column and a row in the grid are the column and the row in the pixel.
     const int last = (1 << group->bits) - 1, sample = (at.x & last) | (at.y & last) << group->bits;
     const int2 pixel = at >> group->bits;
     EyeRay ray;
@@ -138,7 +142,7 @@ INLINED int2 place_in_tile(Group *group, int ray) {
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns the place of a lane's ray in the grid, if tiles cover the whole grid. `row` is its row of work-groups.
+// Returns the place of a lane's ray in the grid, if tiles cover the whole grid. `row` is the tile's row of work-groups.
 INLINED int2 place_in_row(Group *group, int row, int ray) { return tile_in_row(group, row) + place_in_tile(group, ray); }
 
 // Returns a lane's ray in the group's own tile.
@@ -151,6 +155,7 @@ INLINED EyeRay tile_ray(Group *group, int ray, int2 grid) {
     return ray_at(group, tile + place_in_tile(group, ray), grid);
 }
 
+// Returns the index of a ray from the eye in buffers with one element per ray.
 INLINED uint index_of(EyeRay ray, int2 grid) { return (uint)ray.y * (uint)grid.x + (uint)ray.x; }
 
 // Returns a ray's direction, which has depth 1 along the view, as in camera_ray.
@@ -160,14 +165,14 @@ INLINED Vec3 way_of(float4 corner, float4 step_x, float4 step_y, EyeRay eye_ray)
                 corner.z + x * step_x.z + y * step_y.z);
 }
 
-// Returns this lane's rays inside the image.
+// Returns this lane's rays that are inside the image, one bit each.
 INLINED uint rays_inside(Group *group, int2 grid) {
     uint inside = 0;
     EACH_RAY(ray) inside |= tile_ray(group, ray, grid).inside ? 1u << ray : 0u;
     return inside;
 }
 
-// Makes the tile's rays from the eye, which begin at the near plane and never end.
+// Computes the tile's rays from the eye, which begin at the near plane and never end.
 INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways) {
     EACH_RAY(ray) {
         const Vec3 way = way_of(corner, step_x, step_y, tile_ray(group, ray, grid));
@@ -177,14 +182,15 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
     ways->per_end = 0.0f;
 }
 
-// Each axis has at most one pass per direction. A pass takes all rays whose component along its axis is more than
-// `ALONG_AXIS` of the direction's 1-norm. A leader's component along its own axis is at least a third of that norm,
-// so none of the remaining rays can lead another pass along this axis. Rays whose direction is not a number (NaN)
-// take part in no pass.
+// The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
+// component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. A leader's component along its own axis
+// is at least a third of that norm, so none of the remaining rays can lead another pass along this axis. Rays whose
+// direction is not a number (NaN) are in no pass.
 #define MOST_PASSES 6
 
 // Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
-// Returns the rays that hit. Nearest hits stay in `beam.place` from pass to pass: a pass changes only those of its rays.
+// Returns this lane's rays that hit, one bit each. `beam.place` keeps the nearest hits of all passes, since a pass only
+// changes the hits of its own rays.
 INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     int unlimited = 0;
@@ -212,7 +218,7 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     return hits;
 }
 
-// Stores the nearest hits.
+// Finds and stores the nearest hits of rays from the eye.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     STACK_LOCALS
     LEAF_LOCALS

@@ -1,6 +1,7 @@
 // The end of a round of lights, after tiles have cast their shadow rays: leftover shadow rays, and shading.
 
-// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that they reach.
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that reach the
+// pixel, as bits of its word (see shadow.cl).
 INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float4 *surfaces,
                             CAMERA_PARAMETERS, EyeRay eye_ray, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
@@ -9,7 +10,8 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
         const int light = LIGHT_OF_BIT(LOWEST_BIT(left));
         const __global float *at = lights + LIGHT_FLOATS * light;
 #if SOFT
-        // Such a ray starts at its own hit and needs no row prepared for the light.
+        // A ray to a light with a radius, or to the sky, starts at its own hit and needs no planes prepared for the
+        // light.
         if (goes_apart(sources, light)) {
             Meeting hit = meet(tree, surfaces, unit_ray(eye, corner, step_x, step_y, eye_ray), place);
             hit.pixel = eye_ray;
@@ -27,12 +29,13 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
         const float x = component(way.x, way.y, way.z, shaft.across) * per_depth;
         const float y = component(way.x, way.y, way.z, shaft.down) * per_depth;
         widen(&shaft, x, x, y, y);
-        // `left & (0u - left)` is its lowest bit: this light's.
+        // `left & (0u - left)` is the lowest bit of `left`, which belongs to this light.
         if (!is_blocked(group, tree, &shaft, x, y, per_depth, stack)) reached |= left & (0u - left);
     }
     return reached;
 }
 
+// Returns the ray from the eye with an index (see index_of).
 INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
@@ -54,8 +57,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     }
 }
 
-// True if a pixel receives any light in a round: from lights that reach it or, in the round of the sky, from the sky's
-// picture, which shiny surfaces mirror.
+// HAS_LIGHT is true if a pixel receives any light in a round: from lights that reach it or, in the round that includes
+// the sky, from the picture of the sky, which shiny surfaces mirror.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))
@@ -93,7 +96,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #endif
         const float squared = dot3(offset, offset);
         const Vec3 to_light = scale(offset, 1.0f / sqrt(squared));
-        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // it faces the light, up to rounding
+        const float cosine = max(dot3(to_light, meeting.normal), 0.0f); // negative only by rounding
         const Vec3 f = reflectance(surface, to_light, to_eye, meeting.normal, 1);
         sum = add(sum, scale(multiply(load_vec3(light + 3), f), cosine / (4.0f * M_PI_F * squared)));
     }
@@ -109,7 +112,7 @@ INLINED Vec3 arriving(SOURCES_PARAMETER const __global float *lights, uint reach
 #define TEXTURE_ARGUMENTS
 #endif
 
-// Adds the radiance from those of a round's lights that reach a pixel; `reached` has one bit per light.
+// Adds to `sum` the radiance from a round's lights that reach a pixel; `reached` has a bit for each of these lights.
 INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, const __global float4 *surfaces,
                          const __global float *materials, CAMERA_PARAMETERS, EyeRay eye_ray, int place,
                          const __global float *lights, uint reached, float4 *sum) {
@@ -131,6 +134,7 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 #endif
     Vec3 received = arriving(SOURCES_ARGUMENT lights, reached, &surface, meeting, negate(from_eye.direction));
 #if ENVIRONMENT
+    // Shiny surfaces also mirror the picture of the sky, once per frame.
     if (SHOWS_SKY(sources))
         received = add(received, mirrored_sky(&sources->soft, sources->light_count + 1, eye_ray.x, eye_ray.y, &surface,
                                               meeting.normal, negate(from_eye.direction)));
@@ -139,7 +143,8 @@ INLINED void shade_pixel(TEXTURE_PARAMETERS SOURCES_PARAMETER const Tree *tree, 
 }
 
 // The value of a pixel after a round of lights, computed from the round's sum over the samples of a frame. With several
-// samples, the image contains their mean. A later round of the frame adds its lights' part of these samples.
+// samples per pixel, the image contains their mean. A later round of the frame adds its lights' part to the same
+// samples.
 #if SAMPLED
 #define SAMPLES_SO_FAR ((float)earlier + (float)SAMPLES_OF_FRAME)
 #define AFTER_ROUND(mean, sum)                                                                    \
@@ -162,13 +167,14 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 }
 
 // Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no other kernel
-// has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast them and shade their pixels. These
-// rays are few, but each takes long; meanwhile the other work-groups shade all pixels whose lights are known.
+// has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and shade their pixels.
+// The rays are few, but each takes long. Meanwhile, the other work-groups shade all pixels whose lights are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
     BIND_SOURCES
     const __global float *lights_of_round = lights + LIGHT_FLOATS * first_light;
+    // A hit without light: the fourth component counts hits.
     const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     if ((int)get_group_id(1) < queue_rows) {
         const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
@@ -181,7 +187,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y, eye_ray, place,
                                           lights_of_round, entry.y, bias, stack);
             if (group.lane == 0) {
-                // Lights that were known to reach it, and those found now.
+                // The lights that were already known to reach the pixel, and the lights found now.
                 reached |= lit[entry.x] & ~SOME_LEFT_OVER;
                 float4 sum = first_light ? (float4)(0.0f) : dark;
                 shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray, place, lights_of_round,
@@ -193,8 +199,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
         const int2 grid = GRID_OF(image_size);
         float4 sum[RAYS];
-        uint waiting = 0; // pixels that other groups store, since they are in the queue
-        int pixels = 0; // of this lane that get samples
+        uint waiting = 0; // this lane's pixels that other groups store, since they are in the queue
+        int pixels = 0; // number of this lane's pixels that get samples
         EACH_RAY(ray) {
             sum[ray] = (float4)(0.0f);
             pixels += sample_in_row(&group, row, ray, 0, grid).inside;
@@ -202,7 +208,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         for (int sample = 0; pixels && sample < SAMPLES_OF_FRAME; sample++) {
             int place[RAYS];
             uint reached[RAYS];
-            EACH_RAY(ray) { // the loads of all rays at once
+            EACH_RAY(ray) { // all loads come first, so that they overlap
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
                 place[ray] = eye_ray.inside ? nearest[index_of(eye_ray, grid)] : NO_HIT;
             }
@@ -213,7 +219,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
             }
             EACH_RAY(ray) {
                 const EyeRay eye_ray = sample_in_row(&group, row, ray, sample, grid);
-                // Later rounds of lights add to what earlier ones left in the image.
+                // The first round of lights begins with the background or a dark surface; later rounds only add light.
                 if (!first_light) sum[ray] += place[ray] == NO_HIT ? (float4)(background.xyz, 0.0f) : dark;
                 if (HAS_LIGHT(reached[ray], place[ray]))
                     shade_pixel(TEXTURE_ARGUMENTS SOURCES_ARGUMENT &tree, surfaces, materials, eye, corner, step_x, step_y, eye_ray,

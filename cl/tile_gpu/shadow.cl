@@ -1,25 +1,26 @@
-// Shadow rays of a round of lights, which are the lights whose shadow rays are cast together. The rays run from each
-// light to the hits that face it.
+// Casts the shadow rays of a round of lights: those lights whose shadow rays are cast by the same kernel. The rays run
+// from each light to the hits that face it.
 
-// Limits per tile and light: the number of passes, and the number of words taken from the stack. A pass casts rays that
-// are close to each other. At silhouettes these limits are never enough; leftover shadow rays are then cast one at a
-// time, each by a whole group.
+// Limits per tile and light: the number of passes, and the number of words popped from the stack. A pass casts rays
+// that are close to each other. At silhouettes, these limits are never enough. The rays that remain are leftover shadow
+// rays, which are later cast one at a time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
-// A lane's word has one bit for each pair of a light of the round and a ray of the lane. The bits are ordered by
-// light. The size of the word limits the number of lights per round. Every RAYS-th bit of the word belongs to the
-// same pixel. In a pixel's own word, bit 31 is set if some of its shadow rays are leftover.
+// A lane's word has one bit for each pair of a light of the round and a ray of the lane, ordered by light. The size of
+// the word limits the number of lights per round. Every RAYS-th bit of the word belongs to the same pixel. A pixel's
+// own word has a bit for each light; its bit 31 is set if some of the pixel's shadow rays are leftover.
 #ifndef LIGHTS_OF_ROUND
 #error "LIGHTS_OF_ROUND: lights whose shadow rays are cast at a time"
 #endif
 #define SOME_LEFT_OVER 0x80000000u
-// With two rays per lane and 15 lights, bit RAYS * light + ray of a lane's word stands for that light and that ray:
+// With two rays per lane, bit 2 * light + ray of a lane's word belongs to that light and that ray:
 //
 //     bit   ...  5  4  3  2  1  0
 //     light      2  2  1  1  0  0
 //     ray        1  0  1  0  1  0
 //
-// BITS_OF_PIXEL(word, 1) shifts ray 1's bits to bits 0, 2, 4, ... and clears the others: a pixel's word has a bit per light.
+// BITS_OF_PIXEL(word, 1) shifts the bits of ray 1 to bits 0, 2, 4, ... and clears all others, which gives a pixel's
+// word.
 #define BITS_OF_LIGHT(bits, light) ((bits) << RAYS * (light))
 #define LIGHT_OF_BIT(bit) ((bit) / RAYS)
 #define BITS_OF_PIXEL(bits, ray) ((bits) >> (ray) & 0xffffffffu / ((1u << RAYS) - 1u))
@@ -30,7 +31,7 @@ typedef struct {
     int material;
 #if TEXTURES
     int triangle;
-    float w1, w2; // the weights of its second and third corner
+    float w1, w2; // the weights of the triangle's second and third corner
     float t;
 #endif
 #if SOFT
@@ -38,6 +39,7 @@ typedef struct {
 #endif
 } Meeting;
 
+// Computes the hit of a ray on the triangle at an index in leaf order.
 INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray, int place) {
     const __global float4 *corners = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const __global float4 *normals = surfaces + 3 * (size_t)place;
@@ -62,6 +64,7 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     return meeting;
 }
 
+// Returns a ray from the eye with a direction of length 1.
 INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     Pixels one;
 #if SAMPLED
@@ -76,15 +79,16 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit without its material: enough to know which lights the surface faces, and where rays to them begin.
+// Returns the hit without its material. This is enough to find which lights the surface faces, and where rays to these
+// lights begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
-#if PLANES_OF_ORIGIN // planes give t and weights at once; in slivers their rounding errors are too large for shading
+#if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
     const __global float4 *normals = surfaces + 3 * (size_t)place;
     const float4 along_x = planes[0], along_y = planes[tree->row], along_z = planes[2 * (size_t)tree->row];
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 way = way_of(corner, step_x, step_y, eye_ray);
-    // Four dot products at once: the weights, whose sum is not 1 yet, and 1 / t.
+    // Four dot products: the three weights, which are not divided by their sum yet, and 1 / t.
     const float4 inside = along_x * way.x + along_y * way.y + along_z * way.z;
     Meeting meeting;
     meeting.point = along(vec3(eye.x, eye.y, eye.z), reciprocal(inside.w), way);
@@ -136,7 +140,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// Makes the rays from a light to the tile's hits, for the rays in `wanted`. Returns those that must be cast.
+// Computes the rays from a light to the tile's hits, for the rays in `wanted`. Returns the rays that must be cast.
 INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                         int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;
@@ -155,9 +159,9 @@ INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *s
     return cast;
 }
 
-// Casts a tile's shadow rays from a light to its hits. Returns those that nothing blocks; `*left` receives those that
-// were not decided. Rays are computed again for each pass, and the indices of hits are read again. Keeping them would
-// take registers during the traversal, and a second pass is rare.
+// Casts a tile's shadow rays from a light to its hits. Returns the rays that nothing blocks. `*left` receives the rays
+// that were not decided. Rays are computed again for each pass, and the indices of hits are read again. Storing them
+// would take registers during the traversal, and a second pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -176,8 +180,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
             const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
             const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
-                // FAR means that something blocks the ray. If the traversal was stopped early, all other rays remain
-                // undecided.
+                // FAR means that something blocks the ray. If the budget was not enough, all other rays are undecided.
                 const int open = HAS(active, ray) && beam.nearest[ray] < FAR;
                 clear |= open && enough ? 1u << ray : 0u;
                 *left |= open && !enough ? 1u << ray : 0u;
@@ -190,7 +193,7 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 }
 
 #if SOFT
-// Returns the hits that face a source. This is for unoccluded light, which nothing blocks.
+// Returns the hits that face a source (a light or the sky). This is for unoccluded light, which nothing blocks.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
@@ -202,11 +205,12 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 }
 #endif
 
-// Adds this lane's pixel to the queue if some of its shadow rays are leftover; the group reserves entries together.
+// Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries for the group.
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
-    int first = 0; // goes on even if no lane has an entry: with barriers, a compiler failed after a return here
-    // One atomic operation per group; a lane with an entry finds its place by its rank among the lanes with entries.
+    // There is no early return if no lane has an entry, since one compiler failed after a return here, with barriers.
+    int first = 0;
+    // One atomic operation per group. A lane with an entry finds its place by its rank among the lanes with entries.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
     if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -215,12 +219,12 @@ INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __globa
 // The buffers for the results of shadow rays.
 typedef struct {
     __global uint *lit;    // one word of lights per ray from the eye that hits something
-    __global uint2 *queue; // these rays' indices with their leftover lights
-    __global int *queued;  // number of entries
+    __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of these
+    __global int *queued;  // number of entries in the queue
 } Found;
 
-// Casts the shadow rays of a round's lights, from `first_light` on. A bit of a pixel's word is set if the pixel faces
-// that light and nothing is in between. Leftover shadow rays go to the queue.
+// Casts the shadow rays of a round's lights, from `first_light` on. Sets a bit of a pixel's word if the pixel faces the
+// bit's light and nothing blocks this light. Adds leftover shadow rays to the queue.
 INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                       int2 grid, const __global int *nearest, uint hits, const __global float *lights,
                       int light_count, int first_light, float bias, __local uint2 *stack, const Candidates *candidates,
@@ -236,12 +240,13 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
             continue;
         }
         if (goes_apart(sources, light)) {
+            // Rays without a common origin are all left over.
             left_over |= BITS_OF_LIGHT(hits, light);
             continue;
         }
 #endif
         const Origin origin = origin_at(LOAD3(lights + LIGHT_FLOATS * (first_light + light)), 1 + light);
-        // Lights are cast one after the other. The results of a light are shifted to its bits in both words.
+        // One light after the other. The results of a light are shifted to its bits in both words.
         const uint clear = unblocked(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest, hits, origin,
                                      bias, stack, candidates, &left);
         reached |= BITS_OF_LIGHT(clear, light);
@@ -249,7 +254,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
     }
     EACH_RAY(ray) {
         const EyeRay eye_ray = tile_ray(group, ray, grid);
-        // This pixel's bits of both words: one bit per light, and one for being in the queue.
+        // This pixel's word: a bit for each light that reaches it, and bit 31 if the pixel is in the queue.
         const uint left = BITS_OF_PIXEL(left_over, ray) ? SOME_LEFT_OVER : 0u;
         if (HAS(hits, ray)) found.lit[index_of(eye_ray, grid)] = BITS_OF_PIXEL(reached, ray) | left;
     }
@@ -281,7 +286,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
-// Casts rays from the eye, then shadow rays: while the last tiles cast rays from the eye, other tiles already cast
+// Casts rays from the eye, then shadow rays. While the last tiles cast rays from the eye, other tiles already cast
 // shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     STACK_LOCALS

@@ -1,19 +1,20 @@
 // The axes of a pass of entry.cl, and the box of its rays' slopes.
 
-// a b + c, in a single rounding if that is as fast as two. (PTX has it, whether or not the macro is defined.)
+// a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX it is, even if FP_FAST_FMAF is
+// not defined.)
 #if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
 #define MULTIPLY_ADD(a, b, c) fma(a, b, c)
 #else
 #define MULTIPLY_ADD(a, b, c) ((a) * (b) + (c))
 #endif
-// An interval of slopes is extended by this much: several times the rounding error of the numbers that it is compared
-// with.
+// An interval of slopes is extended by this number, which is several times the rounding error of the numbers that are
+// compared with the interval.
 #define SLOPE_ROUNDING 1e-6f
 
 // The origin of the rays of a pass.
 typedef struct {
     Uniform3 at;
-    int number; // 0 for the eye, from 1 on for a round's lights
+    int number; // 0 for the eye; 1 and more for a round's lights
 } Origin;
 
 INLINED Origin origin_at(Uniform3 at, int number) {
@@ -25,7 +26,7 @@ INLINED Origin origin_at(Uniform3 at, int number) {
 
 // The axes of a pass, and the box in (x, y) around the slopes of its rays.
 typedef struct {
-    int across, down, along; // the axes of the scene for x, y and z
+    int across, down, along; // the axes of the scene (0 to 2) that are the pass's x, y and z
     float sign;              // -1 if rays run towards smaller z
     uint x_rows, y_rows;     // offsets in a node of the x and y of this lane's child
     uint near_row, far_row;  // offsets in a node of the z at which rays enter and leave that child
@@ -42,7 +43,7 @@ INLINED float component(float x, float y, float z, int axis) { return axis == 0 
 
 // Chooses the axes of a pass so that z is the largest component of the leader's direction.
 INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader, Shaft *shaft) {
-    // Axes are permuted cyclically and never mirrored, so that front faces stay front faces.
+    // The axes across, down and along are permuted cyclically, so that front faces stay front faces.
     const float x = fabs(leader.x), y = fabs(leader.y), z = fabs(leader.z);
     const int along = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
     const int across = along == 2 ? 0 : along + 1, down = across == 2 ? 0 : across + 1;
@@ -51,7 +52,8 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
     shaft->along = along;
     const int back = component(leader.x, leader.y, leader.z, along) < 0.0f;
     shaft->sign = back ? -1.0f : 1.0f;
-    // This lane's offsets in a node of 32 columns (common/tree.cl), for these axes. A load then takes one addition.
+    // This lane's offsets in a node of 32 columns (common/tree.cl), for these axes. A load then needs only one
+    // addition.
     shaft->x_rows = (uint)(2 * NODE_WIDTH * across + group->lane);
     shaft->y_rows = (uint)(2 * NODE_WIDTH * down + group->lane);
     // Rays that run backwards reach a box's high side first.
@@ -68,7 +70,7 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
 #endif
 }
 
-// Sets the box of slopes, given its sides before they are extended for rounding.
+// Sets the box of slopes. Its sides are extended for rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
     // Rounding errors are proportional to the largest of the numbers x, y and z; for slopes, z is 1.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);
@@ -86,21 +88,21 @@ INLINED Uniform3 along_axes(const Shaft *shaft, float4 v) {
                     shaft->sign * component(v.x, v.y, v.z, shaft->along));
 }
 
-// Loads the corners of the triangle at an index in leaf order. If a compiler finds that the fourth component of a
-// `float4` is unused, it loads the other three in two pieces, which takes twice as long. The return value therefore
-// depends on the fourth components of all three corners, although it is always 1.
+// Loads the corners of the triangle at an index in leaf order, and returns 1. If the fourth component of a `float4` is
+// unused, some compilers load the other three in two pieces, which takes twice as long. The return value therefore
+// depends on the fourth components of all three corners.
 INLINED int load_corners(const Shaft *shaft, const Tree *tree, int place, Uniform3 *a, Uniform3 *b, Uniform3 *c) {
     const __global float4 *row = (const __global float4 *)tree->leaves + 3 * (size_t)place;
     const float4 first = row[0], second = row[1], third = row[2];
     *a = along_axes(shaft, first);
     *b = along_axes(shaft, second);
     *c = along_axes(shaft, third);
-    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // numbers of triangle and material, and 0
+    return (as_int(first.w) | as_int(second.w) | as_int(third.w)) >= 0; // the triangle's number, its material's, and 0
 }
 
 // Returns the largest value of v . (x, y, 1) in a shaft.
 INLINED float most_of(const Shaft *shaft, Uniform3 v) {
-    // A linear function is largest at a corner of the box: per axis, the larger of two ends.
+    // A linear function is largest at a corner of the box, so for each axis the larger of two ends is taken.
     const float across = fmax(MULTIPLY_ADD(v.x, shaft->low_x, v.z), MULTIPLY_ADD(v.x, shaft->high_x, v.z));
     return fmax(MULTIPLY_ADD(v.y, shaft->low_y, across), MULTIPLY_ADD(v.y, shaft->high_y, across));
 }

@@ -1,8 +1,8 @@
 // Rays without a common origin: to points of a light with a radius, and to the sky. All of them are leftover shadow
 // rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
-// The lights of a round. The sky is a source too, which comes after all lights. Lights are counted from the round's
-// first.
+// The sources of a round: its lights and, after the last light, the sky. In functions, `light` is counted from the
+// first light of the round, and `source` from the first light of the scene.
 typedef struct {
     Soft soft;
     int light_count, first_light;
@@ -30,7 +30,7 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, floa
     while (going) {
         uint met = 0;
         if (!IS_LEAF(word)) {
-            // Each lane tests one child. Any hit will do, so the children are visited unsorted.
+            // Each lane tests one child. Any hit is enough, so children are not sorted.
             const Child child = meet_child(group, tree, &shaft, word, reach);
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
@@ -50,20 +50,22 @@ INLINED int is_stopped(Group *group, const Tree *tree, Vec3 from, Vec3 way, floa
     return stopped;
 }
 
-// The ray from a hit to a point of a light or the sky, the one that was chosen for this sample of the pixel: unit
-// direction and distance.
+// The ray from a hit to a point of a light or to the sky, as it was chosen for this sample of the pixel: its unit
+// direction and its length.
 typedef struct {
     Vec3 way;
     float distance;
     int is_sky;
 } Sight;
 
+// Returns the ray from a hit to a source.
 INLINED Sight sight_of(const Sources *sources, int light, const __global float *at, const Meeting *meeting) {
     const Soft *soft = &sources->soft;
     const int source = sources->first_light + light;
     Sight sight;
     sight.is_sky = source >= sources->light_count;
 #if SKY
+    // A ray to the sky only has a direction; its length is the reach of the sky.
     if (sight.is_sky) {
         const Vec3 normal = normalize_or_zero(meeting->normal);
         sight.way = way_to_sky(soft, source, meeting->pixel.x, meeting->pixel.y, normal);
@@ -71,6 +73,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
         return sight;
     }
 #endif
+    // A ray to a light ends at a point of the light's ball.
     const Vec3 position = add(load_vec3(at), off_middle(soft, source, meeting->pixel.x, meeting->pixel.y));
     const Vec3 offset = subtract(position, meeting->point);
     sight.distance = sqrt(dot3(offset, offset));
@@ -82,7 +85,7 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
-    // A light that is nearer than the bias lies on the surface. The sky has no position, so only its direction counts.
+    // A light that is nearer than the bias lies on the surface. The sky has no position, so only the direction counts.
     const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
 }

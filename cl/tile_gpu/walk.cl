@@ -3,14 +3,14 @@
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
     int met;
-    float entry; // z at which the shaft enters it
-    uint word;
+    float entry; // the z at which the shaft enters it
+    uint word;   // its word in the node: see common/tree.cl
 } Child;
 
 // Tests whether the shaft meets this lane's child of a node nearer than `reach`. Because of rounding, the test may
 // report additional children, but it never misses one.
 INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
-    const uint at = NODE_STRIDE * node; // below 2^32, since a node has more than 32 triangles below it
+    const uint at = NODE_STRIDE * node; // less than 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
     // The sides relative to the origin: lane i reads column i of each row, so 32 lanes read 128 contiguous bytes.
@@ -22,8 +22,8 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // At each z, a side of the shaft lies at its slope times z, so it is farthest out at near or at far. The box of
-    // the child must overlap the range between the farthest positions of the two sides.
+    // At each z, a side of the shaft lies at its slope times z, so its extreme positions are at near and at far. The
+    // box of the child must overlap the range between the outermost positions of the two sides.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -43,20 +43,23 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
 //
 //     lane 4's child is visited next; the stack grows by popcount - 1 = 2:   | ... | lane 5 | lane 1 |  <- top
 //
-// If only one child was met, it is next, and the stack is unchanged.
+// If only one child was met, it is visited next, and the stack is unchanged.
 //
-// Unsorted (any hit will do), the rank is the count of set bits below the lane's own: lane 1 has 0, lane 4 has 1,
-// lane 5 has 2.
+// If children are not sorted (because any hit is enough), the rank is the number of set bits below the lane's own: lane
+// 1 has rank 0, lane 4 has 1, lane 5 has 2.
 INLINED uint push(Group *group, Child child, uint met, const int sorted, __local uint2 *stack, int *waiting) {
     if (!(met & (met - 1))) return lane_get(group, child.word, LOWEST_BIT(met));
-    // Entries are not negative, so their bits, read as integers, have the same order as their values. The lane's
-    // number in the last five bits makes each key unique.
+    // Entries are not negative, so their bits, read as integers, have the same order as their values. The last five
+    // bits are replaced by the lane's number, so that keys are unique:
+    //
+    //     31 ............ 5 | 4 .. 0
+    //     bits of the entry | lane
     const uint key = (as_uint(child.entry) & ~31u) | (uint)group->lane;
     const int rank = sorted ? lane_rank(group, key, met) : BITS_BEFORE(group, met);
     const int others = popcount(met) - 1;
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
-    // Lanes read what others wrote.
+    // Lanes read entries that other lanes wrote.
     lane_sync(group);
     const uint nearest = lane_ballot(group, child.met && !rank);
     return lane_get(group, child.word, LOWEST_BIT(nearest));
@@ -76,9 +79,9 @@ INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float
 #define USES_LANES(any) !any
 #endif
 
-// Triangles that a group's rays have to be tested against, stored next to each other, and the lanes that prepared them.
+// A leaf's triangles that a group's rays have to test, stored without gaps, and the lanes that prepared them.
 typedef struct {
-    __local float4 *quads; // three each
+    __local float4 *quads; // three for each triangle
     __local int *lanes;
 } Candidates;
 
@@ -89,12 +92,12 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     const int first = LEAF_FIRST(word);
     Candidate own;
     int wanted = 0;
-    // Each lane prepares one triangle, for the whole tile, and asks whether the shaft meets it at all.
+    // Each lane prepares one triangle for the whole tile, and finds out whether the shaft meets it at all.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
     lane_sync(group); // the last leaf's triangles have been tested
     if (wanted) {
-        // Compaction by ballot: candidates lie side by side, however many lanes have none.
+        // Compaction by ballot: a lane's triangle is stored after the triangles of lower lanes, without gaps.
         const int at = BITS_BEFORE(group, tested);
         store_candidate(own, candidates->quads + 3 * at);
         if (USES_LANES(any)) candidates->lanes[at] = group->lane;
@@ -105,7 +108,7 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     EACH_RAY(ray) found[ray] = -1;
 #pragma unroll 4
     for (int k = 0; k < count; k++) {
-        // Now lanes are rays again: all test the same triangle, which __local memory broadcasts.
+        // Now each lane tests its own rays again. All lanes read the same triangle, which __local memory broadcasts.
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;
@@ -116,15 +119,15 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
             found[ray] = hit ? k : found[ray];
         }
     }
-    // The number of the nearest triangle is read only now: once per ray instead of once per hit.
+    // The nearest triangle's index is read only now: once per ray instead of once per hit.
     if (!any) {
         EACH_RAY(ray) if (found[ray] >= 0) beam->place[ray] = first + candidates->lanes[found[ray]];
     }
     return count != 0;
 }
 
-// Returns the least 1/z at which a hit matters to any ray of the group: the smallest 1/z of its rays' nearest hits. For
-// a ray that has hit nothing, the 1/z of its end counts (0 for rays from the eye).
+// Returns the smallest 1/z at which a hit matters to any ray of the group: the smallest 1/z of its rays' nearest hits.
+// For a ray that has hit nothing, the 1/z of its end counts (0 for rays from the eye).
 INLINED float worst_of(Group *group, const Beam *beam) {
     float worst = FAR;
     EACH_RAY(ray) worst = fmin(worst, beam->nearest[ray]);
@@ -160,7 +163,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             reach = reach_of(worst);
         }
         if (met || !going) continue;
-        // Returns to the nearest waiting node or leaf. Entries beyond the hits found since are dropped without a visit.
+        // Continues with the nearest waiting node or leaf. An entry that is now behind the nearest hits of all rays is
+        // dropped without a visit.
         float entry = FAR;
         while (waiting && entry >= reach) {
             const uint2 top = stack[--waiting];
@@ -168,15 +172,15 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // The few rays of a tile that take long are faster if each is cast by a group of its own, so they are left
-        // over.
+        // A few rays of a tile take long. They are faster if each is cast by a group of its own, so they are left over.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read
     return enough;
 }
 
-// Returns whether anything blocks one ray. All lanes work on this ray: each tests it against its own child or triangle.
+// Returns whether anything blocks a single ray. All lanes work on this ray: each tests it against its own child or
+// triangle.
 INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float x, float y, float nearest,
                __local uint2 *stack) {
     const float reach = reach_of(nearest);
@@ -189,6 +193,7 @@ INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
+            // Each lane prepares one triangle and tests it itself.
             int hit = 0;
             Candidate own;
             float per_depth;

@@ -19,7 +19,7 @@ const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
     /// Cuts `region` into slices. It should contain the centres of all primitives, multiplied by two as
-    /// `Primitive::centre` returns them; those outside go to the first or last slice.
+    /// `Primitive::centre` returns them; primitives outside of it go to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis along which the region has no extent, or an extent that overflows, has one slice.
@@ -88,7 +88,7 @@ impl<const N: usize> Bins<N> {
         bins
     }
 
-    /// Adds the bins of other primitives under the same slicer.
+    /// Adds the bins of other primitives that were counted with the same slicer.
     pub fn merge(mut self, other: &Self) -> Self {
         for axis in 0..3 {
             for slice in 0..N {

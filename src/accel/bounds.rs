@@ -15,7 +15,7 @@ impl Bounds {
     /// The empty box: its union with a box is that box.
     pub const EMPTY: Self = Self { low: Vec4::INFINITY, high: Vec4::NEG_INFINITY };
 
-    /// Returns the smallest box around both.
+    /// Returns the smallest box around both boxes.
     #[inline(always)]
     pub fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }

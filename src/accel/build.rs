@@ -48,7 +48,7 @@ struct Subtree {
     depth: u32,
 }
 
-/// See [`Bvh::build`].
+/// Builds a tree; see [`Bvh::build`].
 pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
     let leaf_size = leaf_size.max(1);
     let mut primitives: Vec<Primitive> = Vec::new();
@@ -70,7 +70,7 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }
 
-/// Builds a subtree: a large one as two tasks, a small one in this task.
+/// Builds a subtree: a large subtree as two tasks, a small one in this task.
 fn grow(work: Work, leaf_size: usize) -> Subtree {
     let count = work.primitives.len();
     if count <= TASK.max(leaf_size) {

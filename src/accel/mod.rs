@@ -2,7 +2,7 @@
 //!
 //! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree
 //! collapsed to 2 to 32 children per node, as rows of floats. [`validate`](Bvh::validate) checks either of
-//! them, and [`WideBvh::closest_hit`] traverses one on the host.
+//! them, and [`WideBvh::closest_hit`] traverses a tree on the host.
 
 mod bins;
 mod bounds;
@@ -54,7 +54,7 @@ impl Node {
         self.right == 0
     }
 
-    /// Half the surface area of its box.
+    /// Returns half the surface area of the node's box.
     pub fn half_area(&self) -> f32 {
         let [x, y, z] = [0, 1, 2].map(|axis| self.high[axis] - self.low[axis]);
         x * (y + z) + y * z
@@ -64,8 +64,9 @@ impl Node {
 /// A binary bounding volume hierarchy, stored depth first: the root is node 0, and a left child follows its
 /// parent.
 ///
-/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0. Those of a left
-/// child begin where its parent's triangles begin, and those of a right child follow its sibling's.
+/// The triangles of each subtree are contiguous in `order`. The triangles of the root begin at 0.
+/// The triangles of a left child begin where its parent's triangles begin, and the triangles of a
+/// right child follow its sibling's triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bvh {
     /// The nodes; empty if there are no triangles.

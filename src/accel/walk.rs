@@ -27,7 +27,8 @@ impl WideBvh {
     /// Returns the closest hit nearer than `reach`. Nearer boxes are visited first.
     ///
     /// `test(triangle, reach)` returns the distance at which the ray meets a triangle of the mesh, if that is
-    /// nearer than `reach`. Of hits at equal distances the first found is kept.
+    /// nearer than `reach`. Of several hits at the same distance, the first that is found is
+    /// returned.
     pub fn closest_hit(
         &self,
         origin: DVec3,
@@ -63,8 +64,8 @@ impl WideBvh {
     }
 }
 
-/// Returns where a ray enters a box, or `None` for a miss. A miss by no more than a few rounding errors of f64 is
-/// taken as a hit.
+/// Returns where a ray enters a box, or `None` for a miss. A miss by no more than a few rounding
+/// errors of f64 counts as a hit.
 fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<f64> {
     let (mut near, mut far) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {

@@ -70,7 +70,8 @@ impl Subtree {
         Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Returns whether the subtree becomes a node. It becomes a leaf if its triangles fit into one.
+    /// Returns whether the subtree becomes a node. It becomes a leaf if its triangles fit into a
+    /// leaf.
     fn is_inner(&self, leaf_size: usize) -> bool {
         self.count as usize > leaf_size && !self.is_leaf
     }
@@ -107,7 +108,7 @@ impl WideBvh {
     ///
     /// # Errors
     ///
-    /// The same as those of [`Self::new`].
+    /// Fails like [`Self::new`].
     pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
         let own = if width < 32 { Bvh::LEAF_SIZE } else { leaf_size };
         Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
@@ -116,13 +117,14 @@ impl WideBvh {
     /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly replaced
     /// by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles are replaced
     /// first. If slots are left, smaller subtrees are replaced too, since testing an unused slot costs as much as
-    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller than those of the
-    /// binary tree. The binary tree should therefore be built with the leaf size that is fastest.
+    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller
+    /// than the leaves of the binary tree. The binary tree should therefore be built with the leaf
+    /// size that is fastest.
     ///
     /// # Errors
     ///
-    /// Fails if the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or below the
-    /// tree's own, or if there are more than 33,554,432 triangles or nodes.
+    /// Fails if the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or is
+    /// below that of the binary tree, or if there are more than 33,554,432 triangles or nodes.
     pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(bvh, width, leaf_size)?;
         let stride = Self::stride(width);

@@ -31,8 +31,10 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     let Survey { devices, empty_platforms } = survey(sources)?;
     if devices.is_empty() {
         let platforms = empty_platforms.join(", ");
-        return Err(Error::run(format!("no OpenCL device was found (platforms without one: {platforms})"))
-            .with_help(HOW_TO_GET_ONE));
+        return Err(Error::run(format!(
+            "no OpenCL device was found (platforms without a device: {platforms})"
+        ))
+        .with_help(HOW_TO_GET_ONE));
     }
     Ok(devices)
 }
@@ -107,7 +109,7 @@ const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
 fn no_platform() -> Error {
-    Error::run("no OpenCL platform was found: no driver is installed, or the loader cannot see it")
+    Error::run("no OpenCL platform was found: no driver is installed, or the loader does not find it")
         .with_help(HOW_TO_GET_ONE)
 }
 

@@ -1,5 +1,5 @@
-//! The devices that an earlier run found, from the cache. Only the driver of the selected device is started,
-//! and its lane operations are not tested again.
+//! Finds the devices of an earlier run in the cache. Then only the driver of the selected device is
+//! started, and the device's lane operations are not tested again.
 
 use super::discover::{again, discover};
 use super::drivers::VENDORS;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 /// The kind of these cache entries.
 const KIND: &str = "devices";
-/// Environment variables that make loaders look elsewhere.
+/// Environment variables that make loaders look for drivers elsewhere.
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];

@@ -7,8 +7,8 @@ use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// The implementations of the operations in cl/common/lanes.cl, slowest first. The kernel's LANES_BY_* are
-/// these values as numbers.
+/// The implementations of the operations in cl/common/lanes.cl, slowest first. The macros
+/// LANES_BY_* in that file have these values as numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {

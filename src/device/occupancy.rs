@@ -1,5 +1,5 @@
-//! Computes how many work-groups an NVIDIA multiprocessor holds at once: the paper's Figure 5, for any
-//! compute capability from 2.0 to 9.0.
+//! Computes how many work-groups an NVIDIA multiprocessor holds at the same time: the paper's
+//! Figure 5, for any compute capability from 2.0 to 9.0.
 
 mod table;
 
@@ -43,7 +43,7 @@ impl std::fmt::Display for Limiter {
     }
 }
 
-/// The groups and warps that a multiprocessor holds at once.
+/// The groups and warps that a multiprocessor holds at the same time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     /// Resident groups.

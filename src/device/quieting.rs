@@ -28,7 +28,7 @@ pub struct Hush {
 
 #[cfg(unix)]
 impl Hush {
-    /// Begins it. If that fails, messages are shown.
+    /// Begins to discard standard error. If this fails, messages are shown.
     pub fn begin() -> Self {
         let begin = || {
             let stderr = dup(rustix::stdio::stderr()).ok()?;

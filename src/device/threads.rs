@@ -50,7 +50,7 @@ fn processors() -> Vec<usize> {
     Vec::new()
 }
 
-/// Returns the number of threads that the process may run at once.
+/// Returns the number of threads that the process may run at the same time.
 fn allowed() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }

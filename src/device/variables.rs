@@ -102,7 +102,7 @@ pub fn all() -> Vec<Setting> {
     settings(variables(), known)
 }
 
-/// Lossy, since a value need not be UTF-8.
+/// Returns all variables that are set. Invalid UTF-8 in them is replaced.
 fn variables() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os()
         .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))

@@ -1,5 +1,6 @@
-//! The numbers and tables in the documents, made from stored records. Every number in README.md, docs/kernels.md,
-//! docs/paper.md and docs/performance.md is computed here or listed under `[facts]` in docs/figures.toml.
+//! Computes the numbers and tables of the documents from stored records. Every number in README.md,
+//! docs/kernels.md, docs/paper.md and docs/performance.md is computed here or listed under
+//! `[facts]` in docs/figures.toml.
 
 mod occupancy;
 mod of_record;
@@ -36,14 +37,14 @@ impl Documents {
         let text = |name: &'static str| {
             let path = root.join(name);
             let text = reader::text(&path, Kind::Results).map_err(|error| {
-                Error::unreadable("document", &path, &error, "run it in raycl's repository")
+                Error::unreadable("document", &path, &error, "run this command in raycl's repository")
             })?;
             Ok((name, text))
         };
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Returns where a text differs from the records.
+    /// Returns the places at which a text differs from the records.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()

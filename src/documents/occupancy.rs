@@ -1,13 +1,13 @@
-//! Computes how many threads a multiprocessor holds at once.
+//! Computes how many threads a multiprocessor holds at the same time.
 
 use super::of_record::{Form, Told};
 use crate::device::occupancy::{Limiter, multiprocessor, occupancy};
 use std::collections::HashMap;
 
-/// Answers two kinds of query. "groups=8 threads=1536 8x8" asks for the number of threads in as many whole
-/// groups as both limits allow, as in the paper's Figure 5. "capability=2.0 registers=63 bytes-per-item=108
-/// 8x8" asks for the number of threads that a multiprocessor of that capability holds, and for the limit that
-/// determines it.
+/// Answers two kinds of query. "groups=8 threads=1536 8x8" asks how many threads a multiprocessor
+/// holds if it has room for at most 8 groups and 1536 threads, and holds only whole groups, as in
+/// the paper's Figure 5. "capability=2.0 registers=63 bytes-per-item=108 8x8" asks how many threads
+/// a multiprocessor of compute capability 2.0 holds, and which limit determines this number.
 pub fn threads(words: &[&str]) -> Result<Told, String> {
     let given: HashMap<&str, &str> = words.iter().filter_map(|word| word.split_once('=')).collect();
     let number = |key: &str| given.get(key).and_then(|text| text.parse::<u32>().ok());

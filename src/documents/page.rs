@@ -18,7 +18,7 @@ pub struct Difference {
     pub line: usize,
     /// The text in the document.
     pub stands: String,
-    /// The text that the records yield, or why they yield none.
+    /// The text that the records yield, or the reason why they yield no text.
     pub records_say: String,
 }
 

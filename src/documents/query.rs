@@ -1,7 +1,8 @@
-//! Queries: each names a record, one of its figures, and how the figure is rounded.
+//! Reads and answers queries. Each query names a record and one of its figures, and states how the
+//! figure is rounded.
 //!
-//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life /
-//! local-vectors 8x8 still-life, 2 digits`. CONTRIBUTING.md documents it.
+//! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life
+//! / local-vectors 8x8 still-life, 2 digits`. CONTRIBUTING.md documents this syntax.
 
 use super::occupancy::threads;
 use super::of_record::{Form, MEDIAN, Told, figure, is_figure};
@@ -62,7 +63,7 @@ impl<'a> Query<'a> {
         let unit = UNITS.iter().find(|(name, _)| *name == modifier);
         let unknown = || {
             format!(
-                "'{modifier}' is neither \"N digits\" nor a unit: {}",
+                "'{modifier}' is neither \"N digits\" nor one of the units {}",
                 UNITS.map(|(name, _)| name).join(", ")
             )
         };
@@ -99,7 +100,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The answer to one side of a query, with its record if the figure is a frame's median.
+/// The value of one operand of a query. Its record is stored only if the value is a frame's median.
 struct Side {
     told: Told,
     median_of: Option<Record>,
@@ -125,8 +126,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. For two medians it is computed from pairs of samples that were taken close in
-/// time, like the ratios in all reports.
+/// Returns the quotient of two figures. For two medians, the quotient is computed from pairs of
+/// samples that were measured close in time, like the ratios in all reports.
 fn quotient(one: &Side, other: &Side) -> Told {
     if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
         let few = || Told::Nothing("not enough samples".into());
@@ -139,7 +140,7 @@ fn quotient(one: &Side, other: &Side) -> Told {
     }
 }
 
-/// Returns the value to which a JSON pointer leads.
+/// Returns the value at a JSON pointer (RFC 6901).
 fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
     let pointer = words.concat();
     match value.pointer(&pointer) {
@@ -149,7 +150,7 @@ fn at(value: &Value, words: &[&str]) -> Result<Told, String> {
         Some(Value::Number(number)) => Ok(Told::Number(number.as_f64().unwrap_or_default(), Form::Count)),
         Some(Value::String(text)) => Ok(Told::Words(text.clone())),
         Some(Value::Null) => Ok(Told::Nothing("not measured".into())),
-        _ => Err(format!("nothing at '{pointer}'")),
+        _ => Err(format!("the file has no value at '{pointer}'")),
     }
 }
 

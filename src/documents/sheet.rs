@@ -1,5 +1,5 @@
-//! Reads `docs/figures.toml`: the folders of records, the tables made from them, and the numbers that have no
-//! record.
+//! Reads `docs/figures.toml`: the folders of records, the definitions of tables, and the numbers
+//! that have no record.
 
 use super::of_record::Told;
 use super::query::Query;
@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
-/// The path of that file in the repository.
+/// The path of the file in the repository.
 pub const SHEET: &str = "docs/figures.toml";
 
 #[derive(Deserialize)]
@@ -58,7 +58,8 @@ struct Table {
     columns: Vec<Column>,
 }
 
-/// A row. Its words are part of all its queries and also its heading, unless a heading is given.
+/// A row. Its words are part of the query of each of its cells. They are also its heading, unless a
+/// separate heading is given.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -79,7 +80,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers that say how the row's numbers are rounded; they follow the column's modifiers.
+    /// Returns the modifiers that define how the row's numbers are rounded. They follow the
+    /// column's modifiers.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),
@@ -88,7 +90,7 @@ impl Row {
     }
 }
 
-/// A column: a query in which `{}` stands for the words of the row.
+/// A column, with a query in which the words of the row replace `{}`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Column {
@@ -109,7 +111,7 @@ enum Bold {
 
 /// The contents of docs/figures.toml.
 pub struct Sheet {
-    /// The records that answer its queries.
+    /// The records from which queries are answered.
     pub sources: Sources,
     /// Phrases with numbers that have no record: numbers from the paper, of options and of versions, and results of
     /// arithmetic. The longest come first.
@@ -126,7 +128,7 @@ impl Sheet {
     pub fn read(root: &Path) -> Result<Self> {
         let path = root.join(SHEET);
         let text = reader::text(&path, Kind::Toml).map_err(|error| {
-            Error::unreadable("sheet of figures", &path, &error, "run it in raycl's repository")
+            Error::unreadable("sheet of figures", &path, &error, "run this command in raycl's repository")
         })?;
         let wire: Wire = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| line_of(&text, span.start));
@@ -143,7 +145,7 @@ impl Sheet {
         })
     }
 
-    /// Returns the lines of a block; they are computed once.
+    /// Returns the lines of a block, which are computed on the first call only.
     pub fn block(&self, name: &str) -> Lines {
         if let Some(made) = self.made.borrow().get(name) {
             return made.clone();

@@ -1,4 +1,4 @@
-//! The stored records from which figures are computed, each read once.
+//! The stored records from which figures are computed. Each is read only once.
 
 use crate::reader::{self, Kind};
 use crate::record::Folder;
@@ -16,7 +16,8 @@ pub enum Source {
     Json(Value),
 }
 
-/// Finds sources by name: the first part of a name stands for a folder, the rest is a path within it.
+/// Finds sources by name: the first part of a name represents a folder, and the rest is a path
+/// within this folder.
 pub struct Sources {
     root: PathBuf,
     folders: BTreeMap<String, String>,
@@ -29,8 +30,8 @@ impl Sources {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }
 
-    /// Returns the source of a name, such as "h200/figure-8"; a JSON file is named without its extension. The
-    /// error says why there is none.
+    /// Returns the source of a name, such as "h200/figure-8"; a JSON file is named without its
+    /// extension. The error says why the source cannot be read.
     pub fn get(&self, name: &str) -> Result<Rc<Source>, String> {
         if let Some(known) = self.read.borrow().get(name) {
             return Ok(known.clone());

@@ -1,4 +1,4 @@
-//! Finds numbers that have no record.
+//! Finds numbers in documents that neither come from a query nor are listed as facts.
 
 /// State carried from line to line.
 #[derive(Default)]
@@ -23,13 +23,13 @@ impl Fences {
     }
 }
 
-/// Units. A number with one of them is checked even in a code span; other numbers there are options and
-/// names.
+/// Units. A number with one of these units is checked even in a code span. Other numbers in code
+/// spans belong to options and names.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns the words of a line that contain digits, except those in code, in names and in one of the facts. A
-/// fact that contains another must come before it.
+/// Returns the words of a line that contain digits, except words in code, names, and words that
+/// belong to a fact. A fact that contains another fact must come before that fact.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;

@@ -21,8 +21,9 @@ use std::time::{Duration, Instant};
 
 /// How often a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// A program, identified by its device and the hash of its source and options. For a program that uses a tree, the
-/// scene identifies the depth of the tree's stack, which that hash does not contain.
+/// A program, identified by its device and the hash of its source and options. A program that uses
+/// a tree also depends on the depth of the tree's stack. The hash does not contain this depth; the
+/// scene determines it.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
     /// The number of the device's worker.
@@ -62,8 +63,9 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs ordered so far.
     ordered: HashSet<Program>,
-    /// Finished programs, with the result if the builder survived. A point that waits for its program takes
-    /// it from here.
+    /// Finished programs, each with the result of building it; `None` if the program was already
+    /// stored, or if its builder died or hung. A point that waits for its program takes the result
+    /// from here.
     done: HashMap<Program, Option<Built>>,
     closed: bool,
 }
@@ -121,7 +123,8 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// The programs of a run; `kept[i]` contains the stored programs of the device of worker `i`.
+    /// Makes the programs of a run; `kept[i]` contains the stored programs of the device of worker
+    /// `i`.
     pub fn new(kept: Vec<Kept>) -> Self {
         Self { kept, ..Self::default() }
     }
@@ -186,14 +189,15 @@ impl Ahead {
         Ok(())
     }
 
-    /// The loop of a builder: builds programs until the run ends. If a process dies or hangs, its program
+    /// Builds programs, as one builder, until the run ends. If a process dies or hangs, its program
     /// stays unbuilt; the point's own worker will try again and report the error.
     fn serve(&self, builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
         while let Some(order) = self.next() {
             let mut built = usual.build(&order, patience);
-            // The driver has it from an earlier time, but not its registers, which only a compiler prints.
+            // The driver took the program from its own cache, so no compiler printed its number of
+            // registers. A process without that cache compiles it again.
             if built.as_ref().is_some_and(|built| built.lacks_log) {
                 built = without_driver_cache.build(&order, patience);
             }

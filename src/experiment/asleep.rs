@@ -10,7 +10,7 @@ use crate::launch::FrameTimes;
 use crate::record::Outcome;
 use std::time::{Duration, Instant};
 
-/// The platform's name; no driver has it.
+/// The platform's name, which no driver uses.
 const PLATFORM: &str = "raycl asleep";
 
 /// Returns a device whose frames take `frame_ms`.
@@ -51,7 +51,8 @@ pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }
 
-/// Returns how long frames take on such a device, if there is one.
+/// Returns how many milliseconds a frame takes on the first device that casts nothing; `None` if
+/// there is no such device.
 pub fn frame_ms(devices: &[&DeviceInfo]) -> Option<f64> {
     devices.iter().find(|device| is_asleep(device))?.driver.parse().ok()
 }

@@ -39,7 +39,7 @@ struct Cast {
 }
 
 impl<'a> Checker<'a> {
-    /// Opens the device; without one, only casters on the host can be checked.
+    /// Opens the device. Without a device, only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
             Some(device) => Some((device, Queue::open(device.platform, device.device)?)),
@@ -121,7 +121,7 @@ impl<'a> Checker<'a> {
         record.image_hash = Some(Pictures::hash(&cast.image));
         let expected = self.references.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
-        // A caster on the host does not count them.
+        // A caster on the host does not count shadow rays.
         record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
@@ -156,7 +156,8 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key, lacks_log })
 }
 
-/// Casts the first frame, during which drivers may still compile, and records what becomes known on the way.
+/// Casts the first frame, during which drivers may still compile, and adds memory needs, build
+/// times and counts to the record.
 fn cast_kernel(
     session: &mut Session,
     strategy: &Strategy,

@@ -1,6 +1,7 @@
-//! Lists devices in a child process. A driver that crashes while it is listed then ends only that process.
-//! Besides, a run that has never started a driver passes no driver state to its workers: NVIDIA's driver
-//! (580) lists no device in a process whose parent has started it.
+//! Lists devices in a child process. A driver that crashes while it is listed then ends only that
+//! process. Besides, the run itself then never starts a driver, so that its workers inherit no
+//! driver state: if a process has started NVIDIA's driver (580), the driver lists no device in the
+//! process's children.
 
 use super::protocol::DeviceList;
 use crate::cache::Cache;
@@ -81,7 +82,7 @@ fn ask_with(
 /// Returns the line with which a child process answers [`find_devices`].
 pub fn list_devices(sources: &Sources) -> Result<String> {
     let _patience = Patience::begin();
-    // The processes of the run then find them in the cache.
+    // The list is stored in the user's cache, where the run's other processes find it.
     let list = match device::list(&Cache::of_user(), sources) {
         Ok(devices) => DeviceList::Devices(devices.into_iter().map(|device| device.info).collect()),
         Err(error) => DeviceList::Failed { message: error.to_string(), help: error.remedy().to_owned() },

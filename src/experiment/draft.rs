@@ -73,8 +73,8 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The tree is not built for the key: its depth follows from the scene, the strategy and the
-                // builder.
+                // The key does not require a built tree: the tree's depth follows from the scene,
+                // the strategy and the code that builds it.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };

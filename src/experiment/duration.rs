@@ -19,13 +19,13 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured, and of those that an earlier record gives a time for.
+    /// Number of points to be measured, and how many of them have a time in an earlier record.
     pub points: [usize; 2],
     /// Number of launches per point.
     pub launches: usize,
     /// Smallest number of frames per point.
     pub least_frames: usize,
-    /// Expected time for those of the points that an earlier record gives a time for.
+    /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
 }
 
@@ -34,7 +34,8 @@ pub struct Expected {
 struct Known {
     /// Time of a sample.
     sample_ms: f64,
-    /// Times of a check that only hashes the picture, and of one that compares it with the reference.
+    /// Time of a check that only hashes the picture, and time of a check that compares the picture
+    /// with the reference.
     check_ms: [f64; 2],
     /// Number of samples per launch, if measured by the same stopping rule.
     rounds: Option<usize>,
@@ -69,9 +70,9 @@ impl Run<'_> {
         Ok(expected)
     }
 
-    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of
-    /// comparable points. Times come from `earlier` records, or else from the amount of computation. A cost's
-    /// index is that of the point in the plan.
+    /// Returns the expected time in milliseconds of each point of the plan for one device, in
+    /// groups of comparable points. Times come from `earlier` records, or else from the amount of
+    /// computation. A cost has the same index as its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
@@ -129,7 +130,7 @@ impl Run<'_> {
     }
 }
 
-/// Returns earlier records by the names of their points, and by those of their strategies.
+/// Returns earlier records by the names of their points, and by the names of their strategies.
 fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
     let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
     let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
@@ -137,9 +138,10 @@ fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
     by_name
 }
 
-/// Estimates the time of a point that was never measured, well enough to distinguish long ones from short
-/// ones. A ray is tested against every triangle, or against about thirty boxes and triangles on each level of
-/// a tree. A device does a fixed number of these per millisecond, and the host a tenth of it.
+/// Estimates the time of a point that was never measured, well enough to distinguish slow points
+/// from fast points. A ray is tested against every triangle, or against about thirty boxes and
+/// triangles on each level of a tree. The estimate assumes that a device does a fixed number of
+/// these tests per millisecond, and the host a tenth of that number.
 fn guessed(draft: &Record) -> Known {
     const TESTS_PER_MS: f64 = 1e6;
     let rays = draft.image_size.iter().map(|side| f64::from(*side)).product::<f64>()
@@ -160,7 +162,7 @@ impl fmt::Display for Expected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [points, known] = self.points;
         let launches = if self.launches == 1 {
-            "1 launch, a look".to_owned()
+            "1 launch (a quick look)".to_owned()
         } else {
             format!("{} launches", self.launches)
         };
@@ -189,7 +191,8 @@ mod tests {
     use super::*;
     use crate::experiment::fixtures;
 
-    /// Three points: two were sampled four times per launch, the third takes its rounds from them.
+    /// Three points: two were sampled four times per launch; the third has no known number of
+    /// rounds, so the estimate uses the number of the other two.
     const POINTS: [Known; 3] = [
         Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
         Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },

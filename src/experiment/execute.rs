@@ -14,8 +14,9 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point that the results lack, and returns the records of all points, which are on disk
-    /// by then. After an error or an interruption, everything finished before is on disk too.
+    /// Measures every point that has no result yet. Writes the records of all points to disk and
+    /// returns them. After an error or an interruption, every point that was finished before it is
+    /// on disk too.
     pub fn execute(
         &self,
         results: &mut Results,
@@ -44,7 +45,8 @@ impl Run<'_> {
         })
     }
 
-    /// Passes the points that the results lack to `measure`, and summarises the results of the plan.
+    /// Passes the points that have no result yet to `measure`, and summarises the results of the
+    /// plan.
     fn measure(
         &self,
         results: &mut Results,
@@ -86,22 +88,23 @@ impl Run<'_> {
         shown
     }
 
-    /// Returns whether programs of later groups are built while earlier groups are timed. They are if no
-    /// timed point needs the CPU's cores.
+    /// Returns whether programs of later groups are built while earlier groups are timed. This is
+    /// true if no timed point needs the CPU's cores.
     fn builds_beside_timing(&self) -> bool {
         let on_cores = self.devices.iter().any(|device| device.kind == DeviceKind::Cpu);
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns whether a record of a point is final. The record of a point that was skipped because of its
-    /// kind is not final if the point is to be measured now.
+    /// Returns whether a record of a point is final. If a point was skipped because its preset is
+    /// meant for another kind of device, its record is not final if the point is to be measured
+    /// now.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())
     }
 }
 
-/// Points that have no record yet. If a plan contains the same measurement twice, it is made once.
+/// Points that have no record yet. A measurement that a plan contains twice is made once.
 struct Missing {
     taken: HashSet<String>,
 }
@@ -123,7 +126,7 @@ impl Missing {
     }
 }
 
-/// Stores the points whose presets are meant for devices of another kind as skipped for this reason; returns the
+/// Records as skipped every point whose preset is meant for another kind of device. Returns the
 /// other points.
 fn pass_over(
     group: Vec<PendingPoint>,

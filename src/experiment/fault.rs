@@ -7,7 +7,7 @@ use std::path::Path;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// The file that a hanging worker leaves.
+/// The file that a hanging worker creates.
 const HANGS: &str = ".hangs";
 
 /// How and when a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
@@ -76,8 +76,9 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Fails if this is the step and point of the fault. `hang` leaves a file in the folder of results, for
-    /// the test that waits for it; `hold` continues when that file is removed.
+    /// Makes the worker fail if this is the step and point of the fault. `hang` and `hold` create a
+    /// file in the folder of results, for which a test waits; `hold` continues when that file is
+    /// removed.
     pub fn strike(&self, step: Step, point: usize, folder: &Path) {
         if (step, point) == (self.step, self.point) {
             self.kind.happen(folder);

@@ -149,7 +149,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        // Starting drivers and building programs would disturb a measurement, as checks do.
+        // Like checks, starting drivers and building programs would disturb the measurement of
+        // another process, so they wait until the devices are free.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;

@@ -26,8 +26,8 @@ impl Waiting {
         self.groups.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the next group for a device, or for any device. It is a random one of those that were visited
-    /// least often; on the first visit the plan's order is used.
+    /// Takes the next group for a device, or for any device if `device` is `None`. Chooses at
+    /// random among the groups that were visited least often; first visits follow the plan's order.
     fn take(&self, device: Option<usize>) -> Option<OpenGroup> {
         let mut groups = self.locked();
         let may = |group: &OpenGroup| device.is_none_or(|device| group.may_go_to(device));

@@ -22,14 +22,14 @@ pub struct PendingPoint {
     pub device: usize,
     /// The number of its scene.
     pub scene: usize,
-    /// For the observer.
+    /// The point's name, as shown to the observer.
     pub label: String,
     /// Its record so far.
     pub record: Record,
     /// Why it is not measured on its device, if its preset is meant for another kind.
     pub not_for: Option<String>,
-    /// True if the device can hold it, as far as that is known before a tree is built. If not, its program is not
-    /// built; its check reports the reason.
+    /// True if the device can hold it, as far as that is known before a tree is built. If false,
+    /// its program is not built, and its check reports the reason.
     pub fits: bool,
     /// The result of building its program ahead, if it was built for this point.
     pub built: Option<Built>,
@@ -178,8 +178,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point with the folder of kernels that it uses, one of two. It is no longer the preset, since a preset's
-/// name stands for the built-in kernels.
+/// Labels a point with the folder of kernels that it uses, when two folders are compared. Its
+/// record then names no preset, since a preset's name implies the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;

@@ -58,7 +58,7 @@ impl Pictures {
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
-    /// Saves the picture that `make` returns, unless one of that name exists. Returns its path.
+    /// Saves the picture that `make` returns, unless a file of that name exists. Returns its path.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);
         let file = self.folder.join(&path);

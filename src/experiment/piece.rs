@@ -56,8 +56,8 @@ impl Plan {
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
     }
 
-    /// Returns the indices, in this plan, of the points of the plan for one device. The key is a point's index in
-    /// that plan, and the device that measures the point.
+    /// Returns the indices, in this plan, of the points of the plan for one device. A key is a
+    /// point's index in the plan for one device, and the device that measures the point.
     pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self

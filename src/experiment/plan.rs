@@ -14,7 +14,7 @@ pub struct Plan {
     pub compare_scenes: bool,
 }
 
-/// A point; its numbers are indices of the experiment's lists.
+/// A point; its numbers are indices into the experiment's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Point {
     /// The scene.
@@ -78,7 +78,7 @@ impl Plan {
     }
 }
 
-/// Returns every scene at every image size; those that are compared are adjacent.
+/// Returns every scene at every image size. Cases that are compared with each other are adjacent.
 fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     let scenes = 0..experiment.scenes.len();
     let mut cases: Vec<_> =

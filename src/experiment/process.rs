@@ -20,8 +20,8 @@ const FAREWELL: Duration = Duration::from_secs(1);
 /// Starts workers as processes of this program.
 pub struct Processes {
     jobs: Vec<Job>,
-    /// True if workers use the driver's cache of programs. It keeps no compiler messages, and so no numbers of
-    /// registers.
+    /// True if workers use the driver's cache of programs. The cache contains no compiler messages,
+    /// and therefore no numbers of registers.
     driver_cache: bool,
 }
 
@@ -32,8 +32,9 @@ impl Processes {
         Self { jobs, driver_cache: false }
     }
 
-    /// Lets workers use the driver's cache of programs: builders, which store machine code there for the other
-    /// workers, and workers whose programs builders have stored with the compiler's messages.
+    /// Lets workers use the driver's cache of programs. Builders use it to store machine code for
+    /// the other workers. Other workers may use it if builders have stored their programs together
+    /// with the compiler's messages.
     #[must_use]
     pub fn using_driver_cache(self) -> Self {
         Self { driver_cache: true, ..self }
@@ -44,13 +45,14 @@ impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "check that memory is free and more processes are allowed (`ulimit -u`), and run it again \
-                 with --resume",
+                "check that memory is free and more processes are allowed (`ulimit -u`), then repeat the \
+                 command with --resume",
             )
         };
         let mut command = own_program()?;
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // The end of its standard error goes into records, where one message is enough.
+        // The end of a worker's standard error goes into records, where a backtrace would be too
+        // long.
         command.env("RUST_BACKTRACE", "0");
         // A compiler prints registers only when it compiles. Users who want the driver's cache can set the
         // variable themselves.
@@ -109,7 +111,7 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 }
 
 impl WorkerProcess {
-    /// Writes a line. If the worker has ended, that is noticed while waiting for its reply.
+    /// Writes a line. If the worker has ended, this is noticed later, while waiting for its reply.
     fn write(&mut self, line: &impl Serialize) {
         // This never fails: only paths might not be valid text, and `raycl run` refuses those.
         let Ok(mut text) = serde_json::to_vec(line) else { return };

@@ -23,8 +23,8 @@ pub struct Job {
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
     pub device: Option<String>,
-    /// The device under whose name results are recorded, if points are distributed over several devices of
-    /// its kind.
+    /// The device that records name, if points are distributed over several devices of the same
+    /// kind.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
     /// The folder of kernels that replaces the built-in ones.
@@ -62,7 +62,8 @@ pub struct Built {
     pub from_cache: bool,
     /// The key under which the cache stores it; `None` if it could not be stored.
     pub key: Option<String>,
-    /// True if it could not be stored because the driver took it from its own cache, and so printed no registers.
+    /// True if the program could not be stored, because the driver took it from its own cache and
+    /// therefore printed no number of registers.
     pub lacks_log: bool,
 }
 

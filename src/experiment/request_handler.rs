@@ -29,14 +29,15 @@ pub struct RequestHandler<'a> {
     checker: Checker<'a>,
     /// The current scene, with its number.
     scene: Option<(usize, Hashed)>,
-    /// The current group, identified by one of its points; `entries` has those of its points that passed the check.
+    /// The current group, identified by one of its points; `entries` contains the group's points
+    /// that passed the check.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
     /// The anchor, after its first use.
     anchor: Option<Anchor>,
     /// The device's sensors, from the first check on; processes that only build do not need them.
     watch: Option<Watch>,
-    /// The device under whose name results are recorded, if it is another one.
+    /// The device that records name, if it is not the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -160,9 +161,10 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer are cast than
-/// requested, since the check has cast one already. A frame that fails here will fail again when it is timed, and is
-/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
+/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer are
+/// cast than requested, since the check has already cast a frame. A frame that fails here will fail
+/// again when it is timed, and is reported then. Returns the time of the shortest pass of any of
+/// these frames; infinity if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,
@@ -199,8 +201,8 @@ mod tests {
     use std::cell::Cell;
     use std::path::Path;
 
-    /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's own key if that is
-    /// `None`.
+    /// Lets a new worker check a caster on the host. The request has the key `key`, or the point's
+    /// own key if `key` is `None`.
     fn checked(key: Option<&str>, verified: Option<&str>) -> Result<Reply> {
         let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\n\
             baselines = ['serial']\nimage_sizes = [[24, 15]]\n";

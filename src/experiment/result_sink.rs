@@ -67,7 +67,7 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
-    /// Writes to disk before the observer is told.
+    /// Writes the record to disk before it informs the observer.
     fn keep(&mut self, mut record: Record) -> Result<()> {
         Peak::apply(self.results.peak(), &mut record);
         record.timestamp = Some(jiff::Timestamp::now().to_string());

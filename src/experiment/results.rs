@@ -70,7 +70,7 @@ impl Results {
         Self::open(folder, environment)
     }
 
-    /// Continues in an existing folder, or makes it if the earlier run had not done so.
+    /// Continues in an existing folder, or makes the folder if it does not exist.
     pub fn resume(folder: &Path, environment: &Environment) -> Result<Self> {
         Self::open(folder, environment)
     }

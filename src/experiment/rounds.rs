@@ -7,8 +7,8 @@ use crate::measure::{StopReason, StoppingRule, round_order};
 
 /// Times points; [`measure`] decides the order and the number of rounds.
 pub trait Rounds {
-    /// Casts one frame of a point. Returns `None` if the point failed, which is then not cast again, or if
-    /// its process was lost.
+    /// Casts one frame of a point. Returns `None` if its process was lost, or if the point failed;
+    /// a failed point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
     /// Is called after each sample.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
@@ -69,7 +69,8 @@ pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl 
 mod tests {
     use super::*;
 
-    /// Points whose frames take as many milliseconds as their number; one fails at its third frame.
+    /// Point 0 takes about 1 ms per frame, point 1 about 2 ms, and so on. The point `failing` fails
+    /// at its third frame.
     #[derive(Default)]
     struct Fake {
         order: Vec<usize>,

@@ -39,7 +39,8 @@ pub struct Run<'a> {
     pub spread: bool,
     /// The blocks to measure, if the plan is cut into blocks: those of a shard, or all blocks for `--spread`.
     pub blocks: Option<&'a [Block]>,
-    /// Builds programs before their points are checked; with `None`, each is built during the check.
+    /// Builds programs before their points are checked; with `None`, each program is built during
+    /// its point's check.
     pub ahead: Option<&'a Ahead>,
 }
 
@@ -67,13 +68,14 @@ impl Run<'_> {
         self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
-    /// Returns the jobs of its workers: one per device, or a single one for the host if there are no devices. If
-    /// other kernels are compared with these, their jobs follow.
+    /// Returns the jobs of its workers: one per device, or a single one for the host if there are
+    /// no devices. If the run compares two folders of kernels, the jobs for the other folder
+    /// follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Returns its kernels, followed by those that they are compared with.
+    /// Returns the run's kernels, followed by the kernels that they are compared with, if any.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }

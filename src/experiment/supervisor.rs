@@ -318,7 +318,7 @@ impl<'a> Supervisor<'a> {
             return None;
         }
         self.given_up += 1;
-        let twice = if *deaths > 1 { "twice its process" } else { "its process" };
+        let twice = if *deaths > 1 { "on both attempts its process" } else { "its process" };
         let reason = format!("{twice} {}", death.describe());
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
@@ -333,7 +333,7 @@ impl Death {
     fn describe(&self) -> String {
         match self.last_words.as_str() {
             "" => self.cause.clone(),
-            words => format!("{} and said: {words}", self.cause),
+            words => format!("{}; its last message: {words}", self.cause),
         }
     }
 }

@@ -64,7 +64,8 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
-    // They are drawn once, since counting takes long. Another scene of the same name has its own pictures.
+    // These pictures are drawn once, since counting takes long. Another scene of the same name has
+    // its own pictures.
     let content = record
         .scene_hash
         .as_deref()

@@ -70,8 +70,8 @@ fn ignore_interrupts() -> Result<()> {
         .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
 }
 
-/// Reads standard input by lines. When it ends, the run has ended; the process then ends at once, since a
-/// worker that hangs in a driver would otherwise stay forever.
+/// Reads standard input by lines. When it ends, the run has ended; the process then ends at once,
+/// since a worker that hangs in a driver would otherwise never end.
 fn input_lines() -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
@@ -88,7 +88,7 @@ fn input_lines() -> Receiver<String> {
 fn find(identity: &str, sources: &Sources) -> Result<Device> {
     let gone = || {
         Error::run("the device is gone: its driver no longer lists it")
-            .with_help("`raycl devices` lists the available ones; finished measurements are kept")
+            .with_help("`raycl devices` lists the available devices; finished measurements are kept")
     };
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
     pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)

@@ -45,8 +45,8 @@ pub fn viridis(place: f64) -> [u8; 3] {
     })
 }
 
-/// Draws the map from the row `top` down, with a tick at each decade. Below each tick stands the power of ten
-/// (`-6` to `0`) if there is room.
+/// Draws the map from the row `top` down, with a tick at each decade. Below each tick is the power
+/// of ten (`-6` to `0`) if there is room.
 pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -126,7 +126,8 @@ mod tests {
         assert_eq!(light(1.0), light(50.0));
     }
 
-    /// Returns the dots of two characters below a scale; `left` is the first one's column.
+    /// Returns the dots of two characters below a scale; `left` is the column of the first
+    /// character.
     fn text(picture: &RgbImage, left: u32) -> [String; 5] {
         let dot = |x: u32, y: u32| if picture[(x, y)].0 == [255; 3] { '#' } else { ' ' };
         [0, 1, 2, 3, 4].map(|y| (left..left + 7).map(|x| dot(x, 11 + y)).collect())

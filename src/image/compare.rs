@@ -7,9 +7,10 @@ use image::{Rgb, RgbImage};
 /// Two radiances count as equal if their relative difference is below this.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// Returns the smallest radiance by which differences are divided: those of a darker pixel are divided by this value
-/// instead of the pixel's own radiance. It is a thousandth of the image's brightest channel, or of the radiance that
-/// is displayed as white if that is less.
+/// Returns the smallest radiance by which differences are divided: the differences of a darker
+/// pixel are divided by this value instead of the pixel's own radiance. The value is a thousandth
+/// of the image's brightest channel, or of the radiance that is displayed as white if the latter is
+/// less.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
@@ -127,7 +128,7 @@ mod tests {
         let mut found = expected.clone();
         (found.pixels[0], found.pixels[1]) = ([1e-3; 3], [1e6; 3]);
         let picture = difference_image(&found, &expected);
-        // The black pixel is off by a thousandth of the brightest one that is expected.
+        // The black pixel differs by a thousandth of the brightest expected pixel.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
     }
 

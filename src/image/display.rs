@@ -54,8 +54,9 @@ impl Shown {
         Self(Thresholds::new(display))
     }
 
-    /// Returns the two tables for devices. The first has, for each value, the smallest radiance that is shown
-    /// brighter; the second has, for the upper bits of a radiance, a lower bound of its value.
+    /// Returns the two tables for devices. The first table has, for each 8-bit value, the smallest
+    /// radiance that is displayed brighter. The second table has, for the upper bits of a radiance,
+    /// a lower bound of its 8-bit value.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least)
     }
@@ -78,7 +79,8 @@ struct Thresholds {
     /// For each value from 1 to 255, the smallest radiance that is shown as this value; then an upper bound that no
     /// radiance reaches.
     smallest: [f32; Shown::VALUES],
-    /// A lower bound of the value, by the upper 16 bits of the radiance. It is at most one or two too low.
+    /// A lower bound of the value, by the upper 16 bits of the radiance. It is too low by at most
+    /// one or two.
     at_least: Vec<u8>,
 }
 

@@ -91,7 +91,7 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes the output of `write`, with `piece` inserted at this offset.
+/// Writes the output of `write`, with the bytes of `piece` inserted at the offset of `piece`.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

@@ -73,14 +73,14 @@ pub fn check_alpha(target: &Target) -> Result<()> {
     Err(Error::input(message).with_help(format!("name it '{}' or '{}'", png.display(), exr.display())))
 }
 
-/// Returns the format that a file's extension stands for. Standard output has no extension and gets PNG.
+/// Returns the format that a file's extension names. Standard output has no extension and gets PNG.
 fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
 /// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance.
 ///
-/// A missing file, or one that is not a picture, is a user error.
+/// A missing file, or a file that is not a picture, is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
@@ -284,7 +284,7 @@ mod tests {
         }
     }
 
-    /// Returns a picture that has the first bytes, and so the mark, of another one.
+    /// Returns a picture that has the first bytes, and so the mark, of another picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };

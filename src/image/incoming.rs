@@ -12,7 +12,7 @@ use std::io::Error;
 /// Number of bytes that a thread copies at a time.
 const COPIED_TOGETHER: usize = 1 << 18;
 
-/// A picture of which some rows are still missing.
+/// A picture whose rows have not all arrived yet.
 pub enum Incoming {
     /// The picture is stored until all rows have arrived. The number counts the bytes that have arrived.
     Whole(RgbImage, usize),
@@ -43,7 +43,7 @@ impl Incoming {
             Self::Whole(picture, there) => {
                 let bytes: &mut [u8] = picture;
                 let place = &mut bytes[*there..*there + rows.len()];
-                // On all cores, since the memory is touched for the first time, which is slow.
+                // All cores copy, since the first access to this memory is slow.
                 let pairs = place.par_chunks_mut(COPIED_TOGETHER).zip(rows.par_chunks(COPIED_TOGETHER));
                 pairs.for_each(|(to, from)| to.copy_from_slice(from));
                 *there += rows.len();

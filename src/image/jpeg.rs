@@ -29,7 +29,7 @@ pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     cut.joined(bands, picture.height())
 }
 
-/// A picture whose first bands are encoded while later ones have not arrived.
+/// A picture whose first bands are encoded before later bands have arrived.
 pub struct Encoding {
     cut: Cut,
     height: u32,

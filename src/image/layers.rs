@@ -1,4 +1,4 @@
-//! Layers as files: all of them and the picture in one EXR, or a PNG for each.
+//! Layers as files: all layers and the picture in one EXR, or a PNG for each layer.
 
 use super::{COUNT_SCALE_HEIGHT, Radiance, draw_count_scale, save_rgb8, viridis};
 use crate::error::{Error, Result};
@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 /// Suffixes of the PNG files' names, one per layer.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
-/// Returns the files that layers are written to, derived from a target's name, or why they cannot be written.
-/// One EXR may hold the layers and be the picture too.
+/// Returns the files to which layers are written; their names follow from the target's name. Fails
+/// if a file cannot be written. One EXR may contain both the layers and the picture.
 pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -29,7 +29,7 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     } else {
         let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message)
-            .with_help("NAME.exr holds all of them, NAME.png stands for NAME-depth.png and so on"));
+            .with_help("NAME.exr holds all layers; NAME.png writes NAME-depth.png and so on"));
     };
     targets.iter().try_for_each(Target::check)?;
     Ok(targets)
@@ -40,7 +40,7 @@ fn refuse_picture(layer: &Target, picture: &Target) -> Result<()> {
     if !layer.is_same_file(picture) {
         return Ok(());
     }
-    let message = format!("'{}' is the picture and a layer too; expected two files", layer.path().display());
+    let message = format!("'{}' is both the picture and a layer; expected two files", layer.path().display());
     Err(Error::input(message).with_help(
         "`-o FILE` writes the picture elsewhere, `--layers FILE` the layers; one .exr may hold both",
     ))

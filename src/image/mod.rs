@@ -32,7 +32,7 @@ pub struct Radiance {
     /// Red, green and blue of each pixel; `width * height` of them.
     pub pixels: Vec<[f32; 3]>,
     /// The share of each pixel that surfaces cover, from 0 to 1, if the background is transparent; else empty.
-    /// The pixels are then multiplied by it.
+    /// If it is not empty, the pixels are multiplied by it.
     pub coverage: Vec<f32>,
 }
 

@@ -37,7 +37,7 @@ impl Movie {
         Self { target, size, rate, format: Format::Y4m }
     }
 
-    /// Returns whether it is a stream for an encoder.
+    /// Returns whether the movie is a stream for an encoder.
     pub fn is_stream(&self) -> bool {
         matches!(self.format, Format::Y4m)
     }

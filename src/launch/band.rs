@@ -5,7 +5,7 @@ use std::ops::Range;
 /// Rows of work-groups, counted from the top.
 pub type Band = Range<usize>;
 
-/// Number of bisections after which a time is as exact as a float.
+/// Number of bisections after which a time is as precise as a floating-point number allows.
 const HALVINGS: usize = 60;
 
 /// The time that a device takes for a frame, and its distribution over the frame.

@@ -51,8 +51,8 @@ pub fn upload_rows<T: OclPrm>(
     Ok(buffer)
 }
 
-/// Passes a buffer's rows of `row` values to `take`: all at once and in place if the device shares the host's
-/// memory, otherwise piece by piece, each while the next is being transferred.
+/// Passes a buffer's rows of `row` values to `take`: in one call and in place if the device shares
+/// the host's memory, otherwise piece by piece, each while the next piece is being transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,

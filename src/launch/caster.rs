@@ -58,7 +58,8 @@ impl Caster {
         Ok(Self { half_light: half_light.map(Box::new), ..caster })
     }
 
-    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are part of another frame's count.
+    /// Makes buffers and kernels like [`Self::new`], for a frame whose bytes are already counted as
+    /// part of another frame.
     pub(super) fn alone(setup: Setup<'_>) -> Result<Self, LaunchError> {
         Self::of(setup, None)
     }
@@ -120,8 +121,8 @@ impl Caster {
         })
     }
 
-    /// Returns the device time for preparing the records of triangles, if the strategy uses them. It is spent
-    /// once and is not part of a frame.
+    /// Returns the device time for preparing the records of triangles, if the strategy uses them.
+    /// The preparation is done once and is not part of a frame's time.
     pub fn records_ms(&self) -> Option<f64> {
         self.records_ms
     }
@@ -136,13 +137,14 @@ impl Caster {
         self.cast_batch(1)
     }
 
-    /// Casts the frame `frames` times, waits for the last one, and returns the mean times of one.
+    /// Casts the frame `frames` times, waits for the last one, and returns the mean times of a
+    /// frame.
     pub fn cast_batch(&self, frames: u32) -> Result<FrameTimes, LaunchError> {
         self.cast_extent(frames, Extent::default())
     }
 
-    /// Casts a frame `frames` times, with the rays of `extent`, waits for the last one, and returns the mean times of
-    /// one.
+    /// Casts a frame `frames` times, with the rays of `extent`, waits for the last one, and returns
+    /// the mean times of a frame.
     fn cast_extent(&self, frames: u32, extent: Extent) -> Result<FrameTimes, LaunchError> {
         let start = Instant::now();
         let mut events = Vec::with_capacity(self.steps.len() * frames as usize);
@@ -219,7 +221,7 @@ impl Caster {
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };
-        // An earlier picture may have left blocks that want fewer samples.
+        // After an earlier picture, some blocks may still be limited to fewer samples.
         samples.want_all(&self.queue)?;
         let times = self.cast_round(camera, &first, None)?;
         if !sampling.is_adaptive() {

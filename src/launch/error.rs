@@ -9,9 +9,7 @@ pub enum LaunchError {
     #[error("{0}")]
     OpenCl(String),
     /// The local size has more work-items than the kernel supports.
-    #[error(
-        "the local size has {items} work-items > {most}, the most that the built kernel {kernel} can hold"
-    )]
+    #[error("the local size has {items} work-items; the compiled kernel {kernel} supports at most {most}")]
     WorkGroup {
         /// The kernel's name.
         kernel: String,
@@ -29,7 +27,7 @@ pub enum LaunchError {
         parameter: String,
     },
     /// The program's family has no kernel for this role: a bug in raycl.
-    #[error("the kernels of {family} have none for {role}")]
+    #[error("the kernel family {family} has no kernel for {role}")]
     Kernel {
         /// The family's name.
         family: &'static str,

@@ -33,7 +33,7 @@ pub struct FrameTimes {
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Number of frames of which these times are the mean; `None` for a single frame.
+    /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,
     /// Readings of the device's sensors during the frame.
     pub sensed: Option<SensorReading>,

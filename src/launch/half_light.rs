@@ -140,7 +140,8 @@ mod tests {
     /// exactly by vectors of 16 pixels, and some are not.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
-    /// Compares the device's filter with the one in double precision, in every kernel family that casts soft light.
+    /// Compares the device's filter with the reference filter in double precision, in every kernel
+    /// family that casts soft light.
     #[test]
     fn a_picture_is_what_the_filter_makes_of_its_parts() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

@@ -16,8 +16,8 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Returns the bytes of all frames, and those of the parts of the scene that are on the device but that
-    /// `strategy` does not use.
+    /// Returns the sum of two sizes: the bytes of all frames, and the bytes of the scene's parts on
+    /// the device that `strategy` does not use.
     pub fn beside(&self, strategy: &Strategy) -> u64 {
         let own = Kind::of(strategy);
         let layouts =

@@ -18,8 +18,8 @@ use ocl::{Buffer, Kernel};
 /// Number of triangles that a work-group prepares.
 const PREPARED_TOGETHER: usize = 64;
 
-/// Sets one work-item per triangle and origin. The work-group size is given, since OpenCL would choose a
-/// divisor of the number of triangles, which may be 1.
+/// Sets one work-item per triangle and origin. The work-group size is set explicitly. Otherwise
+/// OpenCL would choose a divisor of the number of triangles, perhaps 1.
 pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
     kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
     kernel.local_work_size([PREPARED_TOGETHER, 1]);
@@ -41,7 +41,7 @@ impl<'a> Parts<'a> {
         self.setup.kernel_for(role)
     }
 
-    /// Returns a kernel with its arguments, without its size.
+    /// Returns a kernel with its arguments; its numbers of work-items are not yet set.
     pub fn builder(
         &self,
         kernel: &'static manifest::Kernel,
@@ -179,7 +179,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Returns a kernel with its arguments, without its size.
+/// Returns a kernel with its arguments; its numbers of work-items are not yet set.
 pub(super) fn builder<'b>(
     queue: &Queue,
     program: &'b BuiltProgram,

@@ -88,7 +88,8 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels, from the build log and the binary (PTX, or empty).
+    /// Returns properties of a frame's compiled kernels, from the build log and from the binary if
+    /// it is PTX (otherwise `ptx` is empty).
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let items = self.workload.local_size.iter().product();
         let made = |kernel| {

@@ -32,8 +32,9 @@ impl Queue {
             Ok(Self { context, commands, device, shares_memory, staging: Arc::default() })
         };
         open().map_err(|error| {
-            Error::run(format!("cannot open the OpenCL device: {error}"))
-                .with_help("another process may hold its memory; `raycl devices` lists the others")
+            Error::run(format!("cannot open the OpenCL device: {error}")).with_help(
+                "another process may be using the device's memory; `raycl devices` lists other devices",
+            )
         })
     }
 

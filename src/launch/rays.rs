@@ -27,9 +27,9 @@ pub struct Ray {
 impl Prepared {
     /// Returns the nearest triangle that each ray hits.
     ///
-    /// With the common-origin test all rays must start at the first one's origin; the pixel-linear test supports a
-    /// camera's rays only. Working vectors must be in private or local memory, since the buffers for working vectors
-    /// in other memories have sizes that suit only images.
+    /// With the common-origin test, all rays must have the same origin; the pixel-linear test
+    /// supports a camera's rays only. Working vectors must be in private or local memory, since the
+    /// buffers for working vectors in other memories have sizes that suit only images.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let Self { queue, program, strategy, uploaded: scene, .. } = self;
         let kernel = self.kernel_for_rays()?;
@@ -79,7 +79,7 @@ impl Prepared {
         let family = self.strategy.family();
         family
             .kernel(Role::Rays)
-            .ok_or_else(|| LaunchError::Kernel { family: family.name, role: "any rays".to_owned() })
+            .ok_or_else(|| LaunchError::Kernel { family: family.name, role: "arbitrary rays".to_owned() })
     }
 }
 

@@ -10,10 +10,10 @@ use crate::program::BuiltProgram;
 use crate::strategy::Strategy;
 use ocl::{Buffer, Event};
 
-/// One record per triangle; the test's file defines its length.
+/// One record per triangle; the file of the ray-triangle test defines a record's length.
 pub(super) struct Records {
     pub buffer: Buffer<f32>,
-    /// Device time for preparing them.
+    /// Device time for preparing the records.
     pub prepare_ms: f64,
 }
 

@@ -27,9 +27,10 @@ pub enum Refused {
 
 /// The remedy if a point does not fit into the memory of a device or the host.
 const SMALLER: &str =
-    "a smaller image or scene needs less; `raycl strategies` lists other layouts and traversals";
+    "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
 /// The remedy if the strategy does not support something that the scene has.
-const ANOTHER: &str = "choose another --strategy: `raycl strategies` lists them, with their traversals";
+const ANOTHER: &str =
+    "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
 impl Refused {
     /// Adds the name of the step in which a launch failed.
@@ -51,7 +52,7 @@ impl Refused {
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
         let too_large =
-            |what: &str| Error::input(format!("{what} cannot hold this: {reason}")).with_help(SMALLER);
+            |what: &str| Error::input(format!("{what} cannot hold this frame: {reason}")).with_help(SMALLER);
         match self {
             Self::Mistake(error) => error,
             Self::Device(Infeasible { is_lacking: true, .. }) => {
@@ -85,11 +86,12 @@ mod tests {
             assert_eq!(error.exit_code(), 2);
             (error.to_string(), error.remedy().to_owned())
         };
-        let (message, remedy) = told(Infeasible::lacking("traversal = raster has no sky".to_owned()));
-        assert_eq!(message, "this strategy cannot cast the scene: traversal = raster has no sky");
+        let (message, remedy) =
+            told(Infeasible::lacking("traversal = raster does not support a sky".to_owned()));
+        assert_eq!(message, "this strategy cannot cast the scene: traversal = raster does not support a sky");
         assert_eq!(remedy, ANOTHER);
         let (message, remedy) = told(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
-        assert_eq!(message, "the device cannot hold this: global memory: 2 B > 1 B");
+        assert_eq!(message, "the device cannot hold this frame: global memory: 2 B > 1 B");
         assert_eq!(remedy, SMALLER);
     }
 }

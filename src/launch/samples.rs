@@ -24,7 +24,7 @@ pub(super) struct Samples {
     /// The rough blocks, which also get the samples after the first round, and their number.
     rough: Buffer<u32>,
     rough_counter: Buffer<u32>,
-    /// Where each sample of a frame lies in its pixel.
+    /// The position of each sample of a frame within its pixel.
     places: Buffer<f32>,
     /// For each pixel, the number of its samples that hit something; only if a picture of the sky is behind everything.
     hits_before: Option<Buffer<u32>>,

@@ -78,9 +78,10 @@ impl Session {
         Self { kept, ..self }
     }
 
-    /// Sets how many devices of the same name cast in this process with lower numbers. If there are any, programs
-    /// get a define of their own: PoCL 5.0 is aborted by an assertion (`pocl_release_dlhandle_cache`) if two of its
-    /// devices run the same program in one process.
+    /// Sets how many devices with the same name and lower numbers cast in this process. If there
+    /// are any, this session's programs get an additional define: PoCL 5.0 is aborted by an
+    /// assertion (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one
+    /// process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
@@ -104,8 +105,9 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several, lights with a radius cast soft shadows. Nothing is cast at
-    /// half resolution if the scene has no soft light, or if it has a picture of the sky.
+    /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft
+    /// shadows. Nothing is cast at half resolution if the scene has no soft light, or if it has a
+    /// picture of the sky.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let Scene { sky, lights, .. } = &*self.scene;
@@ -117,7 +119,7 @@ impl Session {
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
     }
 
-    /// Returns whether the session is of this scene.
+    /// Returns whether this is the session's scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.scene, scene)
     }
@@ -127,7 +129,7 @@ impl Session {
         self.builtins
     }
 
-    /// Does all steps up to a `Prepared`.
+    /// Prepares a strategy: does the three steps `workload`, `spec` and `build`.
     pub fn prepare(
         &mut self,
         strategy: &Strategy,
@@ -240,7 +242,7 @@ fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;
     }
-    Infeasible::beyond(format!("{}, in addition to {held_bytes} B of other points", refused.reason))
+    Infeasible::beyond(format!("{}, in addition to {held_bytes} B that other points hold", refused.reason))
 }
 
 #[cfg(test)]

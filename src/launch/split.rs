@@ -17,10 +17,10 @@ const PARTS: usize = 32;
 const TRIAL_ROWS: u32 = 256;
 /// Least time of a trial frame; a shorter frame would not fill a device or show how the cost is distributed.
 const TRIAL_MS: f64 = 5.0;
-/// Number of casts of which the fastest, or the median, is used.
+/// Number of casts per measurement; their smallest or median time is used.
 const CASTS: usize = 3;
-/// A device this many times slower than the fastest could save at most a tenth of the frame, and would cost
-/// time if its rows took slightly longer than measured.
+/// A device this many times slower than the fastest could save at most a tenth of the frame's time,
+/// and would cost time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
 
 /// A frame to be cast by several devices.
@@ -76,7 +76,7 @@ pub struct Share {
 pub struct LeftOut {
     /// The device's label.
     pub device: String,
-    /// Why not.
+    /// Why it casts no part.
     pub reason: String,
 }
 
@@ -172,15 +172,16 @@ impl Team<'_> {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("a device failed: {error}"))
-        .with_help("leave it out of --devices; `raycl devices` lists them")
+        .with_help("leave this device out of --devices; `raycl devices` lists all devices")
 }
 
 impl Split<'_> {
-    /// Casts the frame on several devices at once; devices that would slow it down are left out.
+    /// Casts the frame on several devices at the same time; devices that would slow it down are
+    /// left out.
     pub fn cast(&self, castings: &[Casting]) -> Result<Whole> {
         let ready = at_once(castings, |casting| self.ready(casting))?;
         if ready.is_empty() {
-            return Err(failed("there is none"));
+            return Err(failed("no device was given"));
         }
         let (team, left_out) = self.team(&ready)?;
         let rows = team.rows(self.image_size[1]);
@@ -194,7 +195,7 @@ impl Split<'_> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
         let label = device.info.label.clone();
-        // Several GPUs of one name can share a compiled program, and do.
+        // GPUs with the same name can share a compiled program, so they are not counted as twins.
         let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
@@ -203,8 +204,8 @@ impl Split<'_> {
         Ok(Ready { label, strategy: *strategy, prepared, build_ms })
     }
 
-    /// Returns the devices that cast: all of them, or those with which trial frames are faster than on the
-    /// fastest device alone.
+    /// Returns the devices that cast: all devices, or only as many as make a trial frame faster
+    /// than the fastest device alone.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -221,7 +222,7 @@ impl Split<'_> {
             }
             let reason = |_| {
                 format!(
-                    "with it a trial frame took {together_ms:.3} ms, on the fastest device alone {alone_ms:.3} ms"
+                    "a trial frame took {together_ms:.3} ms with this device, and {alone_ms:.3} ms on the fastest device alone"
                 )
             };
             left_out.extend(team.without_slowest(reason));
@@ -294,7 +295,8 @@ fn joined([width, height]: [u32; 2], parts: Vec<(Radiance, usize, Share)>, left_
     Whole { image, hits, shares, left_out }
 }
 
-/// Returns the time of the slowest device when all cast their rows of a frame at once.
+/// Returns the time of the slowest device when all devices cast their rows of a frame at the same
+/// time.
 fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     let rows = team.rows(image_size[1]);
     let pairs: Vec<(&Ready, [u32; 2])> =
@@ -311,8 +313,9 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1 miscounts the users of a
-/// kernel if two devices of one process compile it at once, and aborts when they release it.
+/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1
+/// miscounts the users of a kernel if two devices of one process compile the kernel at the same
+/// time, and aborts when they release it.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, only the order, so a panic of its holder is harmless.

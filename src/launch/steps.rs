@@ -9,7 +9,7 @@ use ocl::{Buffer, Event, Kernel, SpatialDims};
 pub(super) struct Extent {
     /// Each pixel has 2^`bits` rays across and down.
     pub bits: u32,
-    /// If only some tiles are cast: their number.
+    /// The number of tiles to cast; `None` if all tiles are cast.
     pub tiles: Option<usize>,
 }
 
@@ -69,8 +69,8 @@ fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     }
 }
 
-/// Returns dimensions with only as many rows of work-groups as tiles need. A work-group has as many tiles as it has rows of
-/// work-items.
+/// Returns dimensions that are reduced to the rows of work-groups that `tiles` tiles need. In a
+/// work-group, each row of work-items casts one tile.
 fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims {
     match (size, local) {
         (SpatialDims::Two(across, down), SpatialDims::Two(local_across, local_down)) => {

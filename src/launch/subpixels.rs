@@ -23,9 +23,9 @@ fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
-/// Returns the finest division of pixels in a frame of a strategy, as the binary logarithm of the sub-pixels across.
-/// Only tiles have places for several rays of one pixel. If the sky's picture is seen, pixels are not divided, since
-/// the kernel that adds the picture knows only whole pixels.
+/// Returns the finest division of pixels in a frame of a strategy, as the binary logarithm of the
+/// sub-pixels across. Only tiles have places for several rays of one pixel. If the sky's picture is
+/// seen, pixels are not divided, since the kernel that adds the picture supports only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -68,13 +68,15 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
     (arguments.with("sample_x", place(0)).with("sample_y", place(1)), bits)
 }
 
-/// Returns where a sample of a frame lies in its pixel. A sub-pixel without a sample gets the first sample's place.
+/// Returns the position of a frame's sample within its pixel. A sub-pixel without a sample gets the
+/// first sample's place.
 fn place_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
 }
 
-/// Returns where each sample of a frame lies in its pixel: x and y of as many samples as a frame can have.
+/// Returns the position of each sample within its pixel: x and y, for the largest number of samples
+/// that a frame can have.
 pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
 }

@@ -9,7 +9,7 @@ pub enum Verdict {
     Faster,
     /// Certainly slower, by more than the threshold.
     Slower,
-    /// Certainly different by less than the threshold.
+    /// The difference is certainly smaller than the threshold.
     Same,
     /// The interval includes both ratios that count as equal and ratios that count as different.
     Unclear,

@@ -9,8 +9,8 @@ const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
 /// Samples with fewer times are not tested.
 const FEWEST: usize = 10;
-/// Modes closer to each other than this relative distance count as one, since a timer's steps would otherwise
-/// be modes.
+/// Modes closer to each other than this relative distance count as one, since a timer's steps would
+/// otherwise look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
 /// Two values around which times cluster.

@@ -13,8 +13,9 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, such as the logarithms of their times; less is better, and a point without a
-    /// level has no rank. `ties` takes a point and the best one and returns whether they tie.
+    /// Ranks points by their levels, such as the logarithms of their times; lower is better, and a
+    /// point without a level has no rank. `ties` takes a point and the best one and returns whether
+    /// they tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,

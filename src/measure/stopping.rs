@@ -4,7 +4,7 @@ use super::MIN_SAMPLES;
 
 /// Number of latest noise values that must agree.
 const SETTLING: usize = 16;
-/// Largest relative variation of those values.
+/// Largest relative variation of the latest noise values.
 const SETTLED: f64 = 0.05;
 
 /// Decides when a group of points has enough samples in a launch. All its points stop together, so each has
@@ -29,7 +29,7 @@ pub enum StopReason {
     Precise,
     /// The samples are not precise, but more of them would not change sigma / mean.
     NoiseSettled,
-    /// The group's time was up.
+    /// The group reached its time limit.
     TimeLimit,
     /// The points have the largest number of samples.
     MaxSamples,

@@ -9,17 +9,20 @@ use std::collections::BTreeMap;
 pub struct Instruction {
     /// Its text.
     pub text: String,
-    /// Its line in the source, by the compiler's line table.
+    /// Its line in the source, from the compiler's line table; `None` if the table has no line for
+    /// it.
     pub line: Option<u32>,
-    /// The part of the kernel to which it belongs. In PTX and SASS, this is the label before the instruction, or
-    /// empty before the first label; on a CPU, it is the instruction's function.
+    /// The part of the kernel to which the instruction belongs. In PTX and SASS, this is the last
+    /// label before the instruction, or empty if there is none. On a CPU, it is the name of the
+    /// function.
     pub part: String,
-    /// What it does. Empty for instructions that do nothing, and for those of a processor that is not known here.
+    /// The kinds of work that it does. Empty for instructions that do nothing, and for instructions
+    /// of processors other than x86-64 and NVIDIA GPUs.
     pub kinds: Vec<Kind>,
 }
 
 impl Instruction {
-    /// Returns its first word: the operation, without the operands.
+    /// Returns the name of the operation, without the operands.
     pub fn opcode(&self) -> &str {
         opcode(&self.text)
     }
@@ -39,7 +42,8 @@ pub struct Code {
     pub instructions: Vec<Instruction>,
 }
 
-/// The instructions that were made from a source line, or that are in a part of the kernel.
+/// The instructions that a compiler generated from one source line, or the instructions in one part
+/// of the kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// The line in the source; `None` for a part.
@@ -99,7 +103,8 @@ impl Code {
         parts.map(row).collect()
     }
 
-    /// Returns whether both consist of the same instructions, apart from registers and addresses.
+    /// Returns whether two kernels consist of the same instructions, apart from registers and
+    /// addresses.
     pub fn is_same_as(&self, other: &Self) -> bool {
         let opcodes = |code: &Self| code.instructions.iter().map(|one| one.opcode().to_owned()).collect();
         let [one, other]: [Vec<String>; 2] = [self, other].map(opcodes);

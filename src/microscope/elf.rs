@@ -1,7 +1,7 @@
-//! Finds the compiled files within a program's binary. A driver for a CPU stores them whole: PoCL's binary consists
-//! of the files of a folder, one after another.
+//! Finds the ELF files within a program's binary. A driver for a CPU stores whole files: PoCL's
+//! binary consists of the files of a folder, one after another.
 
-/// The bytes with which an ELF file begins: a 64-bit one with little-endian numbers.
+/// The bytes with which a 64-bit, little-endian ELF file begins.
 const MAGIC: [u8; 6] = [0x7f, b'E', b'L', b'F', 2, 1];
 
 /// Returns every whole ELF file in `binary`, in order.
@@ -17,7 +17,8 @@ pub fn files(binary: &[u8]) -> Vec<&[u8]> {
     files
 }
 
-/// Returns the length of the file that begins here. It ends with the table of its sections, as linkers write it.
+/// Returns the length of the file at the start of `file`. Linkers write the section table at the
+/// end of a file, so the file ends where this table ends. Returns `None` if there is no such table.
 fn length(file: &[u8]) -> Option<usize> {
     let u16_at = |at: usize| Some(u16::from_le_bytes(file.get(at..at + 2)?.try_into().ok()?));
     let table = u64::from_le_bytes(file.get(40..48)?.try_into().ok()?);

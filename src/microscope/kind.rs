@@ -4,12 +4,12 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 
-/// A memory, in OpenCL's words.
+/// A kind of memory, named as in OpenCL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Memory {
     /// `__global`.
     Global,
-    /// `__local`: a work-group's.
+    /// `__local`: the memory of a work-group.
     Local,
     /// `__constant`, and constants of the program.
     Constant,
@@ -17,8 +17,9 @@ pub enum Memory {
     Private,
     /// The kernel's arguments.
     Argument,
-    /// A memory that is known only when the instruction runs. On a CPU all of OpenCL's memories are the same, and
-    /// this stands for every access that is neither to the stack nor to a constant of the program.
+    /// A memory that is known only when the instruction runs. On a CPU all OpenCL address spaces
+    /// are the same memory. There, every access is generic unless it is to the stack or to a
+    /// constant of the program.
     Generic,
 }
 
@@ -33,9 +34,9 @@ pub enum Kind {
     Atomic(Memory),
     /// Computes, compares or converts.
     Arithmetic,
-    /// Copies between registers, or sets one.
+    /// Copies between registers, or sets a register.
     Move,
-    /// Continues elsewhere.
+    /// Continues at another instruction.
     Branch,
     /// Calls a function.
     Call,
@@ -58,7 +59,7 @@ impl Memory {
 }
 
 impl Kind {
-    /// Returns the memory that it accesses, if it accesses one.
+    /// Returns the memory that the instruction accesses; `None` if it accesses no memory.
     pub fn memory(self) -> Option<Memory> {
         match self {
             Self::Load(memory) | Self::Store(memory) | Self::Atomic(memory) => Some(memory),
@@ -109,7 +110,7 @@ impl Counts {
         self.0.get(&kind).copied().unwrap_or(0)
     }
 
-    /// Returns all kinds with their numbers, memory first.
+    /// Returns all kinds with their numbers; kinds that access memory come first.
     pub fn iter(&self) -> impl Iterator<Item = (Kind, u32)> {
         self.0.iter().map(|(kind, count)| (*kind, *count))
     }

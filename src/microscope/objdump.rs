@@ -1,15 +1,15 @@
-//! Reads kernels from machine code of a CPU, by `objdump` of the GNU binutils.
+//! Reads kernels from machine code of a CPU with `objdump`, which is part of the GNU binutils.
 
 use super::code::{Code, Instruction};
 use super::tool::{Folder, Tool};
 use super::x86;
 use std::collections::BTreeMap;
 
-/// Where `objdump` comes from.
+/// The error message if `objdump` is not installed.
 pub const REMEDY: &str = "objdump is missing; it is in the package binutils";
 
-/// Reads the kernels with these names from an ELF file. `file` is the name of the source; lines of other files
-/// are left out. The error says why there is no listing.
+/// Reads the kernels with these names from an ELF file. `file` is the name of the source; line
+/// numbers of other files are ignored. The error says why there is no listing.
 pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, String> {
     let objdump = Tool::find("objdump").ok_or(REMEDY)?;
     let folder = Folder::with("kernel.so", elf)?;
@@ -35,7 +35,8 @@ impl<'a> Listing<'a> {
         }
     }
 
-    /// Returns each kernel: its own function, then those that it calls.
+    /// Returns each kernel: the instructions of its own function, then those of all functions that
+    /// it calls directly or indirectly.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
             // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL contain a copy of
@@ -82,14 +83,14 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the name of the function that an instruction goes to: "call   1000 <any_hit>", or a jump in its place.
+/// Returns the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>".
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
     let goes = text.starts_with("call") || text.starts_with('j');
     text.split_once('<').filter(|_| goes)?.1.strip_suffix('>')
 }
 
-/// Returns the registers besides `%rsp` in which a function keeps the address of its stack frame.
+/// Returns the registers besides `%rsp` in which a function stores the address of its stack frame.
 fn frames(body: &str) -> Vec<&'static str> {
     let set = |register: &&str| {
         let end = format!("%rsp,{register}");

@@ -9,14 +9,15 @@
 //!     .loc 1 3 9, function_name $L__info_string0, inlined_at 1 14 3
 //! ```
 //!
-//! A `.loc` applies to all instructions up to the next one. For an inlined function it gives the function's
-//! line.
+//! A `.loc` applies to all instructions up to the next one. For an instruction from an inlined
+//! function, the first two numbers are the file and the line within that function.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
 use crate::program::compiled::ptx::{body_of, instruction, without_comments};
 
-/// Reads the kernels with these names. `file` is the name of the source; lines of other files are left out.
+/// Reads the kernels with these names. `file` is the name of the source; line numbers of other
+/// files are ignored.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     let text = without_comments(ptx);
     let number = text.lines().find_map(|line| numbered(line, file));
@@ -28,7 +29,8 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     kernels.iter().filter_map(code).collect()
 }
 
-/// Returns whether a text before a colon is a label. Opcodes, which may contain "::", have a dot; labels have none.
+/// Returns whether a text before a colon is a label. An opcode may contain "::", but it then also
+/// contains a dot, and labels do not.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
@@ -42,7 +44,8 @@ fn numbered(line: &str, file: &str) -> Option<u32> {
 
 #[derive(Default)]
 struct Reader {
-    /// The number of the source's file, if the text has line numbers for it.
+    /// The number that the PTX text gives to the source file; `None` if the text has no line
+    /// numbers for it.
     file: Option<u32>,
     line: Option<u32>,
     part: String,
@@ -57,7 +60,7 @@ impl Reader {
         if let Some(place) = trimmed.strip_prefix(".loc") {
             let mut numbers = place.split([' ', '\t', ',']).filter_map(|word| word.parse::<u32>().ok());
             let (file, line) = (numbers.next(), numbers.next());
-            // Line 0 means that there is none.
+            // Line 0 means that the instruction has no line.
             self.line = line.filter(|line| file == self.file && *line > 0);
             return;
         }
@@ -67,7 +70,8 @@ impl Reader {
         self.statement.push(' ');
     }
 
-    /// A brace that begins a statement is a block's; within a statement it surrounds the parts of a vector.
+    /// Adds a character to the statement. A brace at the start of a statement opens or closes a
+    /// block and is skipped; a brace within a statement encloses the parts of a vector.
     fn character(&mut self, c: char) {
         match c {
             ';' => self.end(),
@@ -91,7 +95,7 @@ impl Reader {
     }
 }
 
-/// Returns what an instruction does: one kind, or none for prefetches and pragmas.
+/// Returns the kind of an instruction; none for prefetches and pragmas.
 fn kinds(opcode: &str) -> Vec<Kind> {
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');

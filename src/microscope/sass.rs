@@ -1,5 +1,5 @@
-//! Reads kernels from SASS, the machine code of NVIDIA's GPUs, that `ptxas` makes from PTX and `nvdisasm`
-//! prints:
+//! Reads kernels from SASS, the machine code of NVIDIA's GPUs. `ptxas` translates PTX to SASS, and
+//! `nvdisasm` prints it:
 //!
 //! ```text
 //! .text.cast_frame:
@@ -8,7 +8,8 @@
 //! .L_x_1:
 //! ```
 //!
-//! This is the code of the ptxas that is installed, not that of the driver, which has its own.
+//! This code comes from the installed ptxas. The driver has its own assembler, whose code may
+//! differ.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
@@ -18,12 +19,12 @@ use super::tool::{Folder, Tool};
 pub struct Assembled {
     /// The kernels.
     pub codes: Vec<Code>,
-    /// The messages of ptxas, which contain the numbers of registers.
+    /// The messages of ptxas, which state how many registers each kernel uses.
     pub log: String,
 }
 
-/// Assembles PTX and reads the kernels with these names. `file` is the name of the source; lines of other files are
-/// left out. The error says why there is no SASS.
+/// Assembles PTX and reads the kernels with these names. `file` is the name of the source; line
+/// numbers of other files are ignored. The error says why there is no SASS.
 pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Result<Assembled, String> {
     let both = Tool::find("ptxas").zip(Tool::find("nvdisasm"));
     let (ptxas, nvdisasm) = both.ok_or("ptxas and nvdisasm, of the CUDA toolkit, are not both on PATH")?;
@@ -70,7 +71,7 @@ fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Inst
 fn place_in(place: &str, file: &str) -> Option<u32> {
     let (path, rest) = place.strip_prefix('"')?.split_once('"')?;
     let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
-    // Line 0 means that there is none.
+    // Line 0 means that the instruction has no line.
     (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
 }
 
@@ -90,7 +91,7 @@ fn kinds(text: &str) -> Vec<Kind> {
         "STS" => Kind::Store(Memory::Local),
         "LDL" => Kind::Load(Memory::Private),
         "STL" => Kind::Store(Memory::Private),
-        // Arguments are in constant memory too.
+        // These also load the kernel's arguments, which are in constant memory.
         "LDC" | "ULDC" | "LDCU" => Kind::Load(Memory::Constant),
         "LD" => Kind::Load(Memory::Generic),
         "ST" => Kind::Store(Memory::Generic),

@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Far longer than any of them needs for a kernel.
+/// The time limit, far longer than any disassembler needs for a kernel.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// A program that was found.
+/// An installed program.
 pub struct Tool {
     name: &'static str,
     path: PathBuf,
@@ -17,9 +17,9 @@ pub struct Tool {
 
 /// The output of a program.
 pub struct Written {
-    /// Its output.
+    /// The text on its standard output.
     pub stdout: String,
-    /// Its messages.
+    /// The text on its standard error stream.
     pub stderr: String,
 }
 
@@ -32,16 +32,20 @@ impl Tool {
         Some(Self { name, path })
     }
 
-    /// Runs it in a folder. The error says how it failed.
+    /// Runs the program in a folder. The error says how it failed.
     pub fn run(&self, folder: &Folder, arguments: &[&str]) -> Result<Written, String> {
         let mut command = Command::new(&self.path);
-        // Its messages are read, so they have to be in English.
+        // The program's messages are parsed, so they have to be in English.
         command.args(arguments).current_dir(folder.0.path()).env("LC_ALL", "C");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let ended = command.spawn().and_then(|child| output_within(child, LIMIT));
         let output = ended.map_err(|error| format!("{} could not be run: {error}", self.name))?;
         let Some(output) = output else {
-            return Err(format!("{} had not finished after {} s", self.name, LIMIT.as_secs()));
+            return Err(format!(
+                "{} was stopped because it took longer than {} s",
+                self.name,
+                LIMIT.as_secs()
+            ));
         };
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         let written = Written { stdout: text(&output.stdout), stderr: text(&output.stderr) };
@@ -58,7 +62,7 @@ impl Tool {
 pub struct Folder(TempDir);
 
 impl Folder {
-    /// Makes one with a file in it.
+    /// Creates a temporary folder with one file in it.
     pub fn with(name: &str, bytes: &[u8]) -> Result<Self, String> {
         let made = tempfile::tempdir().and_then(|folder| {
             std::fs::write(folder.path().join(name), bytes)?;

@@ -1,13 +1,14 @@
-//! The kinds of x86-64 instructions, as `objdump` writes them: sources first, the destination last.
+//! Determines the kinds of x86-64 instructions from the text that `objdump` prints, which has the
+//! sources first and the destination last.
 
 use super::kind::{Kind, Memory};
 
-/// Words before an instruction's name.
+/// Prefixes, which are printed before an instruction's name.
 const PREFIXES: [&str; 10] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32"];
 /// Beginnings of the names of instructions that do nothing.
 const FILLERS: [&str; 6] = ["nop", "endbr", "vzero", "int3", "ud2", "prefetch"];
-/// Beginnings of the names of instructions that copy, also between lanes.
+/// Beginnings of the names of instructions that copy values, possibly between lanes.
 const MOVES: [&str; 19] = [
     "mov",
     "vmov",
@@ -34,7 +35,8 @@ const READERS: [&str; 15] = [
     "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
     "mul", "imul", "fld",
 ];
-/// Beginnings of the names of instructions that write their last operand without reading it, besides moves.
+/// Beginnings of the names of instructions that write their last operand without reading it. Moves
+/// do this too, but are not repeated here.
 const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
 
 /// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of
@@ -54,7 +56,7 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
         "ret" | "retq" | "hlt" => return vec![Kind::Branch],
         "mfence" | "lfence" | "sfence" => return vec![Kind::Barrier],
         _ if name.starts_with('j') => return vec![Kind::Branch],
-        // Its operand is written like memory, but only the address is computed.
+        // The operand of `lea` looks like memory, but the instruction only computes the address.
         _ if name.starts_with("lea") => return vec![Kind::Arithmetic],
         _ => {}
     }
@@ -86,7 +88,7 @@ pub fn kinds(text: &str, frames: &[&str]) -> Vec<Kind> {
     kinds
 }
 
-/// Splits at commas outside brackets.
+/// Splits the operands at commas outside brackets.
 fn operands(text: &str) -> Vec<&str> {
     let (mut operands, mut depth, mut start) = (Vec::new(), 0_u32, 0);
     for (at, c) in text.char_indices() {

@@ -14,9 +14,9 @@ use std::time::Instant;
 /// The values of CHAINS and STEPS in cl/peak/fma.cl.
 const CHAINS: u64 = 16;
 const FMA_STEPS: u64 = 8;
-/// STEPS in cl/peak/latency.cl.
+/// The value of STEPS in cl/peak/latency.cl.
 const STEPS: i32 = 16;
-/// SLOTS in cl/peak/local.cl.
+/// The value of SLOTS in cl/peak/local.cl.
 const SLOTS: u64 = 8;
 /// Size of a buffer that does not fit into any cache; less if the device has less memory.
 const LARGE_BYTES: u64 = 512 << 20;

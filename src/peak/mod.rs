@@ -21,7 +21,7 @@ use std::path::Path;
 pub const FILE: &str = "peak.json";
 /// The remedy for a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
-/// The name of that file in older folders.
+/// The name of the file with the peak rates in older folders.
 const OLD_FILE: &str = "limits.json";
 
 /// A measured rate: the median of its repeats, and their quartiles.
@@ -50,7 +50,7 @@ pub struct Peak {
     pub timestamp: String,
     /// raycl's version.
     pub raycl_version: String,
-    /// The highest clock that the driver reports, by which latencies are converted to cycles.
+    /// The highest clock that the driver reports, used to convert latencies to cycles.
     pub max_clock_mhz: Option<u64>,
     /// Single-precision fused multiply-adds per second with all units busy.
     pub fma_per_s: Figure,

@@ -20,7 +20,8 @@ pub struct Rig<'a> {
 
 /// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A launch is made at least this long, so that the timer's resolution and launch costs are negligible.
+/// A launch runs enough loops to take at least this long, so that the timer's resolution and launch
+/// costs are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
 /// The largest number of loops in a launch.
 const MOST_LOOPS: i32 = 1 << 24;
@@ -28,7 +29,7 @@ const MOST_LOOPS: i32 = 1 << 24;
 /// Returns the error for a measurement that failed.
 pub fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the device's peak rates could not be measured: {error}"))
-        .with_help("name another device with --device; `raycl devices` lists them")
+        .with_help("name another device with --device; `raycl devices` lists all devices")
 }
 
 impl<'a> Rig<'a> {

@@ -9,8 +9,8 @@ const RAY_BYTES: f64 = 24.0;
 const CORNER_BYTES: f64 = 36.0;
 const FLOAT_BYTES: f64 = 4.0;
 
-/// What a test of one ray with one triangle reads. Caches are not considered, so this is what work-items ask for,
-/// not what comes from a device's memory.
+/// The bytes that a test of one ray with one triangle reads. Caches are not considered: these are
+/// the bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traffic {
     /// Bytes of the triangle; the rays of a work-item share them.
@@ -24,8 +24,8 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Returns what the tests of a record's strategy read. `None` unless every ray tests every triangle: with a tree,
-    /// the number of tests is unknown.
+    /// Returns the bytes that each test of a record's strategy reads; `None` unless every ray tests
+    /// every triangle, since the number of tests in a tree is unknown.
     pub fn of(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -13,8 +13,8 @@ use thiserror::Error;
 /// Makes the compiler print registers and spills into the build log, if it supports that. Not part of a
 /// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
-/// An environment variable that turns off the compiler's own cache if it is 1. A compiler prints only when it
-/// really compiles.
+/// An environment variable that turns off the compiler's own cache if it is 1. The compiler prints
+/// messages only when it really compiles, not when it uses that cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
 /// The compiler rejected a program.
@@ -94,13 +94,14 @@ impl BuiltProgram {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
 
-    /// Returns the key under which it is stored, if it is.
+    /// Returns the key under which the program is stored; `None` if it is not stored.
     pub fn stored_as(&self) -> Option<&str> {
         self.keep().then_some(&self.key)
     }
 
-    /// Loads the stored program once, so that the driver's cache has its machine code for the next process. A driver
-    /// that returns PTX compiles the PTX again when it is loaded, in addition to the compilation of the source.
+    /// Loads the stored program once, so that the driver's cache contains its machine code for the
+    /// next process. A driver that returns PTX compiles this PTX when the program is loaded, in
+    /// addition to its earlier compilation of the source.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;
@@ -120,8 +121,8 @@ impl BuiltProgram {
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
     }
 
-    /// Returns the program's binary; empty if the driver returns none. Some drivers recompile every kernel
-    /// for it.
+    /// Returns the program's binary; empty if the driver returns none. To return it, some drivers
+    /// recompile every kernel.
     pub fn binary(&self) -> Vec<u8> {
         match self.program.info(ProgramInfo::Binaries) {
             Ok(ProgramInfoResult::Binaries(binaries)) => {

@@ -36,7 +36,8 @@ impl Branches {
     }
 }
 
-/// Returns whether a condition is true, if it is one of the host's defines or its negation.
+/// Returns whether a condition is true; `None` if it is neither one of the host's defines nor the
+/// negation of one.
 fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
     let (name, wanted) = condition.strip_prefix('!').map_or((condition, true), |name| (name, false));
     let (_, value) = defines.iter().find(|(define, _)| *define == name)?;

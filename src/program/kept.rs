@@ -5,8 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of these cache entries.
 const KIND: &str = "program";
-/// The kind of entries that lead from a program's name to its key; the name is known before the tree that the program
-/// uses is built.
+/// The kind of entries that map a program's name to its key. If the program uses a tree, its name
+/// is known before the tree is built, but its key is not.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.

@@ -1,9 +1,9 @@
-//! `anchors.jsonl`: times of the anchor, the fixed kernel that is timed in every round. With them, runs can
-//! be compared even if the machine's speed changed between them.
+//! `anchors.jsonl`: times of the anchor, the fixed kernel that is timed in every round. These times
+//! make runs comparable even if the machine's speed changed between the runs.
 
 use serde::{Deserialize, Serialize};
 
-/// A line of the file: one run of the anchor.
+/// A line of `anchors.jsonl`: one execution of the anchor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AnchorSample {
     /// The anchor's name; equal names mean the same work on the same device.
@@ -14,8 +14,8 @@ pub struct AnchorSample {
     pub launch: u32,
     /// The launch's round, counted from 0.
     pub round: u32,
-    /// When it ended, in milliseconds since the launch's rounds began.
+    /// When the anchor ended, in milliseconds since the launch's rounds began.
     pub at_ms: f64,
-    /// The device time.
+    /// The anchor's device time in milliseconds.
     pub ms: f64,
 }

@@ -8,14 +8,14 @@ use std::path::Path;
 pub struct Clocks {
     /// The first core's frequency governor, such as "performance" or "powersave".
     pub governor: Option<String>,
-    /// Lowest and highest frequency of any core at that moment, MHz.
+    /// Lowest and highest frequency of any core at the beginning of the run, MHz.
     pub now_mhz: Option<[f64; 2]>,
     /// The highest frequency that the first core may use, MHz.
     pub max_mhz: Option<f64>,
 }
 
 impl Clocks {
-    /// Reads the clock frequencies of this machine (on Linux).
+    /// Reads the clock frequencies of this machine. Only Linux reports them.
     pub fn read() -> Self {
         Self::under(Path::new("/"))
     }
@@ -34,7 +34,7 @@ impl Clocks {
     }
 }
 
-/// Returns the lowest and the highest "cpu MHz" of /proc/cpuinfo.
+/// Returns the lowest and the highest value of "cpu MHz" in /proc/cpuinfo.
 fn ends(cpuinfo: &str) -> Option<[f64; 2]> {
     let lines = cpuinfo.lines().filter(|line| line.starts_with("cpu MHz"));
     let values = lines.filter_map(|line| line.split_once(':')?.1.trim().parse::<f64>().ok());

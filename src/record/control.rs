@@ -1,5 +1,6 @@
-//! Compares points of one group that was cut into several blocks, which may have been measured on different machines.
-//! All blocks of a group measure the same control point, and points are compared through it.
+//! Compares points of a group that was divided into several blocks, which may have been measured on
+//! different machines. All blocks of a group measure the same control point, so points of different
+//! blocks are compared by their ratios to this point.
 
 use super::place::Place;
 use super::types::Record;
@@ -11,11 +12,12 @@ use std::collections::HashMap;
 pub(super) struct Control {
     key: String,
     standing: Standing,
-    /// The mean of the control point's level over all blocks.
+    /// The mean of the control point's level (the logarithm of its time) over all blocks.
     mean_level: f64,
 }
 
-/// Assigns to each record of a block the block's control point, which was measured with it.
+/// Assigns to each record of a block the block's control point, which was measured in the same
+/// rounds.
 pub(super) fn find_controls(records: &mut [Record]) {
     let mut blocks: HashMap<blake3::Hash, Standing> = HashMap::new();
     let mut levels: HashMap<String, Vec<f64>> = HashMap::new();
@@ -33,8 +35,8 @@ pub(super) fn find_controls(records: &mut [Record]) {
 }
 
 impl Place {
-    /// Returns the level by which a record is ranked. If blocks share a control point, the level is scaled as if all
-    /// blocks had measured the control point's mean time.
+    /// Returns the level by which a record is ranked. If blocks share a control point, the level is
+    /// shifted as if the control point had its mean level in every block.
     pub(super) fn level(&self) -> f64 {
         let shift =
             self.control.as_ref().map_or(0.0, |control| control.mean_level - control.standing.level());
@@ -56,7 +58,7 @@ mod tests {
     use super::super::together::{ranking, ratio};
     use super::*;
 
-    /// Returns a record with ten samples around a time, in the two launches of a block.
+    /// Returns a record with ten samples near `ms`, five in each of the two launches of a block.
     fn block(name: &str, ms: f64, number: u32) -> Record {
         let mut record =
             sampled(name, (0..10).map(|place| (place / 5, ms * (1.0 + 0.02 * f64::from(place / 5)))));
@@ -68,7 +70,8 @@ mod tests {
     fn blocks_are_compared_by_the_control_point_that_both_measured() {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
-        // The second machine takes twice as long for everything; on the first, `wide` would take 4.
+        // The second machine takes twice as long for everything, so `wide` would take 4 ms on the
+        // first machine.
         let records = judged([
             control(10.0, 0),
             with(block("naive", 5.0, 0)),

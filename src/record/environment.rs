@@ -1,4 +1,5 @@
-//! `environment.json`: where and how a run was made.
+//! `environment.json`: on which machine, from which files and with which settings a run was
+//! measured.
 
 use std::path::Path;
 
@@ -15,24 +16,25 @@ use crate::error::{Error, Result};
 pub struct Environment {
     /// raycl's version.
     pub raycl_version: String,
-    /// The git revision it was built from, with "-dirty" if there were uncommitted changes.
+    /// The git revision from which raycl was built, with "-dirty" if there were uncommitted
+    /// changes.
     pub git_revision: Option<String>,
     /// The build: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// The variables of drivers and loaders that are set, as `NAME=VALUE`, including those that do not affect
-    /// results.
+    /// The environment variables of drivers and loaders that are set, as `NAME=VALUE`, even if they
+    /// do not affect results.
     #[serde(default)]
     pub variables: Vec<String>,
-    /// When the run began, RFC 3339.
+    /// When the run began, in the format of RFC 3339.
     pub started: String,
     /// The command line, starting with the program.
     pub command_line: Vec<String>,
-    /// The machine the run was made on.
+    /// The machine that measured the run.
     pub host: Host,
     /// The devices that were used.
     pub devices: Vec<DeviceEnvironment>,
-    /// Options with which every program was built.
+    /// Compiler options with which every OpenCL program was built.
     pub build_options: Vec<String>,
     /// The config's path.
     pub config_path: String,
@@ -56,7 +58,8 @@ pub struct Source {
     pub path: String,
     /// BLAKE3 hash of its text, or of the names and texts of all files in a folder.
     pub hash: Option<String>,
-    /// Its commit, and whether it has been changed since; null outside a git repository.
+    /// The file's commit, and whether the file has been changed since this commit; null outside a
+    /// git repository.
     pub git: Option<String>,
 }
 
@@ -68,7 +71,7 @@ impl Source {
     }
 }
 
-/// The machine.
+/// The machine that measured a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Host {
     /// Its name on its network; null if the system does not report it.
@@ -105,7 +108,7 @@ pub struct DeviceEnvironment {
     /// Number of compute units.
     #[serde(default)]
     pub compute_units: Option<u32>,
-    /// Number of threads that it casts with, if known (PoCL reports it).
+    /// Number of threads with which the device executes kernels, if known (PoCL reports it).
     #[serde(default)]
     pub threads: Option<u32>,
     /// Compute capability, if the driver reports it.
@@ -117,7 +120,8 @@ pub struct DeviceEnvironment {
     /// Resolution of the timer that profiling reads.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
-    /// Number of the host's cores that it may use, if it runs on them.
+    /// Number of the host's cores that the device may use; null if it does not run on the host's
+    /// cores.
     #[serde(default)]
     pub cores: Option<usize>,
     /// The 16 bytes of its UUID as hexadecimal digits, if the driver reports it.
@@ -126,13 +130,13 @@ pub struct DeviceEnvironment {
     /// Its PCI address, such as "0000:1b:00.0", if the driver reports it.
     #[serde(default)]
     pub pci_bus: Option<String>,
-    /// The environment variables that affect its times, as `NAME=VALUE`.
+    /// The environment variables that affect the device's times, as `NAME=VALUE`.
     #[serde(default)]
     pub settings: Vec<String>,
 }
 
 impl DeviceEnvironment {
-    /// Returns what is stored about a device.
+    /// Returns the properties of a device that are stored.
     pub fn of(info: &DeviceInfo) -> Self {
         let info = info.clone();
         Self {
@@ -156,8 +160,9 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether `shown` is the name of this device in records: the name itself or, in a run merged from machines
-/// with devices of the same name, the name with an addition in brackets that distinguishes them.
+/// Returns whether `shown` is the name of this device in records: the name itself or, in a run
+/// merged from machines with devices of the same name, the name followed by distinguishing text in
+/// brackets.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     shown
         .strip_prefix(name)
@@ -175,7 +180,7 @@ impl Environment {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Writes it to `path` as indented JSON.
+    /// Writes the environment to `path` as indented JSON.
     pub fn write(&self, path: &Path) -> Result<()> {
         let fail = |error: &dyn std::fmt::Display| Error::unwritable(path.display(), error);
         let mut text = serde_json::to_string_pretty(self).map_err(|error| fail(&error))?;

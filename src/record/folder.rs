@@ -1,5 +1,5 @@
-//! Reads folders of results. Everything that shows results reads them through [`Folder`], which shows only records of
-//! the folder's current plan.
+//! Reads folders of results. All code that displays results reads them through [`Folder`], which
+//! contains only records of the folder's current plan.
 
 use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;
@@ -17,35 +17,37 @@ use serde_json::Value;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// The file in which `raycl merge` describes the attempts from which a folder was merged.
+/// The file in which `raycl merge` describes the attempts that it merged into a folder.
 pub const MERGE: &str = "merge.json";
 
-/// The records of a run, and where and how they were measured.
+/// The records of a run, and the conditions under which they were measured.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
     /// Its path.
     pub path: PathBuf,
     /// Its name in reports: the folder's name.
     pub label: String,
-    /// One record per point of the current plan, in the plan's order and with its names. Scenes with the same
-    /// name are distinguished. Without a plan: the latest record of every point.
+    /// One record per point of the current plan, in the plan's order and with the plan's names.
+    /// Without a plan, the latest record of every point. Different scenes with the same name are
+    /// renamed.
     pub records: Vec<Record>,
-    /// The control points as measured in each block, if the plan is cut into blocks. None of them is in
-    /// `records`.
+    /// The records of control points that were measured only to compare blocks, if the plan is
+    /// divided into blocks. They are not in `records`.
     pub controls: Vec<Record>,
     /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no such
     /// file.
     pub environment: Value,
     /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
-    /// Times of the anchors that were run with its points.
+    /// Times of the anchors that were measured together with the points.
     pub anchors: Vec<AnchorSample>,
-    /// Notes to be shown with its results, for example on records that are not shown.
+    /// Notes to be shown with the results, for example on records that are not shown.
     pub notes: Vec<String>,
 }
 
 impl Folder {
-    /// Reads a folder, or the folder of a given journal. A folder without records is a user error.
+    /// Reads a folder of results; `path` names the folder or its journal of records. A folder
+    /// without records is a user error.
     pub fn read(path: &Path) -> Result<Self> {
         let (folder, journal) = match path.is_file() {
             true => (path.parent().unwrap_or(Path::new("")), path.to_owned()),
@@ -102,7 +104,7 @@ impl Folder {
         Some(table.get(key)?.as_str()?.to_owned())
     }
 
-    /// Writes `summary.md` and `summary.csv` of its records.
+    /// Writes the folder's records to `summary.md` and `summary.csv`.
     pub fn summarise(&self, question: &str, expectation: &str) -> Result<()> {
         let markdown = summary_markdown(&self.records, &self.notes, question, expectation);
         write_whole(&self.path.join("summary.md"), markdown.as_bytes())?;
@@ -110,7 +112,7 @@ impl Folder {
     }
 }
 
-/// Returns notes on how a folder was merged.
+/// Returns the notes that `raycl merge` stored in a folder.
 fn of_merge(folder: &Path) -> Vec<String> {
     let merge: Option<Value> = reader::bytes(&folder.join(MERGE), reader::Kind::Results)
         .ok()
@@ -119,7 +121,7 @@ fn of_merge(folder: &Path) -> Vec<String> {
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
 }
 
-/// Reads a journal that folders of earlier versions do not have.
+/// Reads a journal, or returns no lines if the file is missing, as in folders of earlier versions.
 fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
 }
@@ -151,8 +153,8 @@ impl Shown {
         };
         notes.extend(counted(
             count - records.len(),
-            "record of an earlier plan is kept and not shown.",
-            "records of earlier plans are kept and not shown.",
+            "record of an earlier plan is stored but not shown.",
+            "records of earlier plans are stored but not shown.",
         ));
         tell_scenes_apart(&mut records);
         Self { records, notes }
@@ -173,14 +175,15 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
         None => (
             Value::Null,
             Some(
-                "environment.json is missing or cannot be read: what the run depended on is unknown.".into(),
+                "environment.json is missing or cannot be read, so the conditions of the run are unknown."
+                    .into(),
             ),
         ),
     }
 }
 
-/// Returns a note on records whose program was built from uncommitted sources and so cannot be built again.
-/// For records without a revision, that of the environment is used.
+/// Returns a note on records of a raycl that was built from uncommitted sources and so cannot be
+/// built again. If a record has no revision, the revision in `environment.json` is used.
 fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
     let count = records.iter().filter(|record| of(record)).count();
@@ -192,7 +195,7 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Returns the last record of every name, in the order in which names first occur.
+/// Returns the last record of every name, in the order in which the names first occur.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut kept: Vec<Record> = Vec::new();
@@ -209,7 +212,7 @@ pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Rec
     kept
 }
 
-/// Returns the names that identify a record's point.
+/// Returns a text that identifies a record's point by its names and sizes.
 pub fn point(record: &Record) -> String {
     format!(
         "{}|{}|{:?}|{}|{:?}",
@@ -254,7 +257,7 @@ mod tests {
         let (records, notes) = shown(&folder);
         assert_eq!(records, [("renamed".to_owned(), Some(3.0))]);
         assert!(notes[0].starts_with("1 point of the plan is not measured"), "{notes:?}");
-        assert_eq!(notes[1], "1 record of an earlier plan is kept and not shown.");
+        assert_eq!(notes[1], "1 record of an earlier plan is stored but not shown.");
     }
 
     #[test]

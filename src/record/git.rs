@@ -1,4 +1,5 @@
-//! Finds the git commit of a file or a folder, and whether it has been changed since.
+//! Finds the git commit of a file or a folder, and whether the file or folder has been changed
+//! since this commit.
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -26,8 +27,8 @@ fn git_of(folder: &Path, arguments: &[&str], path: &OsStr) -> Option<String> {
     answer(Command::new("git").arg("-C").arg(folder).args(arguments).arg("--").arg(path))
 }
 
-/// Returns the output of a command, if it exists and succeeds. The command only reads the repository, and takes no
-/// lock in it.
+/// Returns the output of a git command; `None` if git is missing or the command fails. The command
+/// only reads the repository and does not lock it.
 fn answer(command: &mut Command) -> Option<String> {
     let command = command.env("GIT_OPTIONAL_LOCKS", "0").stdin(Stdio::null());
     let output = command.output().ok().filter(|output| output.status.success())?;

@@ -1,4 +1,5 @@
-//! Compares the machines of an experiment by control points, which were measured in blocks on all of them.
+//! Compares the machines of an experiment by the times of control points, which every machine
+//! measured.
 
 use super::numbers::{by, duration, significant};
 use super::together::{interval, median, ratio_apart};
@@ -8,7 +9,7 @@ use std::collections::BTreeMap;
 /// A control point, and its time on each machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Control {
-    /// "teapot, 800 x 500, NVIDIA H200: naive at 8 x 8".
+    /// A description such as "teapot, 800 x 500, NVIDIA H200: naive at 8 x 8".
     pub point: String,
     /// The machines, sorted by name.
     pub hosts: Vec<AtHost>,
@@ -17,30 +18,33 @@ pub struct Control {
 /// The time of a control point on one machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AtHost {
-    /// The machine.
+    /// The machine's name.
     pub host: String,
-    /// Number of blocks that measured the point there.
+    /// Number of blocks that measured the point on this machine.
     pub blocks: usize,
-    /// The median of the block with the least time.
+    /// The least median of these blocks.
     pub median_ms: f64,
-    /// The 95% interval of that median.
+    /// The 95% interval of this median.
     pub interval_ms: Option<[f64; 2]>,
-    /// Ratio to the time of the fastest machine: the estimate, and the lower and upper end of its interval.
+    /// Ratio of this time to that of the fastest machine: the estimate, then the lower and the
+    /// upper end of its 95% interval.
     pub slower: Option<[f64; 3]>,
 }
 
-/// Two machines of one kind differ if one certainly takes longer by more than this fraction.
+/// Two machines of one kind differ if the interval of their ratio shows that one takes longer by
+/// more than this fraction.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
-    /// Returns whether it certainly takes longer than the fastest machine.
+    /// Returns whether the machine certainly takes longer than the fastest machine, by more than
+    /// the fraction `DIFFERENT`.
     pub fn differs(&self) -> bool {
         self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
     }
 }
 
-/// Returns the control points that several blocks measured; `borrowed` are those from `controls.jsonl`.
-/// The same point has equal keys on devices of one kind.
+/// Returns the control points with their times on each machine. `borrowed` are the records from
+/// `controls.jsonl`. On devices of one kind, the same point has equal keys.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control =
         |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
@@ -56,7 +60,7 @@ pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
 fn control(records: &[&Record]) -> Control {
     let mut hosts: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in records {
-        // With `--spread`, the devices of one machine are distinguished like machines.
+        // With `--spread`, the devices of one machine are treated as separate machines.
         let host = record.host.as_deref().or(record.measured_on.as_deref());
         hosts.entry(host.unwrap_or("this machine")).or_default().push(record);
     }
@@ -87,8 +91,8 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// Returns notes on machines of one kind that certainly take different times for the same point: the largest
-/// difference of each pair.
+/// Returns notes on machines that certainly take longer than the fastest machine for the same
+/// point: one note for each of them, on the point with the largest ratio.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {

@@ -7,12 +7,13 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Copies the intervals of `records` to the records of the journal from which they were read. A record is stored
-/// when its group ends. Later groups also show how much launches differ, so the final interval is only known
-/// when the whole run has ended.
+/// Copies the intervals of `records` to the records of the journal from which they were read. A
+/// record is written when its group ends. Later groups show more about how much launches differ, so
+/// the final interval is only known when the whole run has ended.
 ///
-/// The file is replaced as a whole, if any interval differs; all other lines stay as they are. The caller must hold
-/// the folder's lock, and open the journal again. Returns whether the file was replaced.
+/// If any interval differs, the whole file is replaced; lines without a new interval stay
+/// unchanged. The caller must hold the folder's lock, and must open the journal again afterwards.
+/// Returns whether the file was replaced.
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =
         records.iter().map(|record| (record.key.as_str(), interval(record))).collect();
@@ -35,7 +36,7 @@ pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     Ok(replaced)
 }
 
-/// Returns a line with its record's new interval; `None` if it stays as it is.
+/// Returns a line with its record's new interval; `None` if the line need not change.
 fn renewed(line: &[u8], by_key: &HashMap<&str, Option<[f64; 2]>>) -> Option<Vec<u8>> {
     let mut record: Record = serde_json::from_slice(line).ok()?;
     let interval = *by_key.get(record.key.as_str())?;
@@ -54,7 +55,8 @@ mod tests {
     use super::super::{Lines, read_lines};
     use super::*;
 
-    /// Returns a record of three launches, each slower than the one before by the fraction `apart` of the first.
+    /// Returns a record of three launches. Each launch takes longer than the one before; the
+    /// difference is the fraction `apart` of the first launch's time.
     fn launches(key: &str, first: u32, apart: f64) -> Record {
         let sample = |place: u32| (first + place / 10, 10.0 * (1.0 + apart * f64::from(place / 10)));
         Record { key: key.to_owned(), ..sampled(key, (0..30).map(sample)) }

@@ -1,5 +1,5 @@
-//! Journals in JSON lines. Each line is on the disk before the next one is appended. If a crash interrupts a
-//! write, only that line is lost.
+//! Journals: files with one JSON object per line. Each line is on the disk before the next line is
+//! appended. If a crash interrupts a write, only the unfinished line is lost.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead as _, BufReader, Seek, SeekFrom, Write};
@@ -38,7 +38,7 @@ impl<T: Serialize> JsonLines<T> {
         Ok(Self { path: path.to_path_buf(), file, line_type: PhantomData })
     }
 
-    /// Appends one line; it is on the disk when this returns.
+    /// Appends one line. When this function returns, the line is on the disk.
     pub fn append(&mut self, line: &T) -> Result<()> {
         let mut bytes = serde_json::to_vec(line)
             .map_err(|error| Error::fault(format!("cannot write {}: {error}", self.path.display())))?;
@@ -53,9 +53,9 @@ impl<T: Serialize> JsonLines<T> {
 pub struct Lines<T> {
     /// All complete, readable lines.
     pub lines: Vec<T>,
-    /// True if an incomplete last line was left out.
+    /// True if the last line is incomplete and was left out.
     pub torn: bool,
-    /// The numbers, from 1, of other lines that were left out because they cannot be read.
+    /// The numbers, counted from 1, of other lines that were left out because they cannot be read.
     pub damaged: Vec<usize>,
 }
 
@@ -77,8 +77,8 @@ impl<T> Lines<T> {
     }
 }
 
-/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported. If all
-/// lines are damaged, the file is not a journal, which is an input error.
+/// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported.
+/// If every line is damaged, the file is not a journal, and an input error is returned.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let unreadable = |error| {
         Error::input(format!("cannot read {}: {error}", path.display()))
@@ -108,7 +108,7 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     match (&read.lines[..], &read.damaged[..]) {
         ([], [.., last]) => {
             let message = format!(
-                "{}:{last}: this line is not a record, nor is any other line of the file: {reason}",
+                "{}:{last}: neither this line nor any other line of the file is a record: {reason}",
                 path.display()
             );
             Err(Error::input(message)
@@ -191,10 +191,14 @@ mod tests {
         );
         std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
-        assert!(error.message.contains("samples.jsonl:1: this line is not a record"), "{}", error.message);
+        assert!(
+            error.message.contains("samples.jsonl:1: neither this line nor any other"),
+            "{}",
+            error.message
+        );
     }
 
-    /// Tests a pipe, which takes bytes but cannot guarantee that they are on a disk.
+    /// Tests a pipe, which accepts bytes but cannot guarantee that they are on a disk.
     #[cfg(unix)]
     #[test]
     fn a_line_is_on_the_disk_or_an_error() {

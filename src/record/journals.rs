@@ -1,12 +1,13 @@
 //! The names of the journals in a folder of results. Each holds one JSON object per line.
 
-/// The journal of records: what was measured at each point.
+/// The journal of records, which are the results of the points.
 pub const RECORDS: &str = "records.jsonl";
-/// The journal of samples: single times of each point, in the order taken.
+/// The journal of samples, which are the single times of each point, in the order in which they
+/// were measured.
 pub const SAMPLES: &str = "samples.jsonl";
-/// The journal of rounds, with the machine's load in each.
+/// The journal of the machine's load during the rounds.
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the anchor's times.
 pub const ANCHORS: &str = "anchors.jsonl";
-/// The journal of control points, by which blocks of a plan are compared.
+/// The journal of control points, which make blocks of a plan comparable.
 pub const CONTROLS: &str = "controls.jsonl";

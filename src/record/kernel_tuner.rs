@@ -1,6 +1,6 @@
-//! Exports records as cache files of Kernel Tuner (B. van Werkhoven, 2019). With these, Kernel Tuner can
-//! simulate tuning and make its own plots. There is one file per device, scene and image size, with times in
-//! milliseconds.
+//! Exports records as cache files of Kernel Tuner (B. van Werkhoven, 2019). From these files,
+//! Kernel Tuner can simulate tuning and draw its own plots. There is one file per device, scene and
+//! image size, with times in milliseconds.
 
 use serde_json::{Map, Value, json};
 
@@ -48,11 +48,12 @@ fn cache(group: &Group<'_>) -> String {
         members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
-    // Kernel Tuner treats a file with another ending as incomplete.
+    // Kernel Tuner treats a file as incomplete unless it ends like this.
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
-/// Returns all parameters of the records, in the order in which they first occur.
+/// Returns the names of all parameters of the records: those of the local size, then the others in
+/// the order in which they first occur.
 fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for name in all.iter().flat_map(|(_, parameters)| parameters.keys()) {
@@ -60,12 +61,13 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
             names.push(name.clone());
         }
     }
-    // Maps are sorted, but by custom the local size comes first.
+    // Parameters are sorted by name; the sizes of a block are moved to the front, as is usual in
+    // Kernel Tuner.
     names.sort_by_key(|name| !name.starts_with("block_size"));
     names
 }
 
-/// Returns, for each parameter, its different values.
+/// Returns the different values of each parameter.
 fn values(all: &[(&Record, Map<String, Value>)], names: &[String]) -> Map<String, Value> {
     let of = |name: &String| {
         let mut values: Vec<Value> = Vec::new();

@@ -31,7 +31,8 @@ const LEFT: [usize; 2] = [0, 10];
 /// Columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
-/// Returns the summary as Markdown. It is made only from the records and from the notes on reading them.
+/// Returns the summary as Markdown. It uses only its arguments, so the same records always yield
+/// the same summary.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
@@ -54,14 +55,14 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes are device times of whole frames (host: its own clock). IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches. Ratios compare samples taken close in time, and have their own intervals. Two modes: the samples lie around two values, by the dip test, and the median may belong to either. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
-         If the driver keeps compiled programs, all launches run the same program. \"Frame rays per second\" are all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" are the rays of a separate primary pass, divided by that pass's time. \"Tests per second\" are primary rays times triangles, divided by the time of the primary pass, or of the frame if passes are fused. \"of peak\" is the share of the device's measured peak \
+        "\nTimes are device times of whole frames; times of baselines on the host are from the host's clock. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches. Ratios compare samples taken close in time, and have their own intervals. \"Two modes\" means that, by the dip test, the samples lie around two values; the median may belong to either. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
+         If the driver caches compiled programs, all launches run the same program. \"Frame rays per second\" are all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" are the rays of a separate primary pass, divided by that pass's time. \"Tests per second\" are primary rays times triangles, divided by the time of the primary pass, or of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
          multiply-adds.\n",
     );
     text
 }
 
-/// Returns the winner, and by how much it is faster.
+/// Describes the winner, and how much faster it is than the baselines and the best naive point.
 fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     let ranking = group.ranking();
     let Some(best) = ranking.winners.first() else {
@@ -79,7 +80,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
     text + &speed_ups(group, groups, best) + &unranked(&ranking.unranked) + &told_apart(group) + "\n"
 }
 
-/// Returns which differences this group can show.
+/// Describes the smallest difference that the group's samples can show.
 fn told_apart(group: &Group<'_>) -> String {
     resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
         format!(" Differences below {} cannot be detected here.", percent(part))
@@ -104,7 +105,7 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     others.map(than).collect()
 }
 
-/// Returns which points are not ranked.
+/// Names the points that have too few samples to be ranked.
 fn unranked(records: &[&Record]) -> String {
     match records.is_empty() {
         true => String::new(),
@@ -120,8 +121,8 @@ fn title(record: &Record) -> String {
     }
 }
 
-/// Returns a table of all records in the group: the fastest first, then those with too few samples, then
-/// those without a time.
+/// Returns a table of all records in the group: ranked records from the fastest to the slowest,
+/// then records with too few samples, then records without a time.
 fn table(group: &Group<'_>) -> String {
     let ranking = group.ranking();
     let failed = group.failures().into_iter().map(|(record, _)| record);
@@ -159,13 +160,13 @@ fn row(record: &Record, wins: bool) -> [String; COLUMNS] {
     ]
 }
 
-/// Formats as "measured" or "measured, two modes".
+/// Formats an outcome as "measured" or "measured, two modes".
 fn outcome(record: &Record) -> String {
     let modes = if two_modes(record).is_some() { ", two modes" } else { "" };
     format!("{}{modes}", record.outcome.name())
 }
 
-/// Formats as "10", or as "15 in 3" (15 samples in 3 launches).
+/// Formats the number of samples as "10", or as "15 in 3" (15 samples in 3 launches).
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),
@@ -173,11 +174,11 @@ fn samples(record: &Record) -> String {
     }
 }
 
-/// Returns a Markdown table whose source is aligned too.
+/// Returns a Markdown table whose columns are also aligned in the source text.
 fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
-    // Some readers do not accept a rule of fewer than three dashes.
+    // Some Markdown parsers do not accept fewer than three dashes below a heading.
     let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
     let widths: [usize; COLUMNS] = std::array::from_fn(widest);
     let rule: [String; COLUMNS] = std::array::from_fn(|place| {
@@ -200,10 +201,10 @@ fn warnings(group: &Group<'_>) -> String {
     let warned = group.ranking().all().into_iter().filter_map(|record| Some((record, to_mind(record)?)));
     let lines: String =
         warned.map(|(record, warning)| format!("- {}: {}\n", title(record), line(&warning))).collect();
-    if lines.is_empty() { lines } else { format!("\nTo mind:\n\n{lines}") }
+    if lines.is_empty() { lines } else { format!("\nWarnings:\n\n{lines}") }
 }
 
-/// Returns why some points have no time.
+/// Returns a list of the points without a time, each with the reason.
 fn failures(group: &Group<'_>) -> String {
     let failures = group.failures();
     if failures.is_empty() {
@@ -211,7 +212,8 @@ fn failures(group: &Group<'_>) -> String {
     }
     let mut text = "\nWithout a time:\n\n".to_string();
     for (record, reason) in failures {
-        // A compiler's log has many lines; only the first is shown, and the record has all.
+        // A compiler's log has many lines. Only the first is shown here; the record contains all of
+        // them.
         let first = reason.lines().next().unwrap_or_default();
         let _ = writeln!(text, "- {}, {}: {}", title(record), record.outcome.name(), markdown(first));
     }
@@ -237,7 +239,8 @@ mod tests {
         for expected in [
             "## teapot, 800 x 500, pocl",
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
-            // No sample differs: the ranges are what the next run may differ by.
+            // All samples of a point are equal, so the ranges contain only the assumed difference
+            // between runs.
             "42.0 times (39.7 to 44.4) as fast as serial-f32.",
             "8.40 times (8.35 to 8.45) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",

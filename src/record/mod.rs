@@ -1,4 +1,5 @@
-//! Results: one flat record per point, stored as JSON lines, and summaries that are made from records only.
+//! Results: one flat record per point, stored as JSON lines, and summaries that are computed only
+//! from records.
 
 mod anchors;
 mod clocks;

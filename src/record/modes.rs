@@ -8,14 +8,16 @@ use crate::measure::Modes;
 /// A launch counts as having a single mode if at most this fraction of its samples belongs to the other mode.
 const STRAYS: f64 = 0.1;
 
-/// Returns the record's warning, and a note if its samples cluster around two values.
+/// Returns the record's warning, with a note if its samples lie around two values; `None` if there
+/// is neither.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
     let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// Returns "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch"; `None` if there may be a single
-/// mode.
+/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch", where
+/// "by launch" means that each launch has a single mode. Returns `None` if the samples do not show
+/// two modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms)?;
@@ -24,7 +26,7 @@ pub(crate) fn two_modes(record: &Record) -> Option<String> {
     Some(format!("two modes: {} ms ({many} samples) and {} ms ({few}){whose}", ms(fast), ms(slow)))
 }
 
-/// Returns whether each launch has a single mode.
+/// Returns whether there are several launches and each of them has a single mode.
 fn is_by_launch(record: &Record, modes: &Modes) -> bool {
     let of_one = |launch: &u32| {
         let own = record.sample_launches.iter().zip(&record.samples_ms).filter(|(other, _)| *other == launch);
@@ -43,7 +45,8 @@ mod tests {
     use super::super::summary::tests::{measured, sampled};
     use super::*;
 
-    /// Returns a record of three launches of ten samples, with these times.
+    /// Returns a record of three launches with ten samples each; `speeds` are the times of the
+    /// launches.
     fn launches_of(speeds: [f64; 3]) -> Record {
         let sample = |place: u32| {
             (place / 10, speeds[place as usize / 10] * (1.0 + 0.001 * f64::from(place * 7 % 10)))
@@ -59,8 +62,8 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// One of seven samples is more than a tenth of them: if the slowest sample of the fast mode counted as slow, its
-    /// launch would have two modes.
+    /// Tests launches of seven samples, where one sample is more than a tenth. If the slowest
+    /// sample of the fast mode were counted as slow, its launch would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

@@ -1,4 +1,4 @@
-//! The differences that the records of a run can show, and the causes of noise.
+//! Computes the smallest differences that the records of a run can show, and lists causes of noise.
 
 use super::rounds::{core_to_core_ns, mean_load};
 use super::together::{resolution, resolution_within};
@@ -7,7 +7,7 @@ use super::{Folder, interval};
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// The differences that runs on one device can show, as fractions: 0.03 is 3%.
+/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// The device.
@@ -16,11 +16,13 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show; the median over launches.
+    /// The smallest difference between two points that a single launch can show: the median over
+    /// launches.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show.
     pub between_launches: Option<f64>,
-    /// The relative half-width of a point's interval; the median over points.
+    /// The distance from a point's median to the upper end of its 95% interval, as a fraction of
+    /// the median: the median over points.
     pub own_time: Option<f64>,
     /// The causes of noise.
     pub causes: Causes,
@@ -31,21 +33,22 @@ pub struct Noise {
 pub struct Causes {
     /// Number of processors of the machine.
     pub processors: Option<f64>,
-    /// Number of processors that other processes kept busy.
+    /// Mean number of processors that other processes kept busy.
     pub others: Option<f64>,
-    /// Number of processors that other virtual machines on the same hardware took.
+    /// Mean number of processors that other virtual machines on the same hardware used.
     pub stolen: Option<f64>,
-    /// 10th and 90th percentile of the time that a cache line took from one processor to another, ns.
+    /// 10th and 90th percentile of the time in which a cache line moves from one processor to
+    /// another, ns.
     pub core_to_core_ns: Option<[f64; 2]>,
-    /// The policy that sets the processors' frequency.
+    /// The frequency governor of the first processor, such as "performance" or "powersave".
     pub governor: Option<String>,
-    /// Lowest and highest frequency of any processor at the beginning, MHz.
+    /// Lowest and highest frequency of any processor at the beginning of the run, MHz.
     pub clocks_mhz: Option<[f64; 2]>,
-    /// The device's clock while points were timed, MHz.
+    /// The mean clock frequency of the device while points were timed, MHz.
     pub device_clock_mhz: Option<f64>,
     /// Number of samples taken while the device throttled.
     pub throttled_samples: Option<u32>,
-    /// Number of threads that the device cast with.
+    /// Number of threads with which the device executed kernels.
     pub threads: Option<u32>,
 }
 
@@ -121,7 +124,8 @@ mod tests {
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
-        // From the median to the end of the interval; of two points the wider one.
+        // The distance from the median to the upper end of the interval. Of two points, the larger
+        // distance is used.
         let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
         let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
         assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");

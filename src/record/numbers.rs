@@ -1,6 +1,6 @@
 //! Formats numbers for people.
 
-/// Formats `value` with `digits` significant digits, but with all digits of its integer part.
+/// Formats `value` with `digits` significant digits, or more if its integer part has more digits.
 pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();

@@ -1,11 +1,12 @@
-//! A record's strategy as tuning parameters.
+//! Converts a record's strategy to tuning parameters.
 
 use serde_json::{Map, Value};
 
 use super::types::{Record, axes};
 
-/// Returns parameter names and values: the local size, every axis and, if the run compares two kernel folders, the
-/// folder's label. Commas become dots, since commas separate parameters in keys.
+/// Returns the names and values of the parameters: the local size, every axis and, if the run
+/// compares two kernel folders, the folder's label. Commas are replaced by dots, since commas
+/// separate the values in a key.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);
@@ -21,7 +22,7 @@ pub fn parameters(record: &Record) -> Map<String, Value> {
     parameters
 }
 
-/// Joins the parameters' values into one key, in the order of `names`.
+/// Joins the parameters' values with commas into one key, in the order of `names`.
 pub fn joined(parameters: &Map<String, Value>, names: &[String]) -> String {
     let text = |name: &String| match parameters.get(name) {
         Some(Value::String(text)) => text.clone(),

@@ -1,17 +1,19 @@
-//! A record's position among those that were measured with it.
+//! A record's position among the records that were measured with it.
 
 use super::control::Control;
 use crate::measure::Standing;
 
-/// A record's position among those that were measured with it.
+/// A record's position: its times relative to the records, anchor and control point that were
+/// measured with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Identifies the records that were measured together.
+    /// A hash that is equal for all records that were measured together.
     pub(super) together: blake3::Hash,
     /// The record's times, relative to those of the other records that were measured with it.
     pub(super) standing: Standing,
-    /// The anchor of its device, if requested: its name, and its times relative to the same points.
+    /// The anchor of the record's device: its name, and its times relative to the same points.
+    /// `None` if there is no anchor, or if anchors were not requested.
     pub(super) anchor: Option<(String, Standing)>,
-    /// The control point of its block, if it was measured in one of several blocks.
+    /// The control point of the record's block; `None` if the group was not divided into blocks.
     pub(super) control: Option<Control>,
 }

@@ -11,7 +11,7 @@ use std::path::Path;
 /// The file's name in a folder of results.
 const FILE: &str = "plan.json";
 
-/// The points of the latest run in a folder, in its order, each once.
+/// The points of the latest run in a folder, in the run's order and without repetitions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CurrentPlan {
     /// The points.
@@ -55,7 +55,7 @@ impl PlannedPoint {
 }
 
 impl CurrentPlan {
-    /// Makes the plan from the drafts of its points: their records before they are measured.
+    /// Creates the plan from drafts, which are the points' records before they are measured.
     pub fn of<'a>(drafts: impl IntoIterator<Item = &'a Record>) -> Self {
         let mut seen = HashSet::new();
         let drafts = drafts.into_iter().filter(|record| seen.insert(record.key.clone()));
@@ -68,8 +68,8 @@ impl CurrentPlan {
         write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
     }
 
-    /// Reads the plan of a folder; `None` if it has none, like folders of raycl before 0.2 and folders put
-    /// together by hand.
+    /// Reads the plan of a folder; `None` if it has no plan, like folders of raycl before 0.2 and
+    /// folders assembled by hand.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
         if !path.exists() {
@@ -85,8 +85,8 @@ impl CurrentPlan {
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
-    /// Picks the plan's records from a map of records by key; returns them in the plan's order and with its names.
-    /// Also returns the number of points without a record.
+    /// Returns the records that belong to the plan, in the plan's order and with the plan's names,
+    /// and the number of points without a record. `records` maps keys to records.
     pub fn pick(&self, mut records: HashMap<String, Record>) -> (Vec<Record>, usize) {
         let named = |point: &PlannedPoint| {
             let mut record = records.remove(&point.key)?;

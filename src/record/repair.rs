@@ -16,12 +16,12 @@ pub struct Repaired {
     pub copy: PathBuf,
     /// Number of lines that were removed.
     pub damaged: usize,
-    /// Number of lines that are left.
+    /// Number of lines that remain.
     pub kept: usize,
 }
 
-/// Repairs a folder's journals; returns nothing for a folder without damage. The caller must hold the
-/// folder's lock.
+/// Repairs a folder's journals and returns those that it changed; none if there is no damage. The
+/// caller must hold the folder's lock.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join(RECORDS), is_a::<Record>)?,
@@ -43,7 +43,7 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     }
     let failed = |error| {
         Error::input(format!("cannot repair {}: {error}", path.display()))
-            .with_help("name a folder that `raycl run` wrote, with the files that it wrote there")
+            .with_help("name a folder that `raycl run` wrote, with its original files")
     };
     own_file(path).and_then(|()| ordinary(path)).map_err(failed)?;
     let bytes = std::fs::read(path).map_err(failed)?;

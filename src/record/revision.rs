@@ -1,14 +1,15 @@
-//! Decides whether the program that made a record can be built again.
+//! Determines whether the raycl that wrote a record can be built again.
 
-/// The description of a program that was built from uncommitted sources.
+/// The description of a raycl that was built from uncommitted sources.
 pub const DIRTY: &str = "a raycl built from a tree with uncommitted changes, which cannot be built again";
 
-/// Returns whether a revision has uncommitted changes.
+/// Returns whether a revision is marked as having uncommitted changes.
 pub fn is_dirty(revision: &str) -> bool {
     revision.ends_with("-dirty")
 }
 
-/// Returns a note on results of this program; `None` if its revision is a commit, or unknown.
+/// Returns a note for results of this raycl if it was built from uncommitted sources; `None` if it
+/// was built from a commit, or if its revision is unknown.
 pub fn dirty_program() -> Option<String> {
     option_env!("RAYCL_GIT_REVISION")
         .filter(|revision| is_dirty(revision))

@@ -6,38 +6,42 @@ use crate::load::Load;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
-/// A line of the file: consecutive rounds of a launch, long enough for the load to be measurable.
+/// A line of `rounds.jsonl`: the load during consecutive rounds of a launch, which together take
+/// long enough to measure the load.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
     /// The launch's number in the folder.
     pub launch: u32,
     /// The last of these rounds.
     pub round: u32,
-    /// Their duration.
+    /// The duration of these rounds in milliseconds.
     pub ms: f64,
     /// Number of processors of the machine.
     pub processors: usize,
     /// Mean number of processors that other processes kept busy.
     pub others: f64,
-    /// Mean number of processors that other virtual machines on the same hardware took.
+    /// Mean number of processors that other virtual machines on the same hardware used.
     pub stolen: f64,
     /// Mean number of processes that ran or waited to run in the last minute.
     pub load_1m: Option<f64>,
-    /// Time that a cache line took from one processor to another after these rounds, in nanoseconds.
+    /// Time in which a cache line moved from one processor to another, measured after these rounds,
+    /// in nanoseconds.
     #[serde(default)]
     pub core_to_core_ns: Option<f64>,
 }
 
-/// With fewer readings of the core-to-core latency, no percentiles are computed.
+/// The least number of readings of the core-to-core latency for which percentiles are computed.
 const LEAST_READINGS: usize = 10;
-/// If the core-to-core latency differs by more than this factor between rounds, processors were moved.
+/// If the core-to-core latency differs by more than this factor between rounds, the virtual
+/// machine's processors were probably moved to other cores.
 const MOVED: f64 = 1.5;
 
-/// If others took more than this fraction of the machine, they may have disturbed the measurements.
+/// If other processes and virtual machines used more than this fraction of the machine, they may
+/// have disturbed the measurements.
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
-    /// Makes a line from the load while rounds were timed.
+    /// Creates a line from the load that was measured while rounds were timed.
     pub fn of(launch: u32, round: u32, load: &Load) -> Self {
         let Load { ms, others, stolen, processors, load_1m, core_to_core_ns } = *load;
         Self { launch, round, ms, processors, others, stolen, load_1m, core_to_core_ns }
@@ -51,7 +55,7 @@ pub(crate) struct MeanLoad {
     pub(crate) processors: f64,
     /// Number of processors that other processes kept busy.
     pub(crate) others: f64,
-    /// Number of processors that other virtual machines on the same hardware took.
+    /// Number of processors that other virtual machines on the same hardware used.
     pub(crate) stolen: f64,
 }
 
@@ -61,7 +65,7 @@ impl MeanLoad {
     }
 }
 
-/// Returns the mean, weighted by duration; `None` without rounds.
+/// Returns the mean load, weighted by the rounds' durations; `None` if there are no rounds.
 pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<MeanLoad> {
     let lines: Vec<&RoundLoad> = lines.into_iter().collect();
     let all_ms: f64 = lines.iter().map(|line| line.ms).sum();
@@ -70,7 +74,7 @@ pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> O
     Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
 }
 
-/// Returns a note if others disturbed the launches of some records.
+/// Returns a note if other processes or virtual machines disturbed launches of these records.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
@@ -79,12 +83,12 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
         true => {
-            format!(", and other virtual machines took another {} processors", significant(worst.stolen, 2))
+            format!(", and other virtual machines used another {} processors", significant(worst.stolen, 2))
         }
         false => String::new(),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches, others used the machine. In the worst launch, other processes kept \
+        "Disturbed: in {} of {} launches, others also used the machine. In the worst launch, other processes kept \
          {} processors of {} busy{stolen}.",
         bad.count(),
         means.len(),
@@ -93,7 +97,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     ))
 }
 
-/// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds.
+/// Returns the 10th and the 90th percentile of the core-to-core latency, in nanoseconds; `None` if
+/// there are too few readings.
 pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> Option<[f64; 2]> {
     let mut readings: Vec<f64> = lines.into_iter().filter_map(|line| line.core_to_core_ns).collect();
     readings.sort_unstable_by(f64::total_cmp);
@@ -101,14 +106,14 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns a note if the distance between the processors changed while some records were measured.
+/// Returns a note if the core-to-core latency changed while these records were measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
     let [low, high] = core_to_core_ns(lines.iter().filter(|line| shown.contains(&line.launch)))?;
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved. Times change with it, most of all those of kernels that share data between work-groups.",
+             probably moved. This changes times, above all those of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
         )
@@ -129,7 +134,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches, others used the machine. In the worst launch, other \
+        let expected = "Disturbed: in 1 of 2 launches, others also used the machine. In the worst launch, other \
             processes kept 0.50 processors of 2 busy.";
         assert_eq!(said.as_deref(), Some(expected));
         assert_eq!(disturbance(&[], &records), None);
@@ -149,7 +154,7 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // A single interrupted reading does not count as a move.
+        // A single long reading does not count as a move.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);
@@ -161,7 +166,7 @@ mod tests {
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
             said.ends_with(
-                "kept 0.010 processors of 2 busy, and other virtual machines took another 0.40 processors."
+                "kept 0.010 processors of 2 busy, and other virtual machines used another 0.40 processors."
             ),
             "{said}"
         );

@@ -3,7 +3,7 @@
 use crate::sensor::SensorReading;
 use serde::{Deserialize, Serialize};
 
-/// One timed frame.
+/// One timed frame, or the mean of a batch of frames. Times are in milliseconds.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The point's key.
@@ -13,27 +13,30 @@ pub struct Sample {
     pub launch: u32,
     /// The launch's round, counted from 0.
     pub round: u32,
-    /// When it was taken, in milliseconds since the launch's rounds began.
+    /// When the sample was measured, in milliseconds since the launch's rounds began.
     #[serde(default)]
     pub at_ms: Option<f64>,
     /// The frame's device time.
     pub ms: f64,
-    /// Time of its primary pass, if passes are separate.
+    /// Time of the frame's primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
-    /// Time of its shadow pass, if passes are separate; it includes shading if `shade_ms` is null.
+    /// Time of the frame's shadow pass, if passes are separate; it includes shading if `shade_ms`
+    /// is null.
     pub shadow_ms: Option<f64>,
-    /// Time of its shading pass, if it is separate from shadow rays.
+    /// Time of the frame's shading pass, if shading is separate from shadow rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shade_ms: Option<f64>,
-    /// Time on the host's clock.
+    /// The frame's time on the host's clock.
     pub host_ms: Option<f64>,
-    /// Number of frames in one batch of which these times are the mean; null for a single frame.
+    /// Number of frames in the batch, if these times are means over a batch; null for a single
+    /// frame.
     #[serde(default)]
     pub batch: Option<u32>,
     /// Readings of the device's sensors during the frame.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// The attempt and launch that took it, if an attempt continues an earlier one.
+    /// The attempt and the launch that measured the sample, if an attempt continues an earlier
+    /// attempt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
 }

@@ -1,5 +1,5 @@
-//! Distinguishes scenes by content. Different scenes with the same name are named by the ends of their paths, as
-//! short as possible.
+//! Gives different names to scenes with different contents. Scenes with the same name are renamed
+//! by the shortest ends of their paths that differ.
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};
@@ -7,14 +7,16 @@ use std::path::Path;
 
 /// The possible names of a scene.
 struct Names {
-    /// From its path: the file's name alone, then with one folder in front of it, with two, and so on.
+    /// Names from its path: the file's name alone, then with one folder before it, with two
+    /// folders, and so on.
     paths: Vec<String>,
-    /// If no path is unique: with the file's extension, with the values changed in the scene, with its hash.
+    /// Names for scenes with equal paths: with the file's extension, with the values changed in the
+    /// scene, and with the scene's hash.
     others: [String; 3],
 }
 
-/// Gives records of different scenes different names. Records of earlier versions, without a hash of the
-/// scene's content, keep theirs.
+/// Gives records of different scenes different names. Records of earlier versions have no hash of
+/// the scene's content and are not renamed.
 pub fn tell_scenes_apart(records: &mut [Record]) {
     let mut scenes: HashMap<&str, Vec<(&str, Names)>> = HashMap::new();
     for record in records.iter() {
@@ -36,7 +38,8 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns the scenes' names of the first kind by which all of them differ; the last kind is their hashes.
+/// Returns one name per scene: the names of the first kind for which all scenes have different
+/// names. If there is no such kind, the names contain hashes.
 fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
     let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
     let mut kinds =
@@ -50,7 +53,7 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" stays at the end.
+        // A suffix such as "+triangles=80" remains at the end of the name.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);
@@ -69,8 +72,8 @@ impl Names {
         }
     }
 
-    /// Returns the name of the kind with this number: the first `depth` kinds are ends of the path, and the others
-    /// follow. A path with fewer parts is used completely.
+    /// Returns the name of a kind. Kinds from 0 to `depth - 1` are ends of the path; the kinds
+    /// after them are `others`. If a path has too few parts, the whole path is used.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),

@@ -1,4 +1,4 @@
-//! `summary.csv`: one row per record; each element of a list has a column of its own.
+//! `summary.csv`: one row per record; each element of a list has its own column.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! Compares records: groups, winners, speed-ups.
+//! Divides records into groups and finds the winners of each group.
 
 use super::together::{fewest, interval, median, ranking};
 use super::types::Record;
@@ -14,12 +14,13 @@ pub struct Group<'a> {
     pub image_size: [u32; 2],
     /// The device's name, or "host".
     pub device: &'a str,
-    /// Presets in their order, then other strategies by name; each ordered by local size.
+    /// The records: presets in their order, then other strategies by name, each ordered by local
+    /// size.
     pub records: Vec<&'a Record>,
 }
 
-/// Returns the groups in the order in which they first occur. If a key occurs twice, the later record is
-/// used.
+/// Returns the groups in the order in which they first occur. If a group has two records with the
+/// same key, the later record is used.
 pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     let mut groups: Vec<Group<'_>> = Vec::new();
     for record in records {
@@ -41,7 +42,7 @@ pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     groups
 }
 
-/// Returns the notes from reading each scene, as pairs of scene name and note, each once.
+/// Returns the notes from reading the scenes, as pairs of scene name and note, without repetitions.
 pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     let mut notes: Vec<(&str, &str)> = Vec::new();
     for record in records {
@@ -62,37 +63,39 @@ fn place(record: &Record) -> (usize, &str, Option<u32>, Option<[u32; 2]>) {
 }
 
 impl<'a> Group<'a> {
-    /// Ranks the measured records: winners, others, and those with too few samples.
+    /// Ranks the measured records. Records with too few samples are returned separately.
     pub fn ranking(&self) -> Ranking<&'a Record> {
         ranking(self.records.iter().copied())
     }
 
-    /// Returns the fastest measured record that matches `wanted`. One with too few samples is only returned
-    /// if there is no other.
+    /// Returns the fastest measured record that matches `wanted`. A record with too few samples is
+    /// only returned if no other record matches.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
 
-    /// Returns records without a time, with the reason.
+    /// Returns the records without a time, each with the reason.
     pub fn failures(&self) -> Vec<(&'a Record, &'a str)> {
         let failed = self.records.iter().filter(|record| median(record).is_none());
         failed.map(|record| (*record, record.reason.as_deref().unwrap_or("no reason was recorded"))).collect()
     }
 }
 
-/// Returns the first and third quartile; `None` with too few samples.
+/// Returns the first and third quartile in milliseconds; `None` with too few samples.
 pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     interval(record)?;
     Some([record.q1_ms?, record.q3_ms?])
 }
 
-/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch.
+/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch;
+/// `None` for all other records.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
     median(record)?;
     record.place.is_none().then(|| not_enough_samples(fewest(record)))
 }
 
-/// Returns the names of points that are not ranked: "naive at 8 x 8 (n = 3), ... and 9 more".
+/// Returns the names of up to four points that are not ranked, and the number of others: "naive at
+/// 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
     let name = |record: &&Record| format!("{} (n = {})", title(record), fewest(record));
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
@@ -161,7 +164,8 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them, each with its position among those that were measured with it.
+    /// Returns records as a folder shows them. Each has its position among the records that were
+    /// measured with it.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

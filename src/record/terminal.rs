@@ -1,4 +1,4 @@
-//! The table at the end of a run: a row per strategy, a column per local size.
+//! The table that is printed at the end of a run: a row per strategy, a column per local size.
 
 use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 
@@ -11,9 +11,9 @@ use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
 
-/// Returns a table of medians for every scene, image size and device. The fastest have a star; points without
-/// a time have a word for the reason, which the legend explains. With `coloured`, winners are green and
-/// points without a time yellow.
+/// Returns a table of medians for every scene, image size and device. The fastest points have a
+/// star. Points without a time have a word for the reason, which the legend explains. If `coloured`
+/// is true, winners are green and points without a time are yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
     let parts = groups.iter().map(|group| {
@@ -26,8 +26,8 @@ pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     text
 }
 
-/// Formats as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples (n = 1); parallel-f32 210.0
-/// ms".
+/// Formats the host's baselines as "teapot, 800 x 500, host: serial-f32 1.80 s, not enough samples
+/// (n = 1); parallel-f32 210.0 ms".
 fn host_line(group: &Group<'_>) -> String {
     let cell = |record: &&Record| match median(record) {
         Some(time) => {
@@ -75,8 +75,8 @@ fn matrix(group: &Group<'_>, coloured: bool) -> String {
     format!("{scene}, {}, {device}: median ms\n{table}\n{}", by(group.image_size), plain(&peak))
 }
 
-/// Returns the largest share of the device's peak multiply-add rate that each strategy reaches; empty if the
-/// peak was not measured.
+/// Returns the largest fraction of the device's peak rate of multiply-adds that each strategy
+/// reaches; empty if the peak was not measured.
 fn peak_line(group: &Group<'_>) -> String {
     let mut parts: Vec<(&str, f64)> = Vec::new();
     for record in group.ranking().ranked {
@@ -90,10 +90,10 @@ fn peak_line(group: &Group<'_>) -> String {
         return String::new();
     }
     let parts: Vec<_> = parts.iter().map(|(name, part)| format!("{name} {}", percent(*part))).collect();
-    format!("of the device's peak multiply-adds: {}\n", parts.join(", "))
+    format!("fraction of the device's peak rate of multiply-adds: {}\n", parts.join(", "))
 }
 
-/// Formats as "2.4%".
+/// Formats a fraction as "2.4%".
 pub(crate) fn percent(part: f64) -> String {
     format!("{}%", significant(100.0 * part, 2))
 }
@@ -122,7 +122,8 @@ fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Returns why there is no time, in one word: the memory that is too small, or the step that failed.
+/// Returns one word that says why a record has no time: the memory that is too small, or the
+/// outcome.
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
@@ -136,7 +137,7 @@ pub(crate) fn word(record: &Record) -> String {
     }
 }
 
-/// Explains the star and the words.
+/// Explains the marks of a table, and the words for points without a time.
 fn legend(groups: &[Group<'_>]) -> String {
     let kernels = || groups.iter().filter(|group| group.device != HOST);
     let mut text = String::new();
@@ -176,13 +177,13 @@ fn legend(groups: &[Group<'_>]) -> String {
 fn meaning(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Measured => "measured",
-        Outcome::Infeasible => "the device cannot hold it",
+        Outcome::Infeasible => "the device or the host has too little memory",
         Outcome::OtherKind => "its preset is meant for devices of another kind",
         Outcome::BuildFailed => "its program did not compile",
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",
         Outcome::TimedOut => "it took too long",
-        Outcome::Crashed => "it ended its process",
+        Outcome::Crashed => "its process crashed",
     }
 }
 
@@ -217,7 +218,7 @@ mod tests {
         let at =
             |side, ms, part| Record { limit_fraction: Some(part), ..measured("pocl", "naive", side, ms) };
         let text = summary_terminal(&judged([at(8, 80.0, 0.25), at(16, 100.0, 0.2)]), false);
-        assert!(text.contains("peak multiply-adds: naive 25%\n"), "{text}");
+        assert!(text.contains("peak rate of multiply-adds: naive 25%\n"), "{text}");
     }
 
     #[test]

@@ -10,17 +10,18 @@ use crate::device::DeviceKind;
 use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Points that differ by less than this fraction are a tie, however certain the difference is.
+/// Points are a tie if their times differ by less than this fraction, even if the difference is
+/// certain.
 const TIE: f64 = 0.01;
 
-/// Finds the position of each measured record among those that were measured with it. Records of the same
-/// launches were measured together; so were records of earlier versions, which have no launch numbers, if
-/// scene, image size and device are equal.
+/// Computes the position of each measured record among the records that were measured with it.
+/// Records of the same launches were measured together. Records of earlier versions have no launch
+/// numbers; they were measured together if scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
 
-/// Finds each record's position like [`judge`], with the anchors as further points.
+/// Computes each record's position like [`judge`], and treats the anchors as further points.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
@@ -35,13 +36,13 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     find_controls(records);
 }
 
-/// Records that were measured together, and the anchors run with them.
+/// Records that were measured together, and the anchors that were measured with them.
 struct Table {
-    /// Identifies these records.
+    /// A hash that identifies these records.
     together: blake3::Hash,
     /// Their indices in the list of all records.
     places: Vec<usize>,
-    /// The anchors, which follow as further points, each with its device.
+    /// The anchors, each with its device. In `paired`, they are points after those of the records.
     anchors: Vec<(String, String)>,
     paired: Paired,
 }
@@ -76,8 +77,8 @@ impl Table {
     }
 }
 
-/// Returns how much the next run may differ on the device of a record. Records of earlier versions do not have the
-/// device's kind; in those, only a driver for processors reports threads.
+/// Returns how much the next run on a record's device may differ. Records of earlier versions do
+/// not contain the device's kind; in them, only drivers for CPUs report a number of threads.
 fn between_runs(record: &Record) -> BetweenRuns {
     let is_processor = match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),
@@ -102,8 +103,8 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records in the order taken within each launch. The anchors' samples follow as
-/// further points.
+/// Returns the samples of some records and anchors, sorted by launch and then by time. The indices
+/// of anchors come after those of records.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[&AnchorSample],
@@ -140,21 +141,21 @@ pub fn median(record: &Record) -> Option<f64> {
     record.median_ms.filter(|_| record.outcome == Outcome::Measured)
 }
 
-/// Returns the number of launches of its samples.
+/// Returns the number of launches in which a record was measured.
 pub(crate) fn launches(record: &Record) -> usize {
     let mut numbers = record.sample_launches.clone();
     numbers.dedup();
     numbers.len().max(usize::from(!record.samples_ms.is_empty()))
 }
 
-/// Returns the smallest number of samples in a launch.
+/// Returns the number of samples in the launch that has the fewest samples.
 pub(crate) fn fewest(record: &Record) -> usize {
     let of = |launch: &u32| record.sample_launches.iter().filter(|other| *other == launch).count();
     record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
 }
 
-/// Returns the ratio of two records' times. If the records were measured together, samples that were taken close in
-/// time are compared. `None` if one has too few samples.
+/// Returns the ratio of two records' times. If the records were measured together, samples are
+/// compared that were measured close in time. Returns `None` if either record has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
     if slow.together == fast.together {
@@ -163,7 +164,8 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the ratio of two records' own times, without using the blocks' control points.
+/// Returns the ratio of two records' times, computed without pairs of samples and without control
+/// points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
@@ -173,15 +175,16 @@ pub(crate) fn are_together(one: &Record, other: &Record) -> bool {
     one.place.as_ref().zip(other.place.as_ref()).is_some_and(|(one, other)| one.together == other.together)
 }
 
-/// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name. `None` if the
-/// anchor was not run, or not requested ([`judge_beside_anchors`]).
+/// Returns the ratio of a record's time to that of its device's anchor, and the anchor's name.
+/// `None` if the anchor was not measured, or not requested (see [`judge_beside_anchors`]).
 pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
     let place = record.place.as_ref()?;
     let (name, anchor) = place.anchor.as_ref()?;
     Some((name, place.standing.ratio(anchor)))
 }
 
-/// Returns the ratio of the mean time of some records to the anchor's time; the records were measured together.
+/// Returns the ratio of the mean time of some records to the anchor's time. The records must have
+/// been measured together.
 pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
     let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
     Some(mean(records)?.ratio(anchor))
@@ -192,7 +195,8 @@ pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Inter
     ratio_of_means(&[record], others)
 }
 
-/// Returns the ratio of two means, if all records were measured together.
+/// Returns the ratio of the mean times of two sets of records. All records must have been measured
+/// together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(&mean(others)?))
 }
@@ -209,9 +213,9 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks the measured ones among these records by their times. The winners are the fastest, and every other that
-/// ties with it: the samples do not show that it takes more than 1% longer. A record with too few samples has
-/// no rank.
+/// Ranks those of the records that were measured, by their times. The winners are the fastest
+/// record and every record that ties with it, which means that the samples do not show that it
+/// takes more than 1% longer. A record with too few samples has no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let level = |record: &Record| record.place.as_ref().map(Place::level);
     let measured = records.into_iter().filter(|record| median(record).is_some());
@@ -221,8 +225,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two of these records if their spread is
-/// typical. It differs between groups that were measured together; the result is its least and its greatest value.
+/// Returns the smallest difference, as a fraction, that can be shown between two of these records
+/// if their spread is typical. Each set of records that were measured together has its own value;
+/// the least and the greatest of these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
@@ -232,8 +237,9 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
     })
 }
 
-/// Returns the smallest difference between two of these records that a single launch can show, as a fraction:
-/// the median over launches. All of these records must have been measured together.
+/// Returns the smallest difference between two of these records that a single launch can show, as a
+/// fraction. The result is the median over launches. All of these records must have been measured
+/// together.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
@@ -247,8 +253,8 @@ pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     parts.get(parts.len() / 2).copied()
 }
 
-/// Returns notes on the certainty of some records: results from a single launch, and differences that cannot
-/// be shown.
+/// Returns notes on how certain some results are: which points were measured in a single launch
+/// only, and how small a difference cannot be detected.
 pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     let looks = || records.iter().filter(|record| is_look(record));
     let mut notes = Vec::new();
@@ -274,7 +280,7 @@ fn is_look(record: &Record) -> bool {
     record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
 }
 
-/// Formats "3.1%" or "2.2 to 3.1% (by scene and size)".
+/// Formats fractions as "3.1%" or "2.2 to 3.1% (by scene and size)".
 fn percents([low, high]: [f64; 2]) -> String {
     let [least, most] = [low, high].map(|part| significant(100.0 * part, 2));
     if least == most { format!("{most}%") } else { format!("{least} to {most}% (by scene and size)") }
@@ -285,7 +291,8 @@ mod tests {
     use super::super::summary::tests::{few, judged, measured, sampled};
     use super::*;
 
-    /// Returns a record with ten samples around a time; those of the second launch are slower by a fraction.
+    /// Returns a record with ten samples near `ms`; those of the second launch take longer by the
+    /// fraction `slower`.
     fn launches(name: &str, ms: f64, slower: f64) -> Record {
         let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
         sampled(name, (0..10).map(|place| (place / 5, at(place))))
@@ -338,8 +345,8 @@ mod tests {
 
     #[test]
     fn a_tie_is_decided_by_the_intervals_end() {
-        // In one launch, this point is as fast as the other point; in the other launch, it is 6% slower. That is 3%
-        // on average, and uncertain.
+        // In one launch, this point is as fast as the other point; in the other launch, it is 6%
+        // slower. The mean difference is 3%, and it is uncertain.
         let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
         let records = judged([launches("naive", 10.0, 0.0), wavers]);
         assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);

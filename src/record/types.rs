@@ -18,7 +18,8 @@ pub enum Outcome {
     Measured,
     /// The device or the host has too little memory; `reason` shows how the needed memory is computed.
     Infeasible,
-    /// Its preset is meant for devices of another kind, so it was neither built nor timed.
+    /// The point's preset is meant for devices of another kind, so the point was not compiled or
+    /// timed.
     OtherKind,
     /// The device's compiler rejected the program.
     BuildFailed,
@@ -27,15 +28,15 @@ pub enum Outcome {
     /// The image differs from the reference on pixels that are certain (that do not depend on rounding); such points
     /// are never timed.
     WrongImage,
-    /// One step took longer than the limit.
+    /// A step of the point took longer than the time limit.
     TimedOut,
-    /// The process that ran it died; also the initial value.
+    /// The process that measured the point ended unexpectedly; also the initial value.
     #[default]
     Crashed,
 }
 
 impl Outcome {
-    /// Returns the name in records.
+    /// Returns the outcome's name in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Measured => "measured",
@@ -49,8 +50,8 @@ impl Outcome {
         }
     }
 
-    /// Returns whether a run with this outcome succeeded: the point was measured, or it was known beforehand that it
-    /// cannot be measured, or need not be.
+    /// Returns whether this outcome is no failure: the point was measured, or raycl knew beforehand
+    /// that the point cannot or need not be measured.
     pub fn is_fine(self) -> bool {
         matches!(self, Self::Measured | Self::Infeasible | Self::OtherKind)
     }
@@ -61,7 +62,7 @@ impl Outcome {
 pub struct Record {
     /// The key of the measurement: a hash of everything that can change its time or its picture.
     pub key: String,
-    /// When the point was finished, RFC 3339.
+    /// When the point was finished, in the format of RFC 3339.
     pub timestamp: Option<String>,
     /// The scene's name.
     pub scene: String,
@@ -79,30 +80,31 @@ pub struct Record {
     /// The device's kind: cpu, gpu, accelerator or other; null for a baseline.
     #[serde(default)]
     pub device_kind: Option<String>,
-    /// The device on which it was measured, if points were distributed over several devices of one kind.
+    /// The device that measured the point, if points were distributed over several devices of one
+    /// kind.
     #[serde(default)]
     pub measured_on: Option<String>,
-    /// The machine on which it was measured, if an experiment is measured on several.
+    /// The machine that measured the point, if several machines measured the experiment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub host: Option<String>,
-    /// The attempt that measured it, if the folder was merged from several.
+    /// The attempt that measured the point, if the folder was merged from several attempts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempt: Option<String>,
-    /// The block in which it was measured, if the plan is cut into blocks.
+    /// The block in which the point was measured, if the plan is divided into blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<u32>,
     /// The key of the control point, which all blocks of its group measure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// True if it was measured only to compare its block with others; the point then has another record of
-    /// its own.
+    /// True if the point was measured only to compare its block with other blocks. The point then
+    /// has another record with its result.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name in the config.
     pub name: String,
     /// The preset's name; null if an axis differs from the preset.
     pub preset: Option<String>,
-    /// The folder of its kernels, if two folders are compared.
+    /// The folder of the point's kernels, if two folders of kernels are compared.
     #[serde(default)]
     pub kernels_of: Option<String>,
     /// All axes with their values; for a baseline "serial-f32", "serial-f64" or "parallel-f32".
@@ -120,7 +122,7 @@ pub struct Record {
     pub scene_notes: Vec<String>,
     /// The outcome.
     pub outcome: Outcome,
-    /// The reason why it was not measured.
+    /// The reason why the point was not measured.
     pub reason: Option<String>,
     /// A warning about the measured time.
     pub warning: Option<String>,
@@ -133,14 +135,14 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order taken.
+    /// The device time of every frame, in the order of measurement.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
     /// a single launch.
     #[serde(default)]
     pub sample_launches: Vec<u32>,
-    /// When each sample was taken, in milliseconds since the rounds of its launch began.
+    /// When each sample was measured, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
     /// Its position among the records that were measured with it. It is computed when a folder is read, and
@@ -165,7 +167,8 @@ pub struct Record {
     /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
     pub build_from_cache: Option<bool>,
-    /// Time for its check in the first launch: build, first frame, comparison with the reference.
+    /// Time to check the point in the first launch: to build, cast a frame and compare it with the
+    /// reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
     /// Device time for preparing records of triangles, if the strategy uses them. It is spent once per scene
@@ -184,7 +187,7 @@ pub struct Record {
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
-    /// The pixel with that difference: column, row.
+    /// The pixel with the largest difference: column, row.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. They are compared
     /// with the range of values of such rays.
@@ -217,7 +220,7 @@ pub struct Record {
     /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
     pub batch: Option<u32>,
-    /// Number of threads that the device cast with, if known (PoCL reports it).
+    /// Number of threads with which the device executed kernels, if known (PoCL reports it).
     #[serde(default)]
     pub threads: Option<u32>,
     /// Properties of the frame's compiled kernels, in their order.
@@ -232,10 +235,10 @@ pub struct Record {
     /// `tests_per_s` x `operations_per_test`, divided by `fma_per_s`.
     #[serde(default)]
     pub limit_fraction: Option<f64>,
-    /// The mean of the sensors' readings while its samples were taken.
+    /// The mean of the sensors' readings while the samples were measured.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// Number of samples taken while the device throttled.
+    /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
     /// The hash of the source, the defines and the build options.
@@ -258,18 +261,19 @@ pub fn schema() -> serde_json::Value {
 }
 
 impl Record {
-    /// Returns its strategy's value of an axis. All code reads `strategy` through this function.
+    /// Returns the value of an axis in the record's strategy. All code reads `strategy` through
+    /// this function.
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
 
-    /// Returns whether each of its rays is tested against every triangle, so that the number of tests is
-    /// known.
+    /// Returns whether the point tests every ray against every triangle, so that the number of
+    /// tests is known.
     pub fn tests_every_triangle(&self) -> bool {
         self.is_baseline() || self.axis("traversal") == Some("exhaustive")
     }
 
-    /// Returns whether its rays use a tree, each by itself or in a tile.
+    /// Returns whether the point's rays traverse a tree, each separately or together in a tile.
     pub fn walks_tree(&self) -> bool {
         matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
@@ -279,13 +283,14 @@ impl Record {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
     }
 
-    /// Returns primary rays per second of the primary pass; `None` if passes are fused.
+    /// Returns the primary rays per second of the primary pass; `None` if passes are fused.
     pub fn primary_rays_per_s(&self) -> Option<f64> {
         Some(self.pixels() / positive(self.primary_ms)? * 1e3)
     }
 
-    /// Returns primary and shadow rays of the frame per second. This is comparable between all strategies.
-    /// `None` if the shadow rays were not counted, as for baselines in records of earlier versions.
+    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in
+    /// seconds. This is comparable between all strategies. `None` if the shadow rays were not
+    /// counted, as for baselines in records of earlier versions.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
         Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }
@@ -294,7 +299,7 @@ impl Record {
         self.image_size.iter().map(|side| f64::from(*side)).product()
     }
 
-    /// Returns whether it is a caster on the host.
+    /// Returns whether the record is of a baseline, which is a caster on the host.
     pub fn is_baseline(&self) -> bool {
         self.device == HOST
     }
@@ -304,7 +309,7 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// The values of axes that did not exist when a strategy's text was written.
+/// Axes that strategies in old records do not name, and the values that these strategies have.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
 /// Returns the axes in a strategy's text and their values, and then the axes that did not exist when the text was

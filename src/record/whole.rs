@@ -1,22 +1,22 @@
-//! Writes files completely or not at all. Paths in a folder of results are checked first: anybody may have
-//! made them, and they must not lead out of the folder or to a device.
+//! Writes files completely or not at all. Paths in a folder of results are checked first: the
+//! folder may come from a stranger, and its paths must not lead out of the folder or to a device.
 
 use crate::error::{Error, Result};
 use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// Prefix of temporary files; a run that is killed may leave some.
+/// Prefix of the names of temporary files. A run that is killed may leave such files behind.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
 
-/// Writes a temporary file in the folder of `path` and then renames it. A reader of `path` finds either the
-/// old or the new file, also after a crash or a loss of power.
+/// Writes a temporary file in the folder of `path` and then renames it. A process that reads `path`
+/// finds either the whole old file or the whole new file, even after a crash or a loss of power.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// Writes a whole file like [`write_whole`], if it is too large to be held at once: `write` writes it piece by
-/// piece.
+/// Writes a whole file like [`write_whole`], for contents that are too large for memory: `write`
+/// writes them piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -25,14 +25,14 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
     })
 }
 
-/// Writes a whole file like [`write_whole`], if it can be regenerated from records: it need not be on the
-/// disk when this returns.
+/// Writes a whole file like [`write_whole`], but does not wait until the file is on the disk. This
+/// is for files that can be regenerated from records.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
-/// Writes a file unless it exists already, and returns whether it was written. If several processes try, one
-/// succeeds.
+/// Writes a file unless it exists already, and returns whether it was written. If several processes
+/// try this, only one succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<bool> {
@@ -76,7 +76,7 @@ fn replace(
     })
 }
 
-/// Makes a subfolder in a folder of results. A link in its place is refused.
+/// Creates a subfolder in a folder of results. Fails if a link with this name exists.
 pub fn own_folder(path: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(path)?;
     match path.symlink_metadata()?.is_symlink() {
@@ -85,7 +85,8 @@ pub fn own_folder(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Refuses to append to a link or a device. A missing file is accepted.
+/// Fails if `path` is a link or a device, to which raycl must not append. A missing file is
+/// accepted.
 pub fn own_file(path: &Path) -> std::io::Result<()> {
     match path.symlink_metadata() {
         Ok(found) if found.is_symlink() => Err(IoError::new(ErrorKind::InvalidInput, LINK)),
@@ -97,7 +98,7 @@ pub fn own_file(path: &Path) -> std::io::Result<()> {
 
 const LINK: &str = "it is a link, which may lead out of the folder";
 
-/// Refuses to read a pipe or a device, which may never end.
+/// Fails if `path` is a pipe or a device, since reading it may never end.
 pub fn ordinary(path: &Path) -> std::io::Result<()> {
     let found = path.metadata()?;
     match found.is_file() || found.is_dir() {
@@ -112,13 +113,13 @@ pub fn sync_folder(folder: &Path) -> std::io::Result<()> {
     std::fs::File::open(folder)?.sync_all()
 }
 
-/// Does nothing: on other systems, folders cannot be opened.
+/// Does nothing, since folders cannot be opened on this system.
 #[cfg(not(unix))]
 pub fn sync_folder(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Makes a temporary file that will be renamed to a file in this folder.
+/// Creates a temporary file that will be renamed to a file in this folder.
 pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(TEMPORARY_PREFIX);

@@ -21,7 +21,7 @@ pub struct Beam {
     angle: f64,
 }
 
-/// How a beam meets a triangle, with the range of its rays' distances.
+/// How a beam meets a triangle, with the range of distances at which its rays may hit the triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum BeamHit {
     /// No ray hits it.
@@ -237,7 +237,7 @@ mod tests {
         Tree::new(&mesh, Culling::None)
     }
 
-    /// Down the z axis, beside the squares' diagonals.
+    /// Returns a beam down the z axis, beside the squares' diagonals.
     fn down() -> Beam {
         Beam::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
     }

@@ -12,8 +12,8 @@ use super::tree::Tree;
 use crate::scene::PixelFrame;
 use glam::DVec3;
 
-/// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All correct casters must
-/// agree on a pixel that does not change under them.
+/// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All
+/// correct casters must agree on a pixel that does not change under wide nudges.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. It is at most twice the angle by
 /// which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
@@ -73,8 +73,8 @@ impl Asked<'_> {
         }
     }
 
-    /// Returns the length by which rounding errors at a light are scaled: a relative error times this length is an
-    /// absolute one.
+    /// Returns the length by which rounding errors at a light are scaled: a relative error times
+    /// this length is an absolute error.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
         let position =
             self.seen.lights.get(sight.light).map_or(0.0, |light| light.position.as_dvec3().length());
@@ -82,11 +82,12 @@ impl Asked<'_> {
     }
 }
 
-/// Casts the pixel. Then casts it again with changes: its ray is nudged in each direction along the image's axes; the
-/// shadow bias is halved and doubled; shadow rays start a little above and below the plane of its hit; surfaces near
-/// lights count as occluders or not; the edges of holes are moved by rounding; for grazing light, every result that
-/// rounding allows is included. If two surfaces coincide, either one is correct, so surfaces just behind the hit are
-/// included too.
+/// Casts the pixel. Then casts it again with changes: its ray is nudged in each direction along the
+/// image's axes; the shadow bias is halved and doubled; shadow rays start a little above and below
+/// the plane of its hit; surfaces near lights are included as occluders or left out; the edges of
+/// holes are moved by rounding; for grazing light, every result that rounding allows is included.
+/// If two surfaces coincide, either one is correct, so surfaces just behind the hit are included
+/// too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -144,9 +145,10 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
     Sight { point: sight.point + off, ..*sight }
 }
 
-/// Returns the result of [`sample`] faster, if one search serves all nudges. That is so if the whole beam of nudged
-/// rays hits a single triangle first, or nothing, and if for each light the beam from it to the hits is occluded
-/// completely or not at all. `None` if it is uncertain what the rays hit.
+/// Returns the result of [`sample`] faster, if one search is enough for all nudges. This is the
+/// case under two conditions: the whole beam of nudged rays hits a single triangle first, or
+/// nothing; and the beam from each light to the hits is occluded completely or not at all. `None`
+/// if it is uncertain what the rays hit.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -237,8 +239,8 @@ mod tests {
     use glam::{Vec3, vec3};
     use std::sync::Arc;
 
-    /// Returns the percentage of pixels for which `quick_sample` has a result, after checking that each equals the
-    /// plain caster's.
+    /// Returns the percentage of pixels for which `quick_sample` has a result, after checking that
+    /// each result equals the plain caster's.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
         let size = [80, 50];
         let tree = Tree::new(&scene.mesh, culling);

@@ -1,4 +1,4 @@
-//! Counts the tests that each pixel's rays take, for each way of finding triangles.
+//! Counts the tests that each pixel's rays take, for each method of finding triangles.
 
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
@@ -14,9 +14,9 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Number of children of a node in the counted tree: that of the preset `bvh`.
+/// Number of children of a node in the tree for which costs are counted, as in the preset `bvh`.
 pub const NODE_WIDTH: usize = 4;
-/// Largest number of triangles in its leaves.
+/// Largest number of triangles in a leaf of this tree.
 pub const LEAF_SIZE: usize = 4;
 
 /// The cost of a pixel's primary ray and its shadow rays together.
@@ -45,7 +45,7 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
     Ok(in_built(scene, &tree_of(&scene.mesh)?, size, culling))
 }
 
-/// The tree in which costs are counted.
+/// Builds the tree for which costs are counted.
 ///
 /// # Errors
 ///
@@ -85,7 +85,7 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
     (0..width * height).into_par_iter().map(cost).collect()
 }
 
-/// Counts as an exhaustive search would, but finds hits by a tree, which is faster.
+/// Counts the tests of an exhaustive search, but finds hits with a tree, which is faster.
 struct InOrder<'a> {
     tree: &'a Tree,
     count: u32,

@@ -66,7 +66,7 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
         });
     }
 
-    /// Without holes, the search is left to the inner finder, which may have a faster way.
+    /// Without holes, the inner finder does the search, which may be faster.
     fn any(&self, ray: &Ray<R>) -> bool {
         if self.textures.is_none() {
             return self.finder.any(ray);

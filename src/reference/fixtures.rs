@@ -10,7 +10,8 @@ pub(crate) fn single_triangle() -> Scene {
     scene("single triangle", upright(glossy(vec3(2.5, 2.0, 0.0))), vec3(1.0, 3.0, 1.0))
 }
 
-/// Figure 4: that triangle in green, its reversed twin, and the ground.
+/// The scene of the paper's Figure 4: the triangle of the first scene in green, its reversed twin,
+/// and the ground.
 pub(crate) fn figure_4() -> Scene {
     let mut mesh = upright(glossy(vec3(0.0, 0.6, 0.0)));
     let mut twin = mesh.triangles[0];
@@ -21,12 +22,12 @@ pub(crate) fn figure_4() -> Scene {
     scene("figure 4", mesh, vec3(1.0, 3.0, 1.0))
 }
 
-/// Figure 3, upper.
+/// The scene of the paper's Figure 3, upper picture.
 pub(crate) fn pyramid_upper() -> Scene {
     pyramid("pyramid upper", vec3(1.0, 3.0, 1.0))
 }
 
-/// Figure 3, the lower picture, with the larger bias that it needs.
+/// The scene of the paper's Figure 3, lower picture, with the larger shadow bias that it needs.
 pub(crate) fn pyramid_lower() -> Scene {
     Scene { shadow_bias: 1e-2, ..pyramid("pyramid lower", vec3(3.0, 0.95, -1.5)) }
 }

@@ -29,7 +29,7 @@ pub struct Layers {
     pub object: Vec<u32>,
     /// Number of triangles that the pixel's rays are tested against in a tree, including shadow rays.
     pub tests: Vec<u32>,
-    /// Number of the tree's nodes that they are tested against.
+    /// Number of the tree's nodes that the same rays are tested against.
     pub nodes: Vec<u32>,
 }
 
@@ -66,7 +66,8 @@ pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Cul
     })
 }
 
-/// The interpolated normal of a hit, of unit length; zero where the corners' normals cancel out.
+/// Returns the interpolated normal of a hit, of unit length; zero where the corners' normals cancel
+/// out.
 pub fn normal_at(mesh: &Mesh, hit: &Hit<f64>) -> DVec3 {
     let corners = mesh.corner_normals(&mesh.triangles[hit.triangle as usize]).map(|normal| normal.as_dvec3());
     let normal: DVec3 = corners.iter().zip(hit.weights).map(|(normal, weight)| *normal * weight).sum();

@@ -64,8 +64,8 @@ pub struct Reference {
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The smallest and the largest possible number of hits, since pixels whose hit becomes a miss under a
-    /// nudge, or the reverse, may be either.
+    /// The smallest and the largest possible number of hits. They differ if nudges change a pixel's
+    /// hit to a miss or the reverse, since such a pixel may be either.
     pub hits_range: [usize; 2],
     /// Pixels darker than this are compared relative to this radiance (see [`dark_floor`]).
     pub floor: f64,

@@ -73,9 +73,9 @@ impl PixelSample {
 /// The size of a nudge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
-    /// More than rounding.
+    /// Ten times as large as the effect of rounding.
     Wide,
-    /// As much as rounding.
+    /// About as large as the effect of rounding.
     Near,
 }
 

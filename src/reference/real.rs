@@ -28,11 +28,11 @@ pub trait Real:
     const PI: Self;
     /// Returns the value nearest to `value`.
     fn of(value: f64) -> Self;
-    /// The larger of two.
+    /// Returns the larger of two numbers.
     fn max(self, other: Self) -> Self;
-    /// The square root.
+    /// Returns the square root.
     fn sqrt(self) -> Self;
-    /// The angle of the point (other, self), from -pi to pi.
+    /// Returns the angle of the point (other, self), from -pi to pi.
     fn atan2(self, other: Self) -> Self;
     /// Rounds down to a whole number.
     fn floor(self) -> Self;
@@ -40,7 +40,7 @@ pub trait Real:
     fn to_i32(self) -> i32;
     /// Returns this to the power of `exponent`.
     fn powf(self, exponent: Self) -> Self;
-    /// The logarithm to base 2.
+    /// Returns the logarithm to base 2.
     fn log2(self) -> Self;
 }
 
@@ -64,9 +64,9 @@ pub trait Vector<R: Real>:
     fn round(value: DVec3) -> Self;
     /// Rounds to single precision.
     fn to_f32(self) -> [f32; 3];
-    /// The inner product.
+    /// Returns the inner product.
     fn dot(self, other: Self) -> R;
-    /// The cross product.
+    /// Returns the cross product.
     fn cross(self, other: Self) -> Self;
 
     /// Returns the unit vector in this direction; zero for the zero vector, never NaN.

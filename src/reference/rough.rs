@@ -1,11 +1,12 @@
-//! Which blocks of pixels get more samples: those where neighbouring pixels differ visibly after the first
-//! ones. `cl/common/mark_rough.cl` does the same on devices.
+//! Determines which blocks of pixels get more samples: those in which neighbouring pixels differ
+//! visibly after the first samples. `cl/common/mark_rough.cl` does the same on devices.
 
 use crate::image::Radiance;
 use crate::manifest::SAMPLED_BLOCK;
 
-/// Returns the largest difference of neighbouring pixels in and around each block of an image; blocks are in order,
-/// row by row. Differences are computed with a gamma of 2, in 8-bit steps, so they are nearly those that are displayed.
+/// Returns the largest difference of neighbouring pixels in and around each block of an image;
+/// blocks are in order, row by row. Differences are computed with a gamma of 2, in 8-bit steps, so
+/// they nearly equal the displayed differences.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));

@@ -50,8 +50,8 @@ pub fn surface_at<R: Real>(scene: &Scene, ray: &Ray<R>, hit: &Hit<R>) -> [R::Vec
 /// A test of whether a light is visible.
 pub type Reaches<'a, R> = &'a dyn Fn(&Sight<R>) -> bool;
 
-/// Returns the radiance that leaves a hit towards the ray's origin; `width` is that of the pixel's cone there.
-/// `reaches` tests whether a light in front of the surface is visible.
+/// Returns the radiance that leaves a hit towards the ray's origin; `width` is the width of the
+/// pixel's cone at the hit. `reaches` tests whether a light in front of the surface is visible.
 pub fn shade<R: Real>(
     scene: &Scene,
     seen: &Seen<'_>,

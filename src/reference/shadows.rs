@@ -1,4 +1,5 @@
-//! Finds the lights that reach all points near a hit. One search per light is enough, which starts at the light.
+//! Finds the lights that reach all points near a hit. For each light, a single search that starts
+//! at the light is enough.
 
 use super::beam::Beam;
 use super::certainty::AT_LIGHT;

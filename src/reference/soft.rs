@@ -24,7 +24,8 @@ pub struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// Returns what a sample of a pixel sees. With a single sample, lights are points.
+    /// Returns the lights and the sky as a sample of a pixel sees them. With a single sample,
+    /// lights are points.
     pub fn of(scene: &'a Scene, sample: Sample, pixel: [u32; 2]) -> Self {
         let unoccluded = sample.light == SampleLight::Unoccluded;
         let are_points = unoccluded || sample.count == 1;
@@ -70,8 +71,8 @@ pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
 
-/// Returns the sky's radiance in a direction. Without a picture, it is that of the horizon in all directions below the
-/// horizon.
+/// Returns the sky's radiance in a direction. Without a picture, all directions below the horizon
+/// have the radiance of the horizon.
 pub fn radiance_of_sky<R: Real>(sky: &Sky, way: R::Vector) -> R::Vector {
     if let Some(picture) = &sky.picture {
         return radiance_of_picture::<R>(sky, picture, way);

@@ -1,4 +1,5 @@
-//! The first screen: the winner, its margin, how certain it is, and the points that could not run.
+//! Collects the data of a report's first screen: the winners, how much faster they are, how certain
+//! this is, and the points that could not run.
 
 use super::words::{first_line, interval_text, series_name, title};
 use crate::measure::Ranking;
@@ -19,15 +20,15 @@ pub struct Answer {
     pub device: String,
     /// The winners, fastest first: strategy and local size.
     pub winners: Vec<Winner>,
-    /// The text shown if there is no winner.
+    /// The text that is shown if there is no winner.
     pub nobody: &'static str,
-    /// The best median as text.
+    /// The best point's median as text.
     pub time: String,
-    /// The interval of the best median as text.
+    /// The 95% interval of this median as text.
     pub interval: String,
     /// The speed-ups over the baselines and the best naive point.
     pub speedups: Vec<Speedup>,
-    /// "clear", "tie" or "unsure".
+    /// The certainty of the result: "clear", "tie" or "unsure".
     pub sureness: &'static str,
     /// A sentence on how certain the result is.
     pub sure: String,
@@ -42,37 +43,37 @@ pub struct Answer {
 pub struct Winner {
     /// The strategy's name.
     pub name: String,
-    /// Its local size.
+    /// The winner's local size.
     pub size: String,
-    /// Its axes.
+    /// The values of all axes of the strategy.
     pub strategy: String,
 }
 
-/// The factor by which the best point is faster.
+/// The factor by which the best point is faster than another point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Speedup {
-    /// The point or baseline that it is compared with.
+    /// The point or baseline with which the best point is compared.
     pub over: String,
-    /// The factor; `None` if one of the points has too few samples.
+    /// The factor; `None` if either point has too few samples.
     pub ratio: Option<f64>,
-    /// "4.4×", or "?".
+    /// The factor as text: "4.4×", or "?" if it is unknown.
     pub factor: String,
-    /// "4.2 to 4.6", or "not enough samples (n = 3)".
+    /// The 95% interval of the factor, "4.2 to 4.6", or "not enough samples (n = 3)".
     pub range: String,
 }
 
-/// Points that have no time, all for the same reason.
+/// Points that all have no time for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in a word: "local memory", "wrong-image".
     pub word: String,
     /// Number of points.
     pub count: usize,
-    /// One of them, with its full reason.
+    /// One of the points, with its full reason.
     pub example: String,
 }
 
-/// Returns the answers, one per group of kernels.
+/// Returns one answer per group. Groups of the host's baselines have none.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }
@@ -104,7 +105,7 @@ fn winner(record: &Record) -> Winner {
     Winner { name: record.name.clone(), size, strategy: record.strategy.clone() }
 }
 
-/// Returns the baselines of a group: the host's records of its scene and size.
+/// Returns the baselines of a group: the host's records of the same scene and image size.
 pub fn baselines<'a>(group: &Group<'_>, groups: &'a [Group<'a>]) -> Vec<&'a Record> {
     let of_host = |other: &&Group<'_>| {
         other.device == HOST && other.scene == group.scene && other.image_size == group.image_size
@@ -151,7 +152,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let gap = next.and_then(|next| Some((next, ratio(next, best)?)));
     let behind = gap.map_or(String::new(), |(next, ratio)| {
         let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
-        format!(" The next, {}, takes {middle} times ({low} to {high}) as long.", title(next))
+        format!(" The next point, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
     let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
     let look = if launches(best) < 2 { " One launch only: draw no conclusions." } else { "" };
@@ -191,7 +192,8 @@ fn refused(group: &Group<'_>) -> Vec<Refused> {
     refused
 }
 
-/// Returns a summary in a sentence: which strategy wins in how many groups, and by how much.
+/// Returns a summary in one sentence: which strategies win in how many groups, and how much faster
+/// they are.
 pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
@@ -219,7 +221,8 @@ fn gains(answers: &[Answer]) -> String {
     if all.is_empty() { String::new() } else { format!("; {they} {}", all.join(", ")) }
 }
 
-/// Returns in how many groups each strategy is among the winners.
+/// Returns the first part of the summary: the strategies that win most groups, and in how many of
+/// the groups they win.
 fn who_wins(answers: &[Answer]) -> String {
     let won = |name: &str| answers.iter().filter(|one| one.winners.iter().any(|w| w.name == name)).count();
     let mut names: Vec<(&str, usize)> = Vec::new();
@@ -302,7 +305,7 @@ mod tests {
         let answers = answers(&groups(&records));
         let sure = &answers[0].sure;
         assert!(
-            sure.contains(" The next, naive at 8 x 8, takes 4.00 times (3.98 to 4.02) as long."),
+            sure.contains(" The next point, naive at 8 x 8, takes 4.00 times (3.98 to 4.02) as long."),
             "{sure}"
         );
     }

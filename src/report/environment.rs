@@ -1,36 +1,37 @@
-//! Describes where and how runs were made, so that others can repeat them.
+//! Describes the machine, the programs and the commands of runs, so that others can repeat the
+//! runs.
 
 use crate::record::{Folder, Record};
 use serde_json::Value;
 
-/// The environment of a folder, for the page.
+/// The environment of a folder, as a page shows it.
 #[derive(Clone, Debug, Default)]
 pub struct EnvironmentView {
     /// The folder's name.
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// How to build the same program from its commit, or why that is not possible.
+    /// How to build the same raycl from its commit, or why this is impossible.
     pub program: String,
     /// The config's text.
     pub config: String,
-    /// All other values, under headings.
+    /// All other values, as pairs of name and value under headings.
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 
-/// A program that was measured: the strategy's name, its axes, its hash.
+/// An OpenCL program that was measured: the strategy's name, its axes, its hashes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     /// The strategy's name.
     pub name: String,
-    /// Its axes.
+    /// The strategy's axes.
     pub strategy: String,
-    /// The hashes of the source, the defines and the build options: one for each combination of local size
-    /// and scene.
+    /// Hashes of the source, the defines and the build options. Each combination of local size and
+    /// scene can have its own hash.
     pub hashes: Vec<String>,
 }
 
-/// Returns a folder's environment for the page.
+/// Returns a folder's environment as a page shows it.
 pub fn view(folder: &Folder) -> EnvironmentView {
     let environment = &folder.environment;
     let mut view = EnvironmentView {
@@ -61,7 +62,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// Returns the revision that a run's program was built from.
+/// Describes the revision from which a run's raycl was built.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -89,7 +90,8 @@ fn source(source: &Value) -> (String, String) {
     (name, facts.join("; ").replace("commit in no", "in no"))
 }
 
-/// Returns the command for a shell, without `--resume`, since a repeated run has nothing to continue.
+/// Returns the run's command for a shell, without `--resume`, since a new run has nothing to
+/// continue.
 fn command(environment: &Value) -> String {
     let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let quoted: Vec<_> = arguments

@@ -1,4 +1,4 @@
-//! Reads pictures from folders of results, to be embedded in the page.
+//! Reads pictures from folders of results, to embed them in a page.
 
 use crate::reader;
 use crate::record::{Folder, Record, by};
@@ -8,8 +8,8 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Limit on the total size of a page's pictures, so that the page stays under 15 MB. Pictures beyond it are
-/// only named.
+/// Limit on the total size of a page's pictures in bytes, so that the page stays below 15 MB.
+/// Beyond this limit, only the paths of pictures are shown.
 const PICTURE_BYTES: usize = 9_000_000;
 /// Width in pixels of the small picture beside an answer.
 const THUMBNAIL: u32 = 120;
@@ -17,11 +17,12 @@ const THUMBNAIL: u32 = 120;
 /// A picture in the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Its name: "reference", "naive", "certain pixels".
+    /// The kind of picture, such as "reference", "naive" or "certain pixels".
     pub kind: String,
     /// Its caption, a sentence.
     pub caption: String,
-    /// A `data:` address; `None` if the picture was left out to keep the page small.
+    /// The picture as a `data:` URL; `None` if it is missing or was left out to keep the page
+    /// small.
     pub data: Option<String>,
     /// The picture's path.
     pub path: String,
@@ -77,12 +78,12 @@ impl<'a> Pictures<'a> {
         path.is_some_and(|path| self.bytes(path).is_some())
     }
 
-    /// Returns a picture for the page, within the limit.
+    /// Returns a picture for the page. Its data is left out if it would exceed the limit.
     pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
         Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
     }
 
-    /// Returns a small version of a picture.
+    /// Returns a small version of a picture as a `data:` URL.
     pub fn thumbnail(&mut self, path: &str) -> Option<String> {
         let picture = image::load_from_memory(self.bytes(path)?).ok()?;
         let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
@@ -104,8 +105,8 @@ impl<'a> Pictures<'a> {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, every strategy's picture, the differences and the cost
-    /// of rays.
+    /// Returns every scene's pictures: the reference, every strategy's picture, its differences
+    /// from the reference, and the cost of rays.
     pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String)> = Vec::new();
@@ -158,21 +159,21 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "certain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, which change if their rays are moved slightly. The value of an image there must lie in the range of the values of the moved rays."
+                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly. At these pixels, an image's value must lie in the range of the moved rays' values."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
         (
             &record.nodes_image,
             "cost: nodes of a tree".to_owned(),
-            "The number of tree nodes that the rays of each pixel visit, counted on the host. Dark: few; light: many."
+            "The number of tree nodes that the rays of each pixel visit, counted on the host. Dark means few, light means many."
                 .to_owned(),
         ),
         (&record.image, who.clone(), format!("On {}.", record.device)),
         (
             &record.difference_image,
             format!("difference: {who}"),
-            format!("Relative differences from the reference, one colour per decade; black: none.{differs}"),
+            format!("Relative differences from the reference. Each power of ten has its own colour; black means no difference.{differs}"),
         ),
     ];
     let present =
@@ -192,7 +193,7 @@ fn tests_caption(record: &Record) -> String {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Each pixel is shaded once. Dark: few; light: many."
+        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Each pixel is shaded once. Dark means few, light means many."
     )
 }
 

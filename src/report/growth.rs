@@ -1,5 +1,5 @@
-//! Plots how times grow with the triangles of a scene and with the pixels of an image, with the exponent of a
-//! fitted power law.
+//! Plots how times grow with the number of triangles in a scene and the number of pixels in an
+//! image, with the exponent of a fitted power law.
 
 use super::overview::{best_of_each, devices, numbered};
 use super::plot::Plot;
@@ -20,7 +20,7 @@ pub fn growth(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     devices(groups).into_iter().enumerate().flat_map(of_device).collect()
 }
 
-/// Plots times over triangles, at the image size that has the most scenes.
+/// Plots times over the number of triangles, at the image size with the most scenes.
 fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
@@ -35,7 +35,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
     })
 }
 
-/// Plots times over pixels, for the scene with the most image sizes.
+/// Plots times over the number of pixels, for the scene with the most image sizes.
 fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) -> Option<Plot> {
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
@@ -66,7 +66,7 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
         for mark in &mut one.marks {
-            // Until now, x was the group's index in `columns`.
+            // `best_of_each` sets x to the group's index in `columns`.
             mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
         }
         one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -105,12 +105,12 @@ fn caption(fits: &[(String, Fit)]) -> String {
     let fitted = match exponents.as_slice() {
         [] => " Too few different values for a fit.".to_owned(),
         some => format!(
-            " Dashed: a power law, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
+            " The dashed lines are power laws, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")
         ),
     };
     format!(
-        "Each strategy at its own best local size; both axes are logarithmic, so that a power law is a straight line.{fitted}"
+        "Each strategy is shown at its own best local size. Both axes are logarithmic, so a power law is a straight line.{fitted}"
     )
 }
 
@@ -130,7 +130,8 @@ pub fn exponent(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     Some([fit.exponent, fit.error])
 }
 
-/// The power law closest to some marks: y = exp(offset) x^exponent, by least squares in logarithms.
+/// The power law y = exp(offset) x^exponent that fits some marks best, by least squares in
+/// logarithms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fit {
     exponent: f64,
@@ -141,8 +142,8 @@ struct Fit {
 }
 
 impl Fit {
-    /// Fits marks with at least three values of x. Marks without an interval have too few samples and are not
-    /// used.
+    /// Fits marks with at least three values of x. Marks without an interval have too few samples
+    /// and are ignored.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();
@@ -161,7 +162,7 @@ impl Fit {
         Some(Self { exponent, offset, error, n: points.len() })
     }
 
-    /// Formats as "0.98 ± 0.02 (n = 5)".
+    /// Formats the exponent as "0.98 ± 0.02 (n = 5)".
     fn text(&self) -> String {
         format!("{:.2} ± {:.2} (n = {})", self.exponent, self.error, self.n)
     }
@@ -201,7 +202,8 @@ mod tests {
         let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
         let fit = Fit::of(&marks(&exact)).expect("three places");
         assert!((fit.exponent - 0.75).abs() < 1e-12 && fit.error < 1e-6, "{fit:?}");
-        // By hand: log10 y = 0, 1, 3 over 0, 1, 2 has the slope 1.5 and the residuals 1/6, -1/3, 1/6.
+        // Computed by hand: log10 y = 0, 1, 3 over log10 x = 0, 1, 2 has the slope 1.5 and the
+        // residuals 1/6, -1/3, 1/6.
         let bent = Fit::of(&marks(&[[1.0, 1.0], [10.0, 10.0], [100.0, 1000.0]])).expect("three places");
         assert!((bent.exponent - 1.5).abs() < 1e-12, "{bent:?}");
         assert!((bent.error - (1.0 / 6.0 / 2.0f64).sqrt()).abs() < 1e-12, "{bent:?}");

@@ -3,10 +3,11 @@
 use crate::record::{Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 
-/// Returns the records of all folders. If two folders measured the same point differently (another driver, machine,
-/// program or timing, so that the keys differ), each folder's label is added to its names of devices and baselines,
-/// so that they are shown separately. The label is also added to scenes that have the same name but different
-/// content. If a point was measured twice, the later folder's record is used.
+/// Returns the records of all folders. If two folders measured the same point under different
+/// conditions (driver, machine, program or timing), so that the keys differ, each folder's label is
+/// added to the names of its devices and baselines, and the results are shown separately. The label
+/// is also added to the names of scenes that have the same name but different content. If a point
+/// was measured twice under the same conditions, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);
@@ -24,7 +25,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(all.concat(), point)
 }
 
-/// Returns the folders' labels: their names, or their paths if two have the same name.
+/// Returns the folders' labels: the folder's name, or its path if another folder has the same name.
 pub fn labels(folders: &[Folder]) -> Vec<String> {
     let alone = |label: &str| folders.iter().filter(|folder| folder.label == label).count() == 1;
     let name = |folder: &Folder| match alone(&folder.label) {
@@ -59,7 +60,8 @@ fn with_one_name_a_scene(folders: &[Folder], labels: &[String]) -> Vec<Vec<Recor
     folders.iter().map(|folder| folder.records.iter().map(renamed).collect()).collect()
 }
 
-/// Returns devices, including the host, that have a point with two keys.
+/// Returns the devices, including the host, that have two records with different keys for the same
+/// point.
 fn clashing(all: &[Vec<Record>]) -> HashSet<String> {
     let mut keys: HashMap<String, &str> = HashMap::new();
     let mut clashing = HashSet::new();

@@ -1,4 +1,4 @@
-//! Makes pages from records. It reads records and pictures, and uses no device.
+//! Writes pages from stored records and pictures. No device is needed for this.
 
 mod answer;
 mod claims;
@@ -34,7 +34,7 @@ use plot::Plot;
 use rayon::prelude::*;
 use std::path::PathBuf;
 
-/// The files written.
+/// The files that a report consists of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Written {
     /// The page.
@@ -49,7 +49,7 @@ pub struct Written {
 pub const PAGE: &str = "report.html";
 /// The file names of a comparison's pages.
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
-/// The file names of a reproduction: the page, and the same as JSON for programs.
+/// The file names of a reproduction: the page, and its content as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
 
 /// Names and contents of files in a folder.
@@ -79,8 +79,8 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html` and its plots, from folders made with the paper's configs, into `out`. Returns
-/// the page's path.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, from folders that were
+/// measured with the paper's configs. Returns the page's path.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);

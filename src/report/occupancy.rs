@@ -1,7 +1,8 @@
-//! Compares predicted occupancy with measured times: is the paper's method of choosing a local size good?
+//! Compares predicted occupancy with measured times, to judge the paper's method of choosing a
+//! local size.
 //!
-//! Occupancy itself is not measured: OpenCL has no counter of resident work-groups, so the prediction can
-//! only be judged by how well it predicts which local size is fast.
+//! Occupancy itself is not measured, since OpenCL has no counter of resident work-groups. The
+//! prediction can only be judged by how well it predicts which local sizes are fast.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -16,8 +17,8 @@ const REGISTERS: u32 = 63;
 /// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// Plots measured times over predicted resident threads, a mark per point with enough samples; `None` if all
-/// strategies have fewer than three marks.
+/// Plots measured speed over predicted occupancy, with a mark per point with enough samples.
+/// Returns `None` if all strategies have fewer than three marks.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -71,7 +72,7 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
             "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not report a kernel's registers."
         ),
         None => format!(
-            "The prediction is the paper's (Figure 5's device, compute capability {PAPER}), corrected for its \
+            "The prediction is that of the paper's Figure 5 (compute capability {PAPER}), corrected for the paper's \
              {REGISTERS} registers; OpenCL does not describe the multiprocessors of this device."
         ),
     }
@@ -84,10 +85,10 @@ fn ranking(ranks: &[f64]) -> String {
     }
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {
-        m if m > 0.7 => "it ranks local sizes well",
+        m if m > 0.7 => "the prediction ranks local sizes well",
         m if m > 0.3 => "the prediction ranks local sizes moderately well",
         m if m > -0.3 => "the prediction says almost nothing about which local size is fast",
-        _ => "the fast local sizes tend to be those with a lower prediction",
+        _ => "local sizes with a lower predicted occupancy tend to be faster",
     };
     format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
 }

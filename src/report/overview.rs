@@ -1,4 +1,4 @@
-//! Plots over several groups: all scenes, and pairs of devices.
+//! Draws the plots that cover several groups: all scenes, and pairs of devices.
 
 use super::plot::Plot;
 use super::plot::chart::{Across, Chart, Mark, Series};
@@ -34,7 +34,7 @@ pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
             diagonal: false,
             series,
         };
-        let caption = "Each strategy at its own best local size; lower is faster. The baselines on the host are included.";
+        let caption = "Each strategy is shown at its own best local size; lower is faster. The baselines on the host are included.";
         Some(Plot::of(numbered("scenes", place), caption, &chart))
     };
     devices(groups).into_iter().enumerate().filter_map(plot).collect()
@@ -72,7 +72,8 @@ pub(super) fn best_of_each(
             continue;
         };
         let mut seen: Vec<String> = Vec::new();
-        // Fastest first, so the first record of a name is its best. Points with few samples come last.
+        // The fastest records come first, so the first record of each strategy is its best. Points
+        // with too few samples come last.
         for record in group.ranking().all() {
             let name = series_name(record);
             if seen.contains(&name) {
@@ -103,7 +104,8 @@ pub(super) fn best_of_each(
     series
 }
 
-/// Plots the points that two devices share, one device's times against the other's; one plot per pair.
+/// Plots one device's times against another device's times, for the points that both measured. Each
+/// pair of devices has its own plot.
 pub fn device_against_device(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let devices = devices(groups);
     let mut plots = Vec::new();
@@ -149,7 +151,7 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
         series,
     };
     let caption = format!(
-        "Each dot is a point that was measured on both. Below the line, {other} is faster; above it, {one}."
+        "Each dot is a point that was measured on both devices. Below the line, {other} is faster; above the line, {one} is faster."
     );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }
@@ -162,8 +164,8 @@ mod tests {
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {
-        // The times of the two launches differ much (10 and 15 ms), so the interval is wide. Three samples are too
-        // few for an interval.
+        // The times of the two launches are far apart (10 and 15 ms), so the interval is wide.
+        // Three samples are too few for an interval.
         let wide = |device: &str| {
             let samples = (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 15.0 }));
             Record { device: device.into(), ..sampled("naive", samples) }

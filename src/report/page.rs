@@ -19,7 +19,7 @@ use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
 /// The style sheet of every page.
 pub const STYLE: &str = include_str!("templates/page.css");
-/// The script of every page; pages are readable without it.
+/// The script of every page. Pages can also be read without it.
 pub const SCRIPT: &str = include_str!("templates/page.js");
 
 /// The data of the report.
@@ -47,16 +47,17 @@ pub struct Page {
 /// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// True if it is open at first. Only the largest scene is.
+    /// True if this view is shown when the page opens. This is so for the largest scene only.
     first: bool,
     title: String,
-    /// Notes from reading its scene.
+    /// Notes from reading the group's scene.
     notes: Vec<String>,
     heat: Option<Plot>,
     lines: Option<[Plot; 2]>,
     others: Vec<Plot>,
     rows: Vec<Row>,
-    /// The command that shows the instructions of the fastest point; empty if there is none.
+    /// The command that shows the instructions of the fastest point; empty if there is no such
+    /// command.
     microscope: String,
 }
 
@@ -81,7 +82,7 @@ pub struct Row {
     wins: bool,
 }
 
-/// The time of a machine for a control point.
+/// A row of the table of machines: the time of a control point on one machine.
 pub struct HostRow {
     point: String,
     host: String,
@@ -93,7 +94,7 @@ pub struct HostRow {
 }
 
 impl Page {
-    /// Collects the data.
+    /// Collects the data of the page from the folders.
     pub fn of(folders: &[Folder]) -> Self {
         let records = merged(folders);
         let groups = groups(&records);
@@ -146,8 +147,9 @@ impl Page {
     }
 }
 
-/// Returns a nonce, so that only the page's own script is allowed to run. It has 128 bits, which the standard library
-/// derives from the system's random numbers, so no data in the page can contain it.
+/// Returns a nonce: a random number with which the page allows only its own script to run. It has
+/// 128 bits, which the standard library derives from the system's random numbers, so no data in the
+/// page can contain it.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
@@ -175,7 +177,7 @@ fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     questions
 }
 
-/// Returns the times of a folder's machines for its control points.
+/// Returns the times of a folder's control points on each machine.
 fn hosts(folder: &Folder) -> Vec<HostRow> {
     let row = |point: &str, at: &AtHost| HostRow {
         point: point.to_owned(),
@@ -268,7 +270,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // With several folders, each device's name is followed by its folder's name.
+        // With several folders, a device's name may be followed by its folder's name, so the
+        // command could not name the device.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -276,7 +279,7 @@ fn one_view(
     }
 }
 
-/// Returns the notes from reading a group's scene, each once.
+/// Returns the notes from reading a group's scene, without repetitions.
 fn scene_notes(group: &Group<'_>) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
     for note in group.records.iter().flat_map(|record| &record.scene_notes) {
@@ -292,7 +295,7 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
 }
 
-/// Returns the command that makes the page of a point, with the device's own name.
+/// Returns the command that writes a point's page of instructions, with the device's own name.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(|entry| entry["device"].as_str());
     microscope::command(record, name.unwrap_or(&record.device))
@@ -341,7 +344,7 @@ fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {
 }
 
 impl Answer {
-    /// Returns its image size as text.
+    /// Returns the image size as text.
     pub fn size(&self) -> String {
         by(self.image_size)
     }

@@ -1,6 +1,6 @@
-//! The run times that the paper published, which the authors of raycl read off its Figures 6 to 8, in
-//! milliseconds. Also the configs that repeat its experiments; they are built in, so that the command needs
-//! no other files.
+//! The run times in milliseconds that the paper published; the authors of raycl read them off its
+//! Figures 6 to 8. Also contains the configs that repeat the paper's experiments. They are built
+//! in, so that `raycl reproduce` needs no other files.
 
 use include_dir::{Dir, include_dir};
 
@@ -16,7 +16,7 @@ pub const CONFIGS: [(&str, &str); 5] = [
 /// The scenes that these configs use.
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
-/// Returns the names of these scenes.
+/// Returns the names of the scenes that the paper's configs use.
 pub fn scenes() -> Vec<&'static str> {
     let files = SCENES.files().map(include_dir::File::path);
     let scenes = files.filter(|path| path.extension().is_some_and(|ending| ending == "toml"));
@@ -53,7 +53,7 @@ pub fn published() -> Vec<Published> {
     CSV.lines().skip(1).filter_map(parse).collect()
 }
 
-/// The paper's curves: figure, series, our scene, our preset.
+/// The paper's curves: figure, name of the series, raycl's scene, raycl's preset.
 pub const CURVES: [(u32, &str, &str, &str); 7] = [
     (6, "Teapot (1026)", "teapot", "naive"),
     (6, "Gourd (650)", "gourd", "naive"),

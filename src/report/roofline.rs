@@ -1,5 +1,6 @@
-//! The roofline of a device: which rate of operations its arithmetic and its memories allow, and what each point
-//! reaches (S. Williams, A. Waterman, D. Patterson: "Roofline", Communications of the ACM 52(4), 2009).
+//! Plots the roofline of a device: the rates of operations that its arithmetic and its memories
+//! allow, and the rate that each point reaches (S. Williams, A. Waterman, D. Patterson: "Roofline",
+//! Communications of the ACM 52(4), 2009).
 
 use super::merged::labels;
 use super::overview::{devices, numbered};
@@ -15,7 +16,7 @@ use crate::words::counted;
 /// The factor that converts operations and bytes to billions, the unit of the plot.
 const BILLIONS: f64 = 1e-9;
 
-/// Returns a plot for every device with points whose tests are counted.
+/// Returns a plot for every device that has points with a known number of ray-triangle tests.
 pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<Plot> {
     let of_folder = |(label, folder): (String, &Folder)| {
         let peaks = Peak::kept_in(&folder.path).unwrap_or_default();
@@ -74,7 +75,8 @@ fn roofline(
     Some(Plot::of(name, caption(peak.is_some(), records.len() - shown), &chart))
 }
 
-/// Returns the mark of a record whose tests, and their operations and bytes, are known.
+/// Returns the mark of a record; `None` unless its ray-triangle tests per second, and the
+/// operations and bytes per test, are known.
 fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     let (tests_per_s, traffic) = (record.tests_per_s?, Traffic::of(record)?);
     let operations = f64::from(operations_per_test(&record.strategy)?);
@@ -97,7 +99,7 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     })
 }
 
-/// Returns the range of x: that of all marks, and of the points where roofs meet.
+/// Returns the range of x that contains all marks and the points where roofs meet.
 fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     let corners = peak.into_iter().flat_map(|peak| {
         let fma = peak.fma_per_s.median;
@@ -109,7 +111,8 @@ fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     [low / 2.0, high * 2.0]
 }
 
-/// Returns the roofs as lines: a memory's bytes per second times x, up to the rate of multiply-adds.
+/// Returns the roofs as lines. Each rises as a memory's bytes per second times x, up to the rate of
+/// multiply-adds.
 fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     let fma = peak.fma_per_s.median;
     let memories = [
@@ -137,7 +140,7 @@ fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
 
 fn caption(with_roofs: bool, left_out: usize) -> String {
     let roofs = if with_roofs {
-        "Dashed: the device's rates as `raycl peak` measured them. A point above a memory's roof is served by caches or another memory."
+        "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof gets its data from caches or another memory."
     } else {
         "The device's rates were not measured with these records, so there are no roofs; `raycl peak --out DIR/peak.json` measures them, or `raycl run CONFIG --peak`."
     };
@@ -151,7 +154,7 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
     };
     format!(
         "Each mark is a point. Its height is the number of operations in ray-triangle tests per second \
-         (primary rays only; a multiply-add counts as one). Its horizontal position is the number of these \
+         (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
          operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
          registers adds none. If passes are fused, the time is that of the whole frame, so the rate is a \
          lower bound. {roofs}{left_out}"

@@ -1,5 +1,5 @@
-//! Compares kinds of device: how fast each strategy is on each of them, and how much is lost by using one
-//! device's best strategy on another.
+//! Compares devices: how fast each strategy is on each device, and how much time is lost by using
+//! one device's best strategy on another device.
 
 use super::overview::devices;
 use super::plot::Plot;
@@ -11,7 +11,8 @@ use crate::record::{Group, HOST, Record, median, significant};
 /// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
 
-/// Returns the two heat maps; none for a single device.
+/// Returns two heat maps: the strategies by device, and the losses by device. Returns none for a
+/// single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -56,7 +57,8 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Shows the loss from using one device's best strategy on another device.
+/// Shows, for each pair of devices, the loss from using one device's best strategy on the other
+/// device.
 fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {
@@ -75,9 +77,9 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell takes the strategy that is best on the row's device, and shows its time on the \
-        column's device, relative to the best time there. It is the geometric mean over the scenes and sizes \
-        that were measured on both.";
+    let caption = "Each cell shows the strategy that is best on the row's device: its time on the \
+        column's device, relative to the best time on that device. It is the geometric mean over the scenes and sizes \
+        that were measured on both devices.";
     plot(
         "losses-by-device",
         "One device's best strategy on another: time relative to that device's best",
@@ -87,7 +89,8 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Returns the ratio of a record's time to the best of its group, and the name of that best.
+/// Returns the ratio of a record's time to the best time of its group, and the names of the scene
+/// and the point.
 fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
     let best = median(group.best_where(|_| true)?)?;
     Some((median(record)? / best, format!("{}: {}", group.scene, title(record))))
@@ -156,9 +159,9 @@ mod tests {
             of("room", "cpu", "naive", 9.0),
             of("room", "cpu", "wide", 1.0),
         ]);
-        // On the gpu, `naive` takes 1 times the best time for the teapot and 9 times for the room; `wide` takes 4 and
-        // 1 times. On the cpu, `wide` is the best in both; the gpu's best strategies take 9 and 1 times as long
-        // there.
+        // On the gpu, `naive` takes 1 times the best time for the teapot and 9 times for the room;
+        // `wide` takes 4 times and 1 times the best time. On the cpu, `wide` is the best for both
+        // scenes, and the gpu's best strategies take 9 times and 1 times the best time.
         for plot in side_by_side(&groups(&records)) {
             assert!(plot.svg.contains(">3.00<") && plot.svg.contains(">2.00<"), "{}", plot.svg);
         }
@@ -181,8 +184,8 @@ mod tests {
             of(1600, "cpu", "naive", 3.0),
             of(1600, "cpu", "wide", 1.0),
         ]);
-        // The best of the gpu is `naive` for small images and `wide` for large ones. On the cpu they take 9
-        // and 1 times its best.
+        // The best of the gpu is `naive` for small images and `wide` for large ones. On the cpu
+        // they take 9 times and 1 times the best time.
         let plots = side_by_side(&groups(&records));
         assert!(plots[1].svg.contains(">3.00<"), "{}", plots[1].svg);
     }

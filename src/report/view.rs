@@ -1,4 +1,4 @@
-//! The plots and the table of one group: a scene at a size on a device.
+//! Draws the plots of one group: a scene at an image size on a device.
 
 use super::paper;
 use super::plot::Plot;
@@ -39,8 +39,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Plots time over local size, a line per strategy, with the paper's points if there are any and they are
-/// requested.
+/// Plots time over local size, with a line per strategy. If `paper` is true, the paper's points are
+/// added, if there are any.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);
@@ -68,7 +68,8 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
     let beside = if published.is_empty() {
         String::new()
     } else {
-        " Dashed: the paper's published points, from its own unnamed device.".to_owned()
+        " Dashed lines are the paper's published points, measured on a device that the paper does not name."
+            .to_owned()
     };
     series.extend(published);
     let chart = Chart {
@@ -103,7 +104,8 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Makes a heat map of strategies by local sizes, coloured by time. Cells without a time show the reason.
+/// Draws a heat map of strategies by local sizes, coloured by time. Cells without a time show the
+/// reason.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let winners = group.ranking().winners;
@@ -164,7 +166,7 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// Returns the meaning of such a code, with an example.
+/// Returns the meaning of a cell's code, with an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
@@ -173,12 +175,12 @@ fn meaning(record: &Record) -> String {
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",
         Outcome::TimedOut => "it took too long",
-        Outcome::Crashed | Outcome::Measured => "it ended its process",
+        Outcome::Crashed | Outcome::Measured => "its process crashed",
     };
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
 
-/// Plots the samples of the fastest points, to show their noise.
+/// Plots the samples of the fastest points, to show the noise of their times.
 pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     let all = group.ranking().all();
     let rows: Vec<_> = all.iter().take(STRIPS).filter_map(|record| strip_row(record)).collect();
@@ -192,7 +194,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar spans the quartiles, the narrow dark bar the 95% interval of the median. Dots at an edge lie beyond it. Points with fewer than five samples have no bars.{shown}"
+        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at an edge have values beyond this edge. Points with fewer than five samples have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

@@ -1,4 +1,4 @@
-//! Texts about a record that several parts of the report use.
+//! Formats texts about a record that several parts of the report use.
 
 use super::plot::look::Look;
 use crate::record::{
@@ -71,8 +71,8 @@ pub fn tip(record: &Record) -> String {
     lines.join("\n")
 }
 
-/// Returns the compiler's figures for a record's main kernel, if known: "168 registers, 12 B spilled, occupancy
-/// 19%".
+/// Returns the known properties of a record's main kernel: "168 registers, 12 B spilled, occupancy
+/// 19%". Returns `None` if none is known.
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));
@@ -83,13 +83,13 @@ pub fn made(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// Returns the rule that ended the sampling, in brackets.
+/// Returns the rule that ended the sampling, in brackets; empty if it was not recorded.
 fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }
 
-/// Returns "95% interval 1.2 to 1.4 ms", or that there are too few samples for one; `None` if there is no
-/// time.
+/// Returns "95% interval 1.2 to 1.4 ms", or a note that there are too few samples for an interval;
+/// `None` if there is no time.
 fn sureness(record: &Record) -> Option<String> {
     not_enough(record).or_else(|| Some(format!("95% interval {} ms", interval_text(interval(record)?))))
 }

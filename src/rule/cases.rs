@@ -1,5 +1,6 @@
-//! Cases on which the rule by which `render` chooses a strategy is compared with measurements. A case is a scene, an
-//! image size, and whether rays may slip between triangles.
+//! Cases for testing the rule by which `render` chooses a strategy: on each case, the rule's choice
+//! is compared with measurements. A case consists of a scene, an image size, and whether rays may
+//! slip between triangles.
 
 use crate::error::{Error, Result};
 use crate::reader;
@@ -20,7 +21,7 @@ const DEVICES: [&str; 2] = ["cpu", "gpu"];
 /// The numbers of pixels across, or down, that `render` accepts.
 const SIZES: RangeInclusive<u32> = 1..=65536;
 
-/// The kinds of scene that make a choice hard.
+/// The kinds of scene for which the choice of a strategy is hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -47,7 +48,7 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// The kinds of scene that it belongs to; a test compares them with the scene.
+    /// The kinds of scene to which the case belongs; a test compares them with the scene.
     #[serde(default)]
     pub kinds: Vec<Kind>,
     /// The kinds of device on which it is measured.
@@ -64,13 +65,15 @@ struct File {
 pub fn cases(path: &Path) -> Result<Vec<Case>> {
     let wrong = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the cases of '{}': {why}", path.display()))
-            .with_help("docs/rule.toml is such a file")
+            .with_help("docs/rule.toml is an example of a file with cases")
     };
     let text = reader::text(path, reader::Kind::Toml).map_err(|error| wrong(&error))?;
     let File { case } = toml::from_str(&text).map_err(|error| wrong(&error))?;
     for Case { name, devices, size, .. } in &case {
         if let Some(device) = devices.iter().find(|device| !DEVICES.contains(&device.as_str())) {
-            return Err(wrong(&format!("the case '{name}' is for '{device}'; expected cpu or gpu")));
+            return Err(wrong(&format!(
+                "the case '{name}' names the device '{device}'; expected cpu or gpu"
+            )));
         }
         if size.iter().any(|pixels| !SIZES.contains(pixels)) {
             let [across, down] = size;
@@ -83,7 +86,7 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
 }
 
 impl Case {
-    /// Loads its scene; the scene's path is relative to the file of cases.
+    /// Loads the case's scene; the path of the scene is relative to the file of cases.
     pub fn scene(&self, cases: &Path) -> Result<Scene> {
         let path = cases.parent().unwrap_or(Path::new("")).join(&self.scene);
         let set: Vec<(String, toml::Value)> =
@@ -91,12 +94,13 @@ impl Case {
         Ok(load_scene_with(&path, &set)?.scene)
     }
 
-    /// Describes the work of casting it.
+    /// Describes the work of casting the case.
     pub fn task(&self, scene: &Scene) -> Task {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Returns whether its kinds are exactly those of the task.
+    /// Returns whether the case states exactly those kinds that the task has. `Watertight` is not
+    /// checked, since the task gets it from the case.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
             (Kind::Few, task.triangles < FEW),
@@ -121,7 +125,10 @@ mod tests {
             std::fs::write(file.path(), case).unwrap();
             cases(file.path()).err().map(|error| error.to_string()).unwrap_or_default()
         };
-        assert!(refused("[\"gpus\"]", "[8, 5]").ends_with("the case 'a' is for 'gpus'; expected cpu or gpu"));
+        assert!(
+            refused("[\"gpus\"]", "[8, 5]")
+                .ends_with("the case 'a' names the device 'gpus'; expected cpu or gpu")
+        );
         assert!(refused("[]", "[0, 5]").ends_with("has 0 x 5 pixels; expected 1 to 65536 each"));
         assert_eq!(refused("[\"gpu\"]", "[8, 5]"), "");
     }
@@ -140,7 +147,8 @@ mod tests {
                 assert!(count >= 5, "{device}: {count} of {kind:?}");
             }
         }
-        // Making millions of triangles takes seconds; for large scenes the command itself makes this check.
+        // Generating millions of triangles takes seconds. For large scenes, `raycl rule` makes this
+        // check.
         for case in
             cases.iter().filter(|case| !case.set.values().any(|value| value.as_integer() > Some(300_000)))
         {

@@ -1,15 +1,17 @@
-//! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the rule's choices lose
-//! the least time compared with the best candidates, until no constant changes.
+//! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the
+//! rule's choices lose the least time compared with the best candidates. This is repeated until no
+//! constant changes.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
 /// The assumed time of a strategy that a device refused, as a multiple of the best time.
 const REFUSED: f64 = 100.0;
-/// The least gain for which a constant is changed; a gain is a decrease of the sum of the logarithms of all ratios to
-/// the best time.
+/// The least gain for which a constant is changed. Each choice has a ratio of its time to the best
+/// time; a gain is a decrease of the sum of the logarithms of these ratios.
 const GAIN: f64 = 1e-3;
-/// Two cases whose values differ by a smaller factor count as equal; no constant is placed between them.
+/// Two cases count as equal if their values differ by less than this factor; no constant is placed
+/// between them.
 const ALIKE: f64 = 1.01;
 /// Largest number of rounds over all constants; several are needed since each depends on the others.
 const ROUNDS: usize = 8;
@@ -38,7 +40,8 @@ pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Consta
     Some(constants)
 }
 
-/// Returns how much longer the choices take than the best candidates: the sum of the logarithms of the ratios.
+/// Returns how much longer the rule's choices take than the best candidates: the sum of the
+/// logarithms of the ratios of their times.
 fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     let verdicts = sweeps.iter().flat_map(|sweep| {
         let cases = sweep.cases.iter().filter(|case| case.task.watertight == watertight);
@@ -47,8 +50,8 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the candidate values of a constant: one value between every two neighbouring cases, with few digits, and 0
-/// and infinity, which lie beyond all cases.
+/// Returns the candidate values of a constant: one value with few digits between every two
+/// neighbouring cases, and also 0 and infinity, which lie beyond all cases.
 fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for sweep in sweeps {
@@ -62,7 +65,8 @@ fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usi
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
 }
 
-/// Returns about the geometric mean, with as few digits as possible.
+/// Returns a value near the geometric mean of `low` and `high`, rounded to the fewest digits for
+/// which it stays above `low` and not above `high`.
 fn between(low: f64, high: f64) -> f64 {
     let mean = (low * high).sqrt();
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse::<f64>().ok();
@@ -158,7 +162,8 @@ mod tests {
 
     #[test]
     fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
-        // The rule never chooses exhaustive casting for so many triangles, unless the times of a sweep require it.
+        // The rule never chooses exhaustive casting for a million triangles, unless the times of a
+        // sweep require it.
         let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
         let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
         for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {
@@ -166,8 +171,9 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts like one that takes a hundred times as long, and not like one that takes
-    /// forever: otherwise a case in which every choice is refused would hide the differences between constants.
+    /// A choice that a device refused counts as if it took a hundred times the best time. It must
+    /// not count as infinite: a case in which every choice is refused would then hide the
+    /// differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];
@@ -176,7 +182,7 @@ mod tests {
         let all = [
             (4, 400_000, &tiny[..]),
             (9, 400_000, &small[..]),
-            // All that the rule could choose was refused.
+            // The device refused every strategy that the rule could choose.
             (400_000, 400_000, &refused[..]),
         ];
         let sweep = sweep(&all);

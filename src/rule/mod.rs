@@ -1,5 +1,5 @@
-//! The rule by which `render` chooses a strategy, compared with measurements: cases in a file, sweeps that
-//! time every candidate strategy, and constants fitted to the sweeps.
+//! Compares the rule by which `render` chooses a strategy with measurements. A file lists cases, a
+//! sweep times every candidate strategy on them, and the rule's constants are fitted to sweeps.
 
 mod cases;
 mod fit;

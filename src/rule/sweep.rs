@@ -12,10 +12,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A sample has enough frames to take this long, since a single frame on a GPU is shorter than disturbances.
+/// The least time of a sample, in milliseconds. A sample has enough frames to take this long, since
+/// disturbances can last longer than a single frame on a GPU.
 const SAMPLE_MS: f64 = 10.0;
-/// For scenes with more triangles, exhaustive casting is not timed: it would take minutes, and no rule would choose
-/// it.
+/// The largest number of triangles for which exhaustive casting is timed. For larger scenes it
+/// would take minutes, and no rule would choose it.
 const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample.
 const MOST_FRAMES: f64 = 200.0;
@@ -48,19 +49,19 @@ pub struct Measured {
     /// The work that was cast.
     #[serde(flatten)]
     pub task: Task,
-    /// Milliseconds per frame, the least of all rounds, by the candidate's name. Candidates that the device
-    /// refused are missing.
+    /// The time of a frame in milliseconds, by the candidate's name: the least of all rounds.
+    /// Candidates that the device refused are missing.
     pub least_ms: BTreeMap<String, f64>,
 }
 
-/// The rule's choice compared with the best.
+/// The rule's choice compared with the fastest candidate.
 #[derive(Clone, Debug)]
 pub struct Verdict {
     /// The chosen candidate.
     pub choice: Way,
-    /// Its time; `None` if the device refused it.
+    /// Its time in milliseconds; `None` if the device refused it.
     pub choice_ms: Option<f64>,
-    /// The fastest candidate, and its time.
+    /// The fastest candidate, and its time in milliseconds.
     pub best: (String, f64),
 }
 
@@ -81,7 +82,7 @@ impl Measured {
         Some(Verdict { choice, choice_ms, best: (best.0.clone(), *best.1) })
     }
 
-    /// Measures a case in rounds, alternately forwards and backwards.
+    /// Measures every candidate on a case in each round; every second round has the reverse order.
     pub fn of(case: &Case, scene: Scene, device: &Device, rounds: u32) -> Result<Self> {
         let (task, scene) = (case.task(&scene), Arc::new(scene));
         let limits = &device.info.limits;
@@ -119,7 +120,8 @@ impl Measured {
     }
 }
 
-/// Returns how many frames a sample needs to take long enough, measured after warming up.
+/// Returns how many frames a sample needs to take at least `SAMPLE_MS`. The device must already be
+/// warm.
 fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
     let one_ms = caster.cast()?.frame_ms.max(1e-6);
     Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)

@@ -20,8 +20,8 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// A scene's values over time. It builds the scene of each frame and reuses what was loaded for the previous one: no
-/// file is read twice, and a mesh that stays the same is shared.
+/// A scene's values over time. They determine the scene of each frame, which reuses data of the
+/// previous frame: no file is read twice, and a mesh that stays the same is shared.
 pub struct Animation {
     /// The number of frames; the first is 1.
     pub frames: u32,
@@ -83,11 +83,12 @@ impl Animation {
         })
     }
 
-    /// Returns the scene of a frame. If its mesh equals that of the scene `last`, the two share it.
+    /// Returns the scene of a frame. If its mesh equals the mesh of the scene `last`, the two
+    /// scenes share the mesh.
     ///
     /// # Errors
     ///
-    /// The same as those of [`super::load_scene`].
+    /// Fails like [`super::load_scene`].
     pub fn scene(&mut self, frame: u32, last: &Scene) -> Result<Scene> {
         let mut scene = self.assemble(frame, &mut Vec::new())?.scene;
         if Arc::ptr_eq(&scene.mesh, &last.mesh) || scene.mesh == last.mesh {
@@ -138,8 +139,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. It points to the track that makes the document
-    /// invalid for good: no later track makes it valid again.
+    /// Returns the error for a frame whose document is not a scene. It points to the track after
+    /// which the document stays invalid, even with all later tracks.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {
@@ -167,7 +168,7 @@ impl Animation {
         let of_path = starts(&["unknown field", "missing field"]);
         let span = if of_path { track.path.span() } else { track.value_span(frame) };
         let message = format!("`{}` at frame {frame}: {told}", track.path.get_ref());
-        let label = if of_path { "this path" } else { "the value is computed from this one" };
+        let label = if of_path { "this path" } else { "the invalid value is computed from this value" };
         let is_whole = starts(&["invalid type: floating point"]);
         let remedy = if is_whole { STEPS.to_owned() } else { told.remedy().to_owned() };
         self.document.error(span, message, label).with_help(remedy)

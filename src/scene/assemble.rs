@@ -1,4 +1,5 @@
-//! Makes a [`Scene`] from the types of the TOML file (`wire.rs`), with the checks that these types cannot make.
+//! Makes a [`Scene`] from the types of the TOML file (`wire.rs`), and checks everything that these
+//! types cannot check.
 
 mod camera;
 mod objects;
@@ -22,7 +23,7 @@ use std::sync::Arc;
 /// The default shadow bias: this fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// The result for a document.
+/// The scene of a document, with other results that its callers need.
 pub(super) struct Assembled {
     pub scene: Scene,
     /// The axis of a turntable.
@@ -113,8 +114,8 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
         None => studio.map_or(PAPER_BACKGROUND, |studio| studio.background),
         Some(BackgroundWire::Radiance(radiance)) => Vec3::from_array(radiance),
         Some(BackgroundWire::Displayed(colour)) => display.radiance_of(colour),
-        // The background's radiance is added to that of the surfaces, which is multiplied by the share of the pixel
-        // that they cover.
+        // A transparent background adds no radiance: a pixel only has the surfaces' radiance,
+        // multiplied by the share of the pixel that they cover.
         Some(BackgroundWire::Transparent) => Vec3::ZERO,
     }
 }
@@ -164,7 +165,8 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
     Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
-/// Returns the lights of a scene. A bare mesh has those of its file, or a key light and a fill light.
+/// Returns the lights of a scene. A bare mesh has the lights of its file, or a key light and a fill
+/// light.
 fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -217,7 +219,7 @@ fn light(wire: &LightWire) -> Light {
     Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
 }
 
-/// The settings of a bare mesh's file that concern its view.
+/// The camera and the lights that the file of a bare mesh contains.
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,

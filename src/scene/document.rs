@@ -18,7 +18,7 @@ const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply,
 
 /// The text of a scene file.
 pub(super) struct Document {
-    /// Its name in messages.
+    /// The file's name in messages.
     pub name: String,
     /// The TOML text, including overrides.
     pub text: String,
@@ -28,9 +28,10 @@ pub(super) struct Document {
     pub stem: String,
     /// True if the document was made for a mesh without a scene file.
     pub bare: bool,
-    /// True if messages may quote it.
+    /// True if messages may quote the text.
     pub quotes: bool,
-    /// The opened mesh of a document with `bare`, until it is read; a pipe cannot be opened twice.
+    /// The path and the open file of a bare mesh, until the mesh is read; a pipe cannot be opened
+    /// twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 
@@ -94,7 +95,7 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values and formats the text again, so that messages show what was parsed.
+    /// Sets values and formats the text again, so that messages show the text that was parsed.
     fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, values)?;

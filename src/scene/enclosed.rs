@@ -1,9 +1,10 @@
-//! Whether surfaces lie all around the eye. If they do, more rays hit something, and shadow rays are longer,
-//! than with an object in front of the eye.
+//! Tests whether surfaces lie all around the eye. If they do, more rays hit something, and shadow
+//! rays are longer, than with an object in front of the eye.
 
 use super::Scene;
 
-/// Number of triangles that are tested; a large scene is judged by a sample of this size.
+/// Largest number of triangles that are tested; of a larger scene, evenly spaced triangles are
+/// tested.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {

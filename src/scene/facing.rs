@@ -1,5 +1,5 @@
-//! How much of the visible surface faces away from the camera. Such surfaces are dark, since they are lit
-//! from behind.
+//! Measures how much of the visible surface faces away from the camera. Such surfaces are dark,
+//! since they are lit from behind.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
@@ -88,7 +88,8 @@ impl Grid {
         }
     }
 
-    /// Returns the columns and rows of samples that a triangle may cover; `None` for one behind the eye.
+    /// Returns the columns and rows of samples that a triangle may cover; `None` for a triangle
+    /// behind the eye.
     fn bounds(&self, corners: [DVec3; 3]) -> Option<[std::ops::Range<usize>; 2]> {
         let depths = corners.map(|corner| corner.dot(self.forward));
         if depths.iter().all(|depth| *depth <= 0.0) {

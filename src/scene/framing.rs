@@ -5,9 +5,10 @@ use super::{Camera, Light, Shot};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Field of view across the height, like that of a portrait lens, which has little distortion.
+/// Field of view across the height, like the view of a portrait lens, which has little distortion.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width or height, and at most this fraction of the other one.
+/// The mesh fills this fraction of the picture's width or height, and at most this fraction of the
+/// other of the two.
 const FILL: f64 = 0.92;
 /// The direction towards the camera: from the right, above and in front, for meshes with y up and their front
 /// towards +z.
@@ -86,7 +87,8 @@ impl View {
         let [right, front] = self.level();
         let DVec3 { x, y, z } = THREE_QUARTER;
         if self.azimuth_degrees.is_none() && self.elevation_degrees.is_none() {
-            // An open mesh is seen through its opening; any other from the right, above and in front.
+            // An open mesh is seen through its opening; any other mesh is seen from the right,
+            // above and in front.
             let three_quarter = (right * x + self.up * y + front * z).normalize();
             return [opening.unwrap_or(three_quarter), self.up];
         }
@@ -133,7 +135,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     Camera { position: (ball.centre + aside + towards_eye * distance).as_vec3(), z_near: 0.0, ..look }
 }
 
-/// Returns the horizontal direction that the front sides of an open mesh face on average.
+/// Returns the horizontal direction that the front sides of an open mesh face on average; `None`
+/// for a closed mesh.
 fn opening(mesh: &Mesh, up: DVec3) -> Option<DVec3> {
     let areas = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|triangle| {
         let [a, b, c] = mesh.corners(triangle).map(|p| p.as_dvec3());

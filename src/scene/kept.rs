@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::{Table, Value};
 
-/// The keys of an object that transform a mesh and set its materials; the others determine the mesh itself.
+/// The keys of an object that transform a mesh and set its materials; the other keys determine the
+/// mesh itself.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
 /// Data that is kept between frames; the default keeps nothing.
@@ -22,7 +23,8 @@ pub(super) struct Kept {
     keeps: bool,
     /// For each object of this frame, the text from which its mesh is built; empty if no object changes.
     keys: Vec<String>,
-    /// The meshes of this frame's objects, before they were placed; the keys are these texts.
+    /// The meshes of this frame's objects, before transforms and materials are applied, by the
+    /// texts in `keys`.
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
@@ -36,8 +38,8 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Begins a frame of this document; `objects_change` says whether some of its objects change. Meshes that the last
-    /// frame did not use are dropped.
+    /// Begins a frame of this document; `objects_change` says whether some of its objects change.
+    /// Meshes that the previous frame did not use are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
             (document.get("object"), ["crease", "mip_levels"].map(|key| document.get(key)));
@@ -48,7 +50,8 @@ impl Kept {
         self.objects = format!("{objects:?} {of_all:?}");
     }
 
-    /// Returns the joined objects, which `make` makes unless those of the last frame are the same.
+    /// Returns the joined objects: those of the previous frame if they are the same, else the
+    /// result of `make`.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);
@@ -60,7 +63,8 @@ impl Kept {
         Ok(joined)
     }
 
-    /// Returns the mesh of an object before it is placed, which `make` makes unless the last frame had it.
+    /// Returns the mesh of an object before its transform and materials are applied: the previous
+    /// frame's mesh if it is the same, else the result of `make`.
     pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
         let Some(key) = self.keys.get(object) else { return make() };
         let mesh = match self.meshes.entry(key.clone()) {
@@ -70,7 +74,8 @@ impl Kept {
         Ok(mesh.clone())
     }
 
-    /// Returns the smallest and the largest corner of a mesh's bounding box; zeros without triangles.
+    /// Returns the smallest and the largest corner of a mesh's bounding box; zeros if the mesh has
+    /// no triangles.
     pub fn bounds(&mut self, mesh: &Arc<Mesh>) -> (Vec3, Vec3) {
         if let Some((_, bounds)) = self.bounds.as_ref().filter(|(known, _)| Arc::ptr_eq(known, mesh)) {
             return *bounds;
@@ -80,7 +85,8 @@ impl Kept {
         bounds
     }
 
-    /// Returns the texels of a sky's picture. The words of an error follow the file's name in a message.
+    /// Returns the texels of a sky's picture. The text of an error is meant to follow the file's
+    /// name in a message.
     pub fn picture(&mut self, path: &Path) -> std::result::Result<FileTexels, String> {
         if let Some((_, texels)) = self.picture.as_ref().filter(|(known, _)| known == path) {
             return Ok(texels.clone());
@@ -91,7 +97,8 @@ impl Kept {
     }
 }
 
-/// Returns the text of an object without the keys that only place it, with the scene's values for all objects.
+/// Returns the text of an object without the keys in `PLACING`, followed by the scene's values for
+/// all objects.
 fn making(object: &Value, of_all: [Option<&Value>; 2]) -> String {
     let keys = object.as_table().into_iter().flatten();
     let making: Table = keys
@@ -108,7 +115,7 @@ mod tests {
 
     const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
 
-    /// Returns whether an object's mesh is rebuilt for a frame that follows that of `OBJECT`.
+    /// Returns whether an object's mesh is rebuilt for a frame after the frame of `OBJECT`.
     fn is_made_again(text: &str) -> bool {
         let mut kept = Kept::default();
         let mut made = 0;

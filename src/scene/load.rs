@@ -17,14 +17,15 @@ use toml::Value;
 pub struct Loaded {
     /// The validated scene; the first frame of an animation.
     pub scene: Scene,
-    /// The axis about which it turns on a turntable.
+    /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// For a TOML scene, the number of each object's first triangle; for a bare glTF file, that of each node with a
-    /// mesh.
+    /// The number of the first triangle of each object or, for a bare glTF file, of each node with
+    /// a mesh.
     pub object_starts: Vec<u32>,
     /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
-    /// The scene's animation, if its file has one; it makes the scenes of the other frames.
+    /// The scene's animation, if its file has one. The animation makes the scenes of the other
+    /// frames.
     pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
     pub notes: Vec<String>,
@@ -63,26 +64,27 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 ///
 /// # Errors
 ///
-/// The same as those of [`load_scene`]; also fails if a path does not exist.
+/// Fails like [`load_scene`], and if a path does not exist.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, true)
 }
 
-/// Loads a scene like [`load_scene_with`], for given pictures: a bare mesh is framed to fill them.
+/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: a bare mesh is
+/// framed to fill them.
 ///
 /// # Errors
 ///
-/// The same as those of [`load_scene_with`].
+/// Fails like [`load_scene_with`].
 pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) -> Result<Loaded> {
     load(path, overrides, shot, true)
 }
 
-/// Loads a scene that a file names, in the same way as [`load_scene_with`]. Messages quote the scene only if it lies in
-/// that file's folder.
+/// Loads a scene that another file names, in the same way as [`load_scene_with`]. Messages quote
+/// the scene only if it is in `folder`, the other file's folder.
 ///
 /// # Errors
 ///
-/// The same as those of [`load_scene_with`].
+/// Fails like [`load_scene_with`].
 pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
     load(path, overrides, Shot::SQUARE, lies_in(path, folder))
 }

@@ -9,14 +9,15 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};
 
-/// Weight of a fully transparent texel beside an opaque one, so that a region without opaque texels has a colour
-/// too.
+/// Weight of a fully transparent texel. It is above 0, so that a region without opaque texels has a
+/// colour too.
 const TRANSPARENT_WEIGHT: f32 = 1e-4;
-/// Largest side of a texel in the scene's units, which stands for infinity where texture coordinates do not vary.
+/// Largest side of a texel in the scene's units. It replaces infinity where texture coordinates do
+/// not vary.
 const LARGEST_TEXEL: f64 = 1e18;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
-/// The linear light halfway between two values of a channel as displayed.
+/// The linear light halfway between each two neighbouring 8-bit values of a channel as displayed.
 static BETWEEN: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
 
@@ -24,8 +25,8 @@ static BETWEEN: LazyLock<[f32; 255]> =
 type Light = [f32; 4];
 
 impl Textures {
-    /// Adds mip levels to all pictures that are colours. If a picture is a mask too, its texels are weighted by their
-    /// alpha.
+    /// Adds mip levels to all pictures that are used as colours. If a picture is also used as a
+    /// mask, its texels are weighted by their alpha.
     pub(super) fn add_levels(&mut self) {
         let picture = |number: u32| Arc::as_ptr(&self.list[number as usize].texels);
         // Whether each picture's texels are weighted by alpha.
@@ -50,7 +51,8 @@ impl Textures {
 }
 
 /// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A cone
-/// of this width that meets the triangle at a right angle covers a texel. Zero if the triangle has no area.
+/// of this width that meets the triangle at a right angle covers a texel. Zero if the triangle has
+/// no area or no texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -63,7 +65,7 @@ pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     (normal.try_normalize().unwrap_or(DVec3::ZERO) * side).as_vec3().to_array()
 }
 
-/// Returns a picture's texels followed by those of its mip levels, down to a single texel.
+/// Returns a picture's texels, followed by the texels of its mip levels, down to a single texel.
 fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]> {
     let mut levels = Vec::new();
     let mut lights = Vec::new();
@@ -84,7 +86,8 @@ fn half(side: u32) -> u32 {
     (side / 2).max(1)
 }
 
-/// Returns a level half as large, rounded down. Each of its texels is the mean of the area that it covers.
+/// Returns a level of half the width and half the height, rounded down. Each of its texels is the
+/// mean of the area that it covers.
 fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     let [width, height] = size.map(half);
     let columns: Vec<_> = (0..width).map(|column| covered(size[0], column)).collect();
@@ -115,11 +118,11 @@ impl Covered {
     }
 }
 
-/// Returns the texels that texel `place` of the next level covers. If the number of texels is odd, a texel
-/// between two of the next level is divided between them.
+/// Returns the texels that texel `place` of the next level covers. If the number of texels is odd,
+/// a texel that lies in two texels of the next level is divided between them.
 fn covered(side: u32, place: u32) -> Covered {
-    // In units in which all coordinates are whole numbers, a texel is `next` long and one of the next level
-    // `side` long.
+    // In these units, all coordinates are whole numbers: a texel is `next` long, and a texel of the
+    // next level is `side` long.
     let next = half(side);
     let (start, end) = (place * side, (place + 1) * side);
     let first = start / next;
@@ -144,8 +147,8 @@ fn texel_of([red, green, blue, alpha]: Light, by_alpha: bool) -> u32 {
     u32::from_le_bytes([displayed(red), displayed(green), displayed(blue), (255.0 * alpha).round() as u8])
 }
 
-/// Returns how much a texel with this alpha counts. It is linear in alpha, so that the weight of a mean alpha is the
-/// mean weight.
+/// Returns the weight of a texel with this alpha. The weight is linear in alpha, so that the weight
+/// of a mean alpha is the mean weight.
 fn weight(alpha: f32, by_alpha: bool) -> f32 {
     if by_alpha { alpha + TRANSPARENT_WEIGHT } else { 1.0 }
 }
@@ -189,7 +192,8 @@ mod tests {
                 // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light near white.
                 assert!(are_close(mean(&of_level), mean(&lights), 0.0046), "{size:?}, level {level}");
             }
-            // Before rounding it is the mean, up to single precision.
+            // Before rounding, a level has the mean of the picture, up to the error of single
+            // precision.
             let half = halved(size, |place| lights[place]);
             assert!(are_close(mean(&half), mean(&lights), 1e-6), "{size:?}");
         }
@@ -234,7 +238,7 @@ mod tests {
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
-        // Only the last picture is a mask too, so that its texels count by their alpha.
+        // Only the last picture is a mask too, so that its texels are weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
     }
 

@@ -1,8 +1,8 @@
 //! Scenes: triangles, materials, lights, a camera.
 //!
 //! A [`Scene`] is validated when it is made: every number is finite, every index in bounds, every triangle
-//! has normals. No later code checks this again. Its `f32` values are used by devices and by the reference
-//! alike.
+//! has normals. No later code checks this again. Devices and the reference use the same `f32`
+//! values.
 
 mod animation;
 mod assemble;
@@ -101,8 +101,8 @@ pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 pub struct Scene {
     /// Its name in reports.
     pub name: String,
-    /// All triangles, with their indices of positions and of normals, and their materials. Frames of moving pictures
-    /// share it.
+    /// All triangles, with their positions, normals and materials. Frames of a moving picture share
+    /// a mesh that stays the same.
     pub mesh: Arc<Mesh>,
     /// The lights, in the order of the file.
     pub lights: Vec<Light>,
@@ -127,12 +127,13 @@ impl Scene {
         Arc::make_mut(&mut self.mesh)
     }
 
-    /// Shadow rays of each hit: one to every light, and one to the sky.
+    /// Returns the number of shadow rays of each hit: one to every light, and one to the sky if
+    /// there is a sky.
     pub fn shadow_rays_per_hit(&self) -> usize {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// A hash of everything that determines the picture; the scene's name is not part of it.
+    /// Returns a hash of everything that determines the picture; the scene's name does not.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;

@@ -1,4 +1,4 @@
-//! Makes normals for meshes without them, and replaces invalid ones.
+//! Generates normals for meshes without normals, and replaces invalid normals.
 
 mod creases;
 
@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Assigns to every corner a finite normal that is not zero, in linear time. Normals for a mesh that has none
-/// are smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
+/// Assigns to every corner a finite normal that is not zero, in linear time. Generated normals are
+/// smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -27,7 +27,7 @@ pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     replace_zero(mesh);
 }
 
-/// Replaces all normals by those of the faces.
+/// Replaces all normals by the normals of the faces.
 pub(super) fn flatten(mesh: &mut Mesh) {
     mesh.normals = mesh.triangles.iter().map(|triangle| face_normal(mesh, triangle)).collect();
     for (index, triangle) in (0..).zip(&mut mesh.triangles) {
@@ -121,7 +121,7 @@ fn replace_zero(mesh: &mut Mesh) {
         }
     }
     mesh.triangles = triangles;
-    // The remaining ones belong to no triangle.
+    // The remaining zero normals belong to no triangle.
     mesh.normals.iter_mut().filter(|normal| **normal == Vec3::ZERO).for_each(|normal| *normal = Vec3::Z);
 }
 

@@ -10,7 +10,8 @@ pub struct Orbit {
     pub centre: DVec3,
     /// The direction of the axis, of length 1.
     pub up: DVec3,
-    /// Lights that were added to a bare mesh move with the camera; those of a scene do not.
+    /// True if lights move with the camera: lights that were added to a bare mesh do, and lights of
+    /// a scene do not.
     pub with_lights: bool,
 }
 

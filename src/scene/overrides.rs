@@ -11,9 +11,10 @@ const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after the last
-/// one adds an element, as in `light.0.power`. If an angle of the camera is set, the whole scene is shown, so the
-/// document's own position, direction and field of view are removed.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the
+/// index after the last element adds an element, as in `light.0.power`. If an angle of the camera
+/// is set, the whole scene is shown, so the camera's own position, direction and field of view are
+/// removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
         if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
@@ -44,11 +45,11 @@ fn moves_camera(key: &str) -> bool {
     PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name)
 }
 
-/// Sets the value at one dotted path. An error is the reason, without the path.
+/// Sets the value at one dotted path. An error states the reason, without the path.
 pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
-        return Err("a name between its dots is empty".to_owned());
+        return Err("one of its names is empty".to_owned());
     }
     set_in_table(document, &keys, value)
 }
@@ -104,7 +105,8 @@ fn set_in_array(
     set_in_value(&mut array[index], key, rest, value)
 }
 
-/// Returns the container for a path that does not exist yet: an array before a number, else a table.
+/// Returns the container for a path that does not exist yet: an array if the next key is a number,
+/// else a table.
 fn container(rest: &[&str]) -> Value {
     match rest.first().map(|key| key.parse::<usize>()) {
         Some(Ok(_)) => Value::Array(Vec::new()),

@@ -7,11 +7,13 @@ use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
 
 /// The Blackman-Harris filter's width, in pixels.
 const WIDTH: f64 = 1.5;
-/// Its cosine series (Harris, "On the Use of Windows for Harmonic Analysis", Proceedings of the IEEE 66, 1978).
+/// The coefficients of the filter's cosine series (Harris, "On the Use of Windows for Harmonic
+/// Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
 /// Number of bisections of the search for a position in the filter; more than double precision needs.
 const HALVINGS: u32 = 54;
-/// With adaptive sampling, every pixel gets 1 / `FIRST_OF` of the samples, rounded up.
+/// With adaptive sampling, every pixel first gets 1 / `FIRST_OF` of the largest number of samples,
+/// rounded up.
 const FIRST_OF: u32 = 16;
 /// The least width of a sample's cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
@@ -21,13 +23,13 @@ const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 /// One sample, for every pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Its offset from a pixel's centre, in pixels.
+    /// The sample's offset from a pixel's centre, in pixels.
     pub offset: [f32; 2],
-    /// Its number, from 0.
+    /// The sample's number, from 0.
     pub number: u32,
     /// The number of samples per pixel.
     pub count: u32,
-    /// The number of samples that are cast before it.
+    /// The number of samples that are cast before this sample.
     pub earlier: u32,
     /// How light arrives.
     pub light: SampleLight,
@@ -43,7 +45,7 @@ pub enum SampleLight {
     /// As with `Own`, but in a half picture for soft light, where these points and directions repeat after
     /// `INTERLEAVED` pixels.
     Interleaved,
-    /// From the lights' centres and with the sky's mean radiance, whatever is in between.
+    /// From the lights' centres and with the sky's mean radiance, even if surfaces are in between.
     Unoccluded,
 }
 
@@ -54,8 +56,8 @@ pub struct Sampling {
     pub first: u32,
     /// The number of samples of pixels in blocks where neighbouring pixels differ after the first samples.
     pub most: u32,
-    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel (with
-    /// one, lights are points), and then filtered.
+    /// If positive, soft light is cast for a picture of half the width and height, with this many
+    /// samples per pixel, and then filtered. With one sample, lights are points.
     pub half_light: u32,
 }
 
@@ -68,7 +70,8 @@ impl Sampling {
         Self { first: count, most: count, half_light: 0 }
     }
 
-    /// Up to `most` samples where pixels differ, and fewer elsewhere.
+    /// Returns a sampling with `most` samples in blocks whose pixels differ, and fewer samples
+    /// elsewhere.
     pub fn adaptive(most: u32) -> Self {
         Self { first: most.div_ceil(FIRST_OF), most, half_light: 0 }
     }
@@ -78,8 +81,9 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the two rounds of samples: the first ones, which every pixel gets, and the others. The positions of both
-    /// rounds are parts of one sequence. Points of lights and directions of the sky have a separate sequence per round.
+    /// Returns the two rounds of samples: the first samples, which every pixel gets, and the
+    /// others. The positions of both rounds are parts of one sequence. Points of lights and
+    /// directions of the sky have a separate sequence per round.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {
@@ -149,7 +153,7 @@ impl Sample {
     /// samples that are cast by the end of the sample's round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
-            return 1.0; // all of them pass through the centre
+            return 1.0; // all samples pass through the centre
         }
         let cast = self.earlier - self.number + self.count;
         (cast as f32).sqrt().recip().max(LEAST_CONE)

@@ -59,7 +59,7 @@ fn background() -> Schema {
     json_schema!({ "anyOf": [{ "type": "string", "pattern": colour }, radiance, three(radiance.clone().to_value())] })
 }
 
-/// The key is `mesh`; the old name `obj` still works.
+/// Adds the key `mesh` to an object's schema; the key's old name, `obj`, still works.
 pub(super) fn both_names_of_mesh(object: &mut Schema) {
     let Some(Value::Object(keys)) = object.get_mut("properties") else { return };
     if let Some(mesh) = keys.get("obj").cloned() {

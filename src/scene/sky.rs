@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 /// Largest width and height of a sky's picture in texels.
 const MOST_ACROSS: u32 = 1 << 13;
-/// Largest memory for decoding a picture: four floats per texel, twice.
+/// Largest memory for decoding a picture, in bytes: four floats per texel, twice.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 
 /// A sky: light from all directions, unless something occludes it.
@@ -29,7 +29,8 @@ pub struct Sky {
     pub picture: Option<Arc<SkyPicture>>,
 }
 
-/// A picture of all directions (equirectangular): columns are angles around the zenith, rows angles from it.
+/// A picture of all directions (equirectangular): columns are angles around the zenith, and rows
+/// are angles from the zenith.
 #[derive(Clone, Debug)]
 pub struct SkyPicture {
     /// Number of texels across and down.
@@ -38,12 +39,12 @@ pub struct SkyPicture {
     pub texels: Arc<[[f32; 3]]>,
     /// The direction of the picture's middle, of unit length and perpendicular to the zenith.
     pub ahead: Vec3,
-    /// True if rays that hit nothing see it, instead of the background.
+    /// True if rays that hit nothing see the picture instead of the background.
     pub is_seen: bool,
 }
 
 impl PartialEq for SkyPicture {
-    /// Texels that both share are not compared one by one.
+    /// Compares two pictures. Texels that both share are not compared one by one.
     fn eq(&self, other: &Self) -> bool {
         let same_texels = || Arc::ptr_eq(&self.texels, &other.texels) || self.texels == other.texels;
         (self.size, self.ahead, self.is_seen) == (other.size, other.ahead, other.is_seen) && same_texels()
@@ -109,9 +110,9 @@ impl SkyPicture {
         }
     }
 
-    /// Returns the direction of the picture's middle: that in which a camera without a `look_at` looks, or the y axis
-    /// if that direction points up or down. It is made perpendicular to the zenith, then turned by an angle,
-    /// counter-clockwise as seen from the zenith.
+    /// Returns the direction of the picture's middle. The direction in which a camera without a
+    /// `look_at` looks, or the y axis if that direction points up or down, is made perpendicular to
+    /// the zenith. Then it is turned by `turn_degrees`, counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();

@@ -20,11 +20,12 @@ const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces farther away than this many radii do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
-/// The ground's k_L, its diffuse reflectance: lower than that of meshes without a colour.
+/// The ground's k_L, its diffuse reflectance: lower than the k_L of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// The ground is a square that is surrounded by square frames. These are the distances of their edges from the
-/// middle, in radii; the last one is beyond the end of a usual view. Rounding errors of a ray-triangle test grow with
-/// the triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which they start.
+/// middle, in radii; the last distance is beyond the end of a usual view. Rounding errors of a
+/// ray-triangle test grow with the triangle: on a single large triangle, shadow rays at a low angle
+/// would hit the ground from which they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
 const GAP_RADII: f64 = 1e-3;
@@ -63,8 +64,8 @@ impl Studio {
     }
 }
 
-/// Returns a square below a mesh; `None` if the eye is not above it, or if it would exceed the allowed
-/// coordinates.
+/// Returns a square below a mesh; `None` if the eye is not above the square, or if the square would
+/// exceed the allowed coordinates.
 fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     let (centre, radius) = ball.place();
     let height = |point: Vec3| (point.as_dvec3() - centre).dot(up);

@@ -23,17 +23,18 @@ pub const LEAST_ALPHA_UNIT: u16 = u16::MAX / 255;
 pub struct Texture {
     /// Number of texels across and down.
     pub size: [u32; 2],
-    /// How it continues across and down.
+    /// How the texture continues beyond its edges, across and down.
     pub wrap: [Wrap; 2],
-    /// As a mask: the least alpha, in 65535ths, of a point that is no hole. 0 for a colour.
+    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a colour.
     pub least_alpha: u16,
     /// Red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are any, follow the picture.
     pub texels: Arc<[u32]>,
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is no hole, in steps of an 8-bit channel. It is reduced by a small
-    /// part of a step, so that rounding makes no holes where all texels have exactly the least alpha.
+    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. It
+    /// is reduced by a small part of a step, so that rounding makes no holes where all texels have
+    /// exactly the least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
@@ -49,7 +50,7 @@ impl Texture {
         (0..level).map(texels).sum()
     }
 
-    /// Returns the number of the last mip level; 0 without them.
+    /// Returns the number of the last mip level; 0 if there are no levels.
     pub fn last_level(&self) -> u32 {
         let has_levels = self.texels.len() > self.level_start(1);
         if has_levels { self.size[0].max(self.size[1]).ilog2() } else { 0 }
@@ -74,7 +75,7 @@ pub struct Mapped {
 }
 
 impl Mapped {
-    /// Number of floats per triangle on a device, except those for mip levels.
+    /// Number of floats per triangle on a device, without the floats for mip levels.
     const FLOATS: usize = 8;
     /// A triangle without a texture.
     pub const NONE: Self = Self { corners: [[0.0; 2]; 3], texture: None, mask: None };
@@ -134,7 +135,8 @@ impl Textures {
         self.mapped.iter().any(|row| row.mask.is_some())
     }
 
-    /// Adds the textures of a mesh whose triangles follow this one's.
+    /// Adds the textures of another mesh, whose triangles are appended to the triangles of this
+    /// mesh.
     pub fn append(&mut self, own_triangles: usize, other: Self, other_triangles: usize) {
         if self.list.is_empty() && other.list.is_empty() {
             return;
@@ -157,7 +159,7 @@ impl Textures {
     }
 }
 
-/// Returns the linear light of each value of a channel.
+/// Returns the linear light of each 8-bit value of a channel.
 pub fn linear_values() -> [f32; 256] {
     std::array::from_fn(|value| linear(value as f32 / 255.0))
 }

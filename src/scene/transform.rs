@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Scale along the object's axes, rotation about x, then y, then z, translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
-    /// The scale; no component is zero, and a negative one mirrors.
+    /// The scale; no component is zero, and a negative component mirrors.
     pub scale: Vec3,
     /// Rotation angles about x, y and z.
     pub rotation_degrees: Vec3,
@@ -16,7 +16,7 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// Changes nothing.
+    /// The transform that changes nothing.
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 

@@ -22,8 +22,9 @@ const MAX_PRODUCT: f64 = 1e37;
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
-    /// Checks what all later code relies on: finite numbers in their ranges, indices in bounds, a camera with
-    /// a direction. [`super::load_scene`] has done so already; a scene made in code should be checked once.
+    /// Checks everything that later code relies on: finite numbers in their ranges, indices in
+    /// bounds, a camera with a direction. Scenes from [`super::load_scene`] are already checked; a
+    /// scene made in code should be checked once.
     ///
     /// # Errors
     ///
@@ -112,7 +113,7 @@ fn check_sky(sky: &Sky) -> Result<()> {
     require(*reach > 0.0 && reach.is_finite(), || format!("the sky's reach is {reach}; expected more than 0"))
 }
 
-/// An upper bound of how bright a scene's lights make its surfaces.
+/// An upper bound on the brightness that a scene's lights give to its surfaces.
 pub(super) struct Brightness {
     /// The bounding box of all surfaces.
     bounds: (Vec3, Vec3),

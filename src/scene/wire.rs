@@ -26,19 +26,19 @@ pub(super) struct SceneWire {
     #[serde(default)]
     #[schemars(with = "Vec<ObjectWire>")]
     pub object: Vec<Spanned<ObjectWire>>,
-    /// Point lights [default: none, so that everything hit is black].
+    /// Point lights [default: none, so that all surfaces are black].
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
     #[schemars(with = "Option<SkyWire>")]
     pub sky: Option<Spanned<SkyWire>>,
-    /// Radiance of a ray that hits nothing, one number or three, a display colour such as "#204060", or "transparent".
+    /// The background: radiance (one number or three), a display colour such as "#204060", or "transparent".
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
     /// [default: false].
     pub two_sided: Option<bool>,
     /// Use the colour textures of meshes [default: true].
     pub textures: Option<bool>,
-    /// Distant textures are mixed from smaller versions of their pictures, instead of the full ones [default: true].
+    /// Use mip levels, smaller versions of textures, for pixels larger than texels [default: true].
     pub mip_levels: Option<bool>,
     /// Degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle [default:
     /// all are smooth].
@@ -84,7 +84,7 @@ pub(super) struct CameraWire {
 #[serde(deny_unknown_fields)]
 #[schemars(transform = both_names_of_mesh)]
 pub(super) struct ObjectWire {
-    /// A mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; relative to this file.
+    /// The path of a mesh, relative to this file: OBJ, PLY, STL, glTF or GLB, also as .gz.
     #[serde(alias = "mesh")]
     #[schemars(with = "Option<String>")]
     pub obj: Option<Spanned<String>>,
@@ -112,7 +112,7 @@ pub(super) struct ObjectWire {
     /// For each corner of each face: the index of its normal, from 0.
     #[schemars(with = "Option<Vec<Vec<u32>>>")]
     pub face_normals: Option<Spanned<Vec<Spanned<Vec<u32>>>>>,
-    /// Scale along the object's own axes, applied first; negative mirrors [default: 1].
+    /// Scale along the object's own axes, applied first; a negative scale mirrors [default: 1].
     pub scale: Option<Triple<NonZero>>,
     /// Rotation in degrees about x, then y, then z, applied second.
     pub rotation: Option<Vector>,
@@ -121,10 +121,10 @@ pub(super) struct ObjectWire {
     /// Give every triangle its own normal, so that facets are visible [default: false].
     #[serde(default)]
     pub flat: bool,
-    /// With a mesh or vertices: like the scene's key, for this object.
+    /// With a mesh or vertices: the crease angle of this object, instead of the scene's.
     #[schemars(with = "Option<Number<Crease>>")]
     pub crease: Option<Spanned<Number<Crease>>>,
-    /// Replaces these values in every material of the object.
+    /// Values that replace those in every material of the object.
     pub material: Option<MaterialWire>,
     /// With a mesh: also read MTL files and glTF buffers outside of its folder [default: false].
     #[schemars(with = "Option<bool>")]
@@ -147,10 +147,10 @@ pub(super) struct MaterialWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LightWire {
-    /// Its position.
+    /// The light's position.
     #[schemars(with = "Vector")]
     pub position: Spanned<Vector>,
-    /// Its power: one number is white, three are red, green and blue.
+    /// The light's power: one number is white, three are red, green and blue.
     #[schemars(with = "Triple<Power>")]
     pub power: Spanned<Triple<Power>>,
     /// The radius of a ball that replaces the point if there are several samples per pixel [default: 0, a

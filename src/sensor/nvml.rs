@@ -35,7 +35,7 @@ fn uuid_name(digits: &str) -> Option<String> {
 impl Sensor for NvmlSensor {
     fn read(&mut self) -> Reading {
         let Self(device) = self;
-        // The reasons that slow it down; idleness and clocks set by a user are not among them.
+        // The reasons for throttling; idleness and clocks set by a user are not among them.
         let slowing = ThrottleReasons::SW_POWER_CAP
             | ThrottleReasons::HW_SLOWDOWN
             | ThrottleReasons::SW_THERMAL_SLOWDOWN

@@ -48,10 +48,10 @@ pub trait Axis: Sized + Copy + Eq + 'static {
             error.with_help(match nearest(name, names) {
                 Some(meant) => format!("did you mean '{meant}'?"),
                 None if Self::INFO.listed.is_empty() => {
-                    "`raycl strategies` explains each; with --cl-dir DIR, DIR's files are values too"
+                    "`raycl strategies` explains each value; with --cl-dir DIR, DIR's files are values too"
                         .to_owned()
                 }
-                None => "`raycl strategies` explains each".to_owned(),
+                None => "`raycl strategies` explains each value".to_owned(),
             })
         })
     }
@@ -190,7 +190,7 @@ axis! {
 }
 axis! {
     /// Which faces are visible.
-    Culling "culling" "which faces are seen" {
+    Culling "culling" "which faces are visible" {
         None "none" "both sides, as the paper's figures need",
         Back "back" "front faces only, as the book's code does",
     }
@@ -217,9 +217,9 @@ axis! {
     NodeWidth "node_width" "children of a tree node" {
         N2 "2" "the fastest for single rays",
         N4 "4" "four",
-        N8 "8" "as many as a CPU's vectors test at once",
+        N8 "8" "eight: a CPU's vector tests all of them together",
         N16 "16" "sixteen",
-        N32 "32" "as many as a GPU's sub-group tests at once",
+        N32 "32" "thirty-two: a GPU's sub-group tests all of them together",
     }
 }
 axis! {
@@ -243,7 +243,7 @@ axis! {
 }
 axis! {
     /// How the compiler may change arithmetic.
-    Math "math" "what the compiler may do to arithmetic" {
+    Math "math" "how the compiler may change arithmetic" {
         Strict "strict" "IEEE single precision as OpenCL C defines it",
         Fast "fast" "-cl-fast-relaxed-math",
     }

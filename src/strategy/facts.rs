@@ -67,7 +67,8 @@ impl Triangles {
         self.header().word("read_from") == "constant"
     }
 
-    /// Returns whether all triangles, or a part of each, are copied to `__local` memory at once.
+    /// Returns whether all triangles, or a part of each, are copied to `__local` memory in one
+    /// step.
     pub fn are_staged(self) -> bool {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
     }

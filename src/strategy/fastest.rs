@@ -40,7 +40,7 @@ const TILES: Way = Way::Tiles { large: false, separate: false };
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Class {
-    /// A CPU whose vectors hold 16 rays, as those of tiles do.
+    /// A CPU whose vectors hold 16 rays, which is the vector width of tiles.
     TilesInVectors,
     /// Other CPUs. Their compilers split the vectors of tiles.
     TilesInNarrowVectors,
@@ -57,7 +57,7 @@ const TREE_TRIANGLES: usize = 200;
 /// The limits between the candidates, for one class of devices that support tiles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
-    /// With fewer triangles, all are tested.
+    /// With fewer triangles, every ray tests all of them.
     pub tree_triangles: f64,
     /// From this number of triangles per pixel on, the rays of a tile share too little work.
     pub single_triangles_a_pixel: f64,

@@ -9,7 +9,7 @@ use crate::error::{Error, Result, nearest};
 pub struct Header {
     /// The axis.
     pub axis: &'static str,
-    /// The value's name: the file's, with `-` for `_`.
+    /// The value's name: the file's name with `-` in place of `_`.
     pub name: String,
     /// The meaning of the value, in a line.
     pub meaning: String,
@@ -65,7 +65,7 @@ impl Header {
 
 /// A file whose header is to be read.
 pub(super) struct Reader<'a> {
-    /// The axis of which it is a value.
+    /// The axis to which the value belongs.
     pub axis: &'static str,
     /// The file's path, as messages show it.
     pub path: &'a str,
@@ -100,7 +100,7 @@ impl Reader<'_> {
             )
         };
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
-        let meaning = meaning.ok_or_else(|| lacks("meaning", "what the value is, in a line"))?;
+        let meaning = meaning.ok_or_else(|| lacks("meaning", "the value's meaning, in a line"))?;
         let said = |key: &Key| found.facts.iter().any(|(_, name, _)| *name == key.name);
         if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
             return Err(lacks(key.name, &format!("{}: {}", key.about, key.takes)));

@@ -23,7 +23,8 @@ const PICTURE_BYTES: u64 = 12 + 3 + 3;
 /// light and hits, two half pictures, their hits and ratios, and the picture that is expected from them.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
-/// The bytes of the host's memory in use at several moments: those at which the largest amount may be in use.
+/// The bytes of the host's memory in use at several moments. At one of these moments, the largest
+/// amount is in use.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,
@@ -94,8 +95,9 @@ impl HostNeeds {
     pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
         let limit = available.bytes.saturating_add(own_bytes);
         let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };
-        sum.within(&format!("the host's memory ({moment})"), limit)
-            .map_err(|refused| Infeasible::beyond(format!("{} by {}", refused.reason, available.source)))
+        sum.within(&format!("the host's memory ({moment})"), limit).map_err(|refused| {
+            Infeasible::beyond(format!("{} according to {}", refused.reason, available.source))
+        })
     }
 }
 
@@ -155,7 +157,7 @@ mod tests {
         assert_eq!(
             reason,
             "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \
-             + tree being built 1192000128 B = 1832000128 B > 1000000000 B by a test"
+             + tree being built 1192000128 B = 1832000128 B > 1000000000 B according to a test"
         );
         assert!(needs.check(&available, 900_000_000).is_ok());
     }

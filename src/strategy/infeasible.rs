@@ -1,11 +1,13 @@
 //! The reason why a strategy cannot be cast, found before anything is compiled.
 
-/// Why a point cannot be cast, as a sentence: the arithmetic of a limit that it exceeds, or what its strategy lacks.
+/// Why a point cannot be cast, as a sentence: the arithmetic of a limit that it exceeds, or a
+/// feature that its strategy does not support.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
     /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
-    /// True if the strategy lacks something that the scene has; neither the device nor a size is the cause.
+    /// True if the strategy does not support something that the scene contains; neither the device
+    /// nor a size is the cause.
     pub is_lacking: bool,
 }
 

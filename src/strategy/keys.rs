@@ -53,7 +53,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "triangles",
         "copied",
-        "what a work-group copies to __local memory",
+        "the data that a work-group copies to __local memory",
         Takes::Words(&["nothing", "scene", "vertices", "normals", "rows"]),
     ),
     key(
@@ -62,7 +62,7 @@ pub(super) static KEYS: [Key; 10] = [
         "bits of an index into the lists of positions and normals; none for a triangle soup",
         Takes::Words(&["none", "16", "32"]),
     ),
-    key("shading", "shades", "which hits it shades", Takes::Words(&["each-nearer-hit", "nearest-hit"])),
+    key("shading", "shades", "the hits that are shaded", Takes::Words(&["each-nearer-hit", "nearest-hit"])),
     key(
         "intersector",
         "record_floats",

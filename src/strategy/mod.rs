@@ -104,7 +104,7 @@ fn unknown_axis(axis: &str) -> Error {
     let error = Error::input(format!("'{axis}' is not an axis; the axes are {}", names.join(", ")));
     error.with_help(match nearest(axis, names) {
         Some(meant) => format!("did you mean '{meant}'?"),
-        None => "`raycl strategies` explains each".to_owned(),
+        None => "`raycl strategies` explains each axis".to_owned(),
     })
 }
 

@@ -16,8 +16,8 @@ pub struct Preset {
     pub about: &'static str,
     /// The value of every axis.
     pub strategy: Strategy,
-    /// The kind of device that it is meant for; on others it is only measured if requested. `None` means all
-    /// kinds.
+    /// The kind of device that it is meant for; on other kinds it is only measured if requested.
+    /// `None` means all kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -49,8 +49,8 @@ const MODERN: Strategy = Strategy {
     ..PAPER
 };
 
-/// Tiles of rays in wide vectors. A single pass, since a tile's hits are best shaded while its triangles are
-/// in the caches.
+/// Tiles of rays in wide vectors. There is a single pass, since a tile's hits are best shaded while
+/// its triangles are in the caches.
 const TILE: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -61,9 +61,9 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye continue
-/// with shadow rays while others still cast rays from the eye. The watertight test needs too many registers
-/// for that.
+/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye
+/// continue with shadow rays while others still cast rays from the eye. The watertight test needs
+/// too many registers for a single pass.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -138,7 +138,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "raster",
-        about: "the paper's other next step: the book's rasteriser, shaded as the ray caster is",
+        about: "the paper's other next step: the book's rasteriser, with the ray caster's shading",
         strategy: Strategy { traversal: Traversal::Raster, ..MODERN },
         meant_for: None,
     },

@@ -211,13 +211,14 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal == Traversal::Tile {
         let (across, down) = strategy.tile.pixels();
-        // Even without barriers, PoCL 3.1 was seen to keep the values of all work-items at once.
+        // Even without barriers, PoCL 3.1 was observed to store the values of all work-items at the
+        // same time.
         let [x, y] = w.local_size.map(u64::from);
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    // A value that lives across a barrier is kept for all work-items at once. PoCL 3.1 also keeps packets of rays in
-    // this way.
+    // A value that lives across a barrier is stored for all work-items at the same time. PoCL 3.1
+    // also stores packets of rays in this way.
     let packets = strategy.traversal != Traversal::Tile && strategy.width.rays() > 1;
     let at_once = strategy.triangles.copied() != Copied::Nothing || packets;
     if strategy.vectors.memory() == WorkingMemory::Private && at_once {
@@ -291,7 +292,7 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.shares_tiles() {
         let rays = w.shared_rays(strategy) as u64;
         sum.add("queue", &[(QUEUE_ENTRY_BYTES, " B"), (rays, " rays")]);
-        sum.add("lights that reach", &[(LIT_BYTES, " B"), (rays, " rays")]);
+        sum.add("lights that reach hits", &[(LIT_BYTES, " B"), (rays, " rays")]);
     }
     if strategy.records == Records::Once {
         sum.add("records", &[(record_bytes(strategy), " B"), (w.triangles as u64, " triangles")]);

@@ -44,7 +44,7 @@ impl Strategy {
         Some(format!("{axis} = {value}, but {label} {because}; expected {axis} = {}", taken.join(" or ")))
     }
 
-    /// Returns why two of its values contradict each other in any family, if they do.
+    /// Returns why two of its values contradict each other in any family; `None` if they do not.
     fn conflict(&self) -> Option<String> {
         let eager = self.shading.is_eager();
         let planes = self.intersector.prepares_planes();
@@ -61,7 +61,7 @@ impl Strategy {
             ),
             (
                 self.math == Math::Fast && self.intersector.needs_exact_signs(),
-                "intersector = {intersector} needs exact signs, which math = fast does not keep",
+                "intersector = {intersector} needs exact signs, which math = fast does not preserve",
             ),
             (
                 planes && self.layout.index_bits().is_some(),
@@ -89,7 +89,8 @@ impl Strategy {
         Some(self.axes().into_iter().fold(reason.to_owned(), own))
     }
 
-    /// Returns why the header of one of its values contradicts another value, if it does.
+    /// Returns why the header of one of its values contradicts another value; `None` if no header
+    /// does.
     fn conflict_in_headers(&self) -> Option<String> {
         let axes = self.axes();
         let headers =

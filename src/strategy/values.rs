@@ -61,7 +61,8 @@ impl Sources {
     }
 }
 
-/// Replaces the known headers if any of them differs; equal ones are kept, since headers are never freed.
+/// Replaces the known headers if any of them differs. Equal headers are not replaced, since headers
+/// are never freed.
 fn replace(known: &mut Headers, headers: Vec<Header>) {
     if *known != headers {
         *known = headers.leak();
@@ -130,8 +131,9 @@ fn refuse_names(sources: &Sources) -> Result<()> {
         let stem = file[folder.len()..].trim_end_matches(".cl");
         if !fits(stem) || stem.is_empty() {
             let path = sources.path_of(&file);
-            let message =
-                format!("{path}: a value has its file's name, in lower-case letters, digits and '_'");
+            let message = format!(
+                "{path}: a value is named after its file, with only lower-case letters, digits and '_'"
+            );
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
             return Err(
                 Error::input(message).with_help(format!("rename it, for example to {folder}{plain}.cl"))

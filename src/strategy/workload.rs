@@ -5,7 +5,8 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
-/// A pixel has at most 2^2 sub-pixels across and 2^2 down. This makes as many sub-pixels as a vector has rays.
+/// A pixel has at most 2^2 sub-pixels across and 2^2 down. This makes 16 sub-pixels, and a vector
+/// has 16 rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
 /// A frame whose tiles are shared divides pixels into sub-pixels only if it then has at most this many rays. Each ray
@@ -135,10 +136,10 @@ impl Workload {
         }
     }
 
-    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are shared by
-    /// groups. With several sub-pixels, several samples of each pixel are cast. Each ray needs its own place in the
-    /// buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture of
-    /// a sky knows only whole pixels.
+    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose
+    /// tiles are shared by groups. With several sub-pixels, several samples of each pixel are cast.
+    /// Each ray needs its own place in the buffers between kernels. Soft light is cast for one
+    /// sample at a time, and the kernel that adds the picture of a sky supports only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;

@@ -1,11 +1,13 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and
-//! within one 8-bit step per channel as displayed. An uncertain pixel is one that changes if its ray is moved by much
-//! more than rounding does. It must lie within the range of its values under narrow nudges, which move the ray by
-//! about as much as rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels
-//! outside that range are counted, and only few are allowed. The number of pixels that hit something must also lie in
-//! the range that the reference allows, since `shadow_rays_per_s` depends on it.
+//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see
+//! [`relative_difference`]), and within one 8-bit step per channel as displayed. An uncertain pixel
+//! is one that changes if its ray is moved by much more than the effect of rounding. It must lie
+//! within the range of its values under narrow nudges, which move the ray by about as much as
+//! rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels
+//! outside that range are counted, and only few are allowed. The number of pixels that hit
+//! something must also lie in the range that the reference allows, since `shadow_rays_per_s`
+//! depends on it.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -25,7 +27,7 @@ pub struct Verdict {
     pub uncertain_pixels: usize,
     /// Number of uncertain pixels outside the range of their nudges.
     pub unexplained_pixels: usize,
-    /// Number of certain pixels that disagree, and of pixels that are not finite.
+    /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
     /// True if the image is correct.
     pub ok: bool,
@@ -112,7 +114,7 @@ impl Finding {
         let what = if !found.iter().all(|channel| channel.is_finite()) {
             "is not finite".to_string()
         } else {
-            format!("differs by {:.2e} relative", self.difference)
+            format!("has a relative difference of {:.2e}", self.difference)
         };
         format!(
             "{wrong_pixels} pixels are wrong; the worst, ({x}, {y}), {what}: it is {found:?} and should be \

@@ -213,8 +213,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
-/// Like a certain pixel, it may differ by a thousandth of the reference's `floor`, since darker pixels are compared
-/// relative to the floor.
+/// Like a certain pixel, a dark uncertain pixel may differ by a thousandth of the reference's
+/// `floor`, since darker pixels are compared relative to the floor.
 #[test]
 fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     let mut reference = judged();

@@ -1,11 +1,11 @@
-//! The user's place relative to the scene's own camera. Pure functions.
+//! The eye's place relative to the scene's own camera. All functions here are pure.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// The least angle between the view and straight up or down, in radians: straight up or down, left and right
-/// have no meaning.
+/// The least angle between the view direction and the vertical, in radians: in a vertical view,
+/// left and right would have no meaning.
 const POLE: f64 = 0.02;
 /// The least and the greatest distance, as factors of the distance of the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
@@ -17,9 +17,11 @@ pub struct Pose {
     pub turn: f64,
     /// The angle upwards, in radians.
     pub tilt: f64,
-    /// The distance from the point that the eye goes around, as a factor.
+    /// The distance from the point that the eye goes around, as a factor of the distance of the
+    /// scene's own camera.
     pub distance: f64,
-    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the distance from that point.
+    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's
+    /// distance.
     pub aside: [f64; 2],
 }
 
@@ -27,7 +29,8 @@ impl Pose {
     /// The scene's own camera.
     pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
 
-    /// Goes around the scene, to the right and upwards, in radians, but never over its top.
+    /// Moves the eye around the scene, by angles to the right and upwards in radians, but never
+    /// over the scene's top. `elevation` is the angle by which the scene's own camera looks down.
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;
@@ -42,12 +45,13 @@ impl Pose {
         self.aside[1] += up;
     }
 
-    /// Comes nearer for positive steps: ten of them halve the distance.
+    /// Moves the eye nearer for positive steps: ten steps halve the distance.
     pub fn zoom(&mut self, steps: f64) {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }
 
-    /// Returns the camera and the lights at this place; at the start, they equal the scene's own to the bit.
+    /// Returns the camera and the lights at this place; at the start, they equal the scene's own
+    /// bit for bit.
     pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
         let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
         let from_centre = |camera: &Camera| camera.position.as_dvec3() - orbit.centre;

@@ -1,4 +1,4 @@
-//! The strategies and local sizes among which keys choose.
+//! The strategies and local sizes from which the user chooses with keys.
 
 use crate::device::DeviceInfo;
 use crate::strategy::{PRESETS, Strategy};
@@ -27,8 +27,8 @@ impl<T: Copy + PartialEq> Choices<T> {
         self.all[self.taken]
     }
 
-    /// Returns the other choices, in the order in which steps of 1 or -1 reach them. Each is the same list with
-    /// another value chosen.
+    /// Returns the other choices, in the order in which steps of 1 or -1 reach them. Each choice is
+    /// the same list with another value chosen.
     pub fn others(&self, step: isize) -> impl Iterator<Item = Self> + '_ {
         let count = self.all.len() as isize;
         (1..count).map(move |steps| {
@@ -44,7 +44,7 @@ pub fn strategies(first: Strategy, device: &DeviceInfo) -> Choices<Strategy> {
     Choices::of(first, meant.map(|preset| preset.strategy))
 }
 
-/// Returns the requested local size, then usual ones.
+/// Returns the requested local size, then other usual sizes.
 pub fn local_sizes(first: [u32; 2]) -> Choices<[u32; 2]> {
     Choices::of(
         first,

@@ -10,7 +10,7 @@ use crate::strategy::Culling;
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
-/// The side of a block of pixels that gets one count: large at first, smaller while nothing moves.
+/// The side in pixels of a block that gets one count: large at first, smaller while nothing moves.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
 /// The heat map of one scene, which becomes finer step by step.
@@ -49,8 +49,8 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next finer map, with the tests that the strategy makes; `None` if the finest one was
-    /// returned before.
+    /// Returns the next finer map, with the tests that the strategy makes; `None` if the finest map
+    /// was returned before.
     pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

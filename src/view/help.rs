@@ -23,7 +23,7 @@ pub fn panel() -> Result<RgbImage> {
     drawn.map(|panel| panel.to_rgb8()).map_err(|error| Error::fault(format!("the keys: {error}")))
 }
 
-/// Draws a panel over a picture's corner, if there is room for it. Returns whether there is.
+/// Draws a panel over a picture's corner, if there is room for it. Returns whether there is room.
 pub fn lay(panel: &RgbImage, picture: &mut RgbImage) -> bool {
     let fits = panel.width() <= picture.width() && panel.height() <= picture.height();
     if fits {

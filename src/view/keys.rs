@@ -44,7 +44,7 @@ pub enum Action {
     Quit,
 }
 
-/// Keys that do one thing, in several directions.
+/// Keys that do the same thing in several directions.
 pub struct Row {
     /// The keys' names, as the user reads them.
     pub names: &'static str,

@@ -17,7 +17,7 @@ use crate::strategy::Strategy;
 use image::RgbImage;
 use std::sync::Arc;
 
-/// A picture that was cast, with its rays and its time.
+/// A picture that was cast, with the number of its rays and its time.
 pub struct Frame {
     pub picture: RgbImage,
     /// The number of primary and shadow rays.
@@ -114,7 +114,7 @@ impl Live {
         self.subject.size()
     }
 
-    /// Returns the number of samples that are cast, and the number of all samples.
+    /// Returns the number of samples that have been cast, and the number of all samples.
     pub fn progress(&self) -> [usize; 2] {
         self.sum.progress()
     }
@@ -134,7 +134,8 @@ impl Live {
         self.sum.restart();
     }
 
-    /// Casts the next sample from a place. Returns the mean of the samples so far, or `None` if all are cast.
+    /// Casts the next sample from a place. Returns the mean of the samples so far, or `None` if all
+    /// samples have been cast.
     pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
         let Some(sample) = self.sum.next() else { return Ok(None) };
         let frame = self.frame(pose, &sample);
@@ -172,11 +173,11 @@ impl Live {
         Frame { picture, rays: (pixels + hits * lights) as f64, ms: times.frame_ms }
     }
 
-    /// Takes the next strategy that the device can cast.
+    /// Changes to the next strategy that the device can use.
     ///
     /// # Errors
     ///
-    /// Fails if there is no other; the message states the reason for the last one.
+    /// Fails if the device can use no other strategy; the message states the reason for the last.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let limits = self.device.info.limits;
         let usual = self.strategies.others(step).map(|strategies| {
@@ -186,17 +187,18 @@ impl Live {
         self.take(usual.collect())
     }
 
-    /// Takes the next local size that the device can cast with.
+    /// Changes to the next local size that the device can use.
     ///
     /// # Errors
     ///
-    /// Fails if there is no other; the message states the reason for the last one.
+    /// Fails if the device can use no other local size; the message states the reason for the last.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
         let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
         self.take(ways.collect())
     }
 
-    /// Takes the first of several pairs of strategies and local sizes that the device can cast with.
+    /// Changes to the first of several pairs of a strategy and a local size that the device can
+    /// use.
     fn take(&mut self, ways: Vec<Way>) -> Result<()> {
         let mut last = None;
         for way in ways {
@@ -216,11 +218,11 @@ impl Live {
         })
     }
 
-    /// Takes the next device, with the usual strategy and local size for it.
+    /// Changes to the next device, with its usual strategy and local size.
     ///
     /// # Errors
     ///
-    /// Fails if the device is the only one, or if the next one cannot be opened.
+    /// Fails if the device is the only one, or if the next device cannot be opened.
     pub fn next_device(&mut self) -> Result<()> {
         let found: Vec<Device> =
             discover(&self.sources)?.into_iter().filter(|device| device.info.unusable.is_none()).collect();
@@ -267,8 +269,8 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(Sampling::all(samples))
 }
 
-/// Returns the display transform for a device with separate memory; `None` if it cannot be built, so that the
-/// host does its work.
+/// Returns the program that applies the display transform on a device with separate memory. `None`
+/// if memory is shared or the program cannot be built; the host then applies the transform.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
     if queue.shares_memory {
         return None;
@@ -277,8 +279,8 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowPro
     ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
 }
 
-/// Returns the choices, beginning with the requested strategy and local size, or else those that are usual on
-/// the device.
+/// Returns the choices, beginning with the requested strategy and local size, or else the usual
+/// ones for the device.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))

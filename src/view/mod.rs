@@ -1,7 +1,7 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
-//! A [`screen::Screen`] shows pictures and reads what the user does, and [`live::Live`] casts, by the same
-//! code as `render`. The loop between them is here: it reads input, acts, casts and shows.
+//! A [`screen::Screen`] shows pictures and reads the user's input, and [`live::Live`] casts, by the
+//! same code as `render`. The loop between them is here: it reads input, acts, casts and shows.
 
 mod camera;
 mod choices;
@@ -71,7 +71,7 @@ pub struct Viewer<S: Screen> {
 }
 
 impl<S: Screen> Viewer<S> {
-    /// Shows a scene, which may spin by itself.
+    /// Makes a viewer of a scene. If `spins` is true, the eye goes around the scene by itself.
     pub fn new(live: Live, screen: S, spins: bool) -> Self {
         Self {
             live,
@@ -121,7 +121,7 @@ impl<S: Screen> Viewer<S> {
         Ok((self.live, total))
     }
 
-    /// Casts and shows the next frame. Returns whether there was one.
+    /// Casts and shows the next frame. Returns whether there was a frame to show.
     fn show_next(&mut self) -> Result<bool> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));

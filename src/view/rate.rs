@@ -39,7 +39,7 @@ pub struct Total {
     pub frames: u32,
     /// The time from the first frame to the last.
     pub seconds: f64,
-    /// The number of frames after the first, divided by this time.
+    /// The number of frames after the first, divided by `seconds`.
     pub frames_per_s: f64,
     /// The median device time of a frame.
     pub frame_ms: f64,

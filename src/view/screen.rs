@@ -20,7 +20,7 @@ pub struct Input {
     pub keys: Vec<Key>,
     /// The drag that moves the eye around the scene: its distance to the right and down, in heights of the picture.
     pub orbit: [f64; 2],
-    /// The drag that moves the eye aside, in the same units.
+    /// The drag that moves the eye aside, in the units of `orbit`.
     pub pan: [f64; 2],
     /// The steps of the wheel; steps away from the user are positive.
     pub wheel: f64,

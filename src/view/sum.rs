@@ -2,7 +2,7 @@
 
 use crate::scene::{Sample, pixel_samples};
 
-/// The samples of one view, and how many are cast.
+/// The samples of one view, and how many have been cast.
 pub struct Sum {
     samples: Vec<Sample>,
     cast: usize,
@@ -19,17 +19,17 @@ impl Sum {
         self.cast = 0;
     }
 
-    /// Returns the next sample; `None` if all are cast.
+    /// Returns the next sample; `None` if all samples have been cast.
     pub fn next(&self) -> Option<Sample> {
         self.samples.get(self.cast).copied()
     }
 
-    /// Returns the number of samples that are cast, and the number of all samples.
+    /// Returns the number of samples that have been cast, and the number of all samples.
     pub fn progress(&self) -> [usize; 2] {
         [self.cast, self.samples.len()]
     }
 
-    /// Counts a sample that is cast.
+    /// Counts a sample that has been cast.
     pub fn add(&mut self) {
         self.cast += 1;
     }

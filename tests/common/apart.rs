@@ -1,18 +1,18 @@
-//! A test in a process of its own.
+//! Runs a test in a separate process.
 
 use crate::binary::finish_within;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// Set in the process that runs one test.
+/// The variable that is set in the process of a single test.
 const MARK: &str = "RAYCL_TEST_APART";
-/// Only a test that hangs takes this long: a test builds up to a hundred programs, even on a slow machine with other
-/// work.
+/// The time limit of a test. Only a test that hangs reaches it, although a test may build a hundred programs
+/// on a slow and busy machine.
 const LIMIT: Duration = Duration::from_secs(3600);
 
-/// The first line of a test that runs in a process of its own. PoCL compiles one kernel at a time in a process, so
-/// that tests which compile many would leave all cores but one idle. If a driver crashes, only the test in which it
-/// crashed fails.
+/// The first line of a test that runs in a separate process. Within one process, PoCL compiles one kernel at
+/// a time, so that tests of many kernels would leave all cores but one idle. If a driver crashes, only the
+/// test in which it crashed fails.
 macro_rules! apart {
     () => {
         fn here() {}
@@ -24,7 +24,7 @@ macro_rules! apart {
 pub(crate) use apart;
 
 /// Starts this program again for the calling test alone, and returns true if the test passed there. In that second
-/// process, returns false, so that the test runs. The test is the function around `here`:
+/// process, returns false, so that the test runs. `here` is the path of a function inside the test, such as
 /// `all::kernels::presets::here`.
 #[track_caller]
 pub fn has_run(here: &str) -> bool {

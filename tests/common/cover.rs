@@ -12,7 +12,7 @@ fn pairs(strategy: &Strategy) -> HashSet<Pair> {
     (0..axes.len()).flat_map(pair).map(|(i, other)| (axes[i], other)).collect()
 }
 
-/// Every strategy that is one or two values away from a preset and makes sense.
+/// Returns every strategy that differs from a preset in at most two values and has no contradiction.
 fn candidates() -> Vec<Strategy> {
     let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for _ in 0..2 {
@@ -33,8 +33,8 @@ fn candidates() -> Vec<Strategy> {
     sorted
 }
 
-/// Strategies that together have every pair of values that any candidate has: each time, the candidate with the most
-/// new pairs is added.
+/// Returns strategies that together have every pair of values of any candidate. Adds, again and again, the
+/// candidate with the most new pairs.
 pub fn pairwise_cover() -> Vec<Strategy> {
     let candidates: Vec<_> = candidates().into_iter().map(|strategy| (strategy, pairs(&strategy))).collect();
     let mut open: HashSet<Pair> = candidates.iter().flat_map(|(_, pairs)| pairs.iter().copied()).collect();

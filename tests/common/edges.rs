@@ -5,13 +5,13 @@ use glam::{DVec3, Vec3};
 use raycl::launch::Ray;
 use raycl::scene::{Camera, Light, Mesh, Scene, Triangle};
 
-/// A repeatable random number below 2^24.
+/// Returns a repeatable random number below 2^24.
 pub fn random(state: &mut u32) -> u32 {
     *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
     *state >> 8
 }
 
-/// A number in 0 .. 1.
+/// Returns a random number from 0 to 1.
 fn fraction(state: &mut u32) -> f32 {
     random(state) as f32 / (1 << 24) as f32
 }
@@ -20,7 +20,7 @@ fn add(mesh: &mut Mesh, corners: [u32; 3]) {
     mesh.triangles.push(Triangle { positions: corners, normals: corners, material: 0 });
 }
 
-/// A point of the unit circle.
+/// Returns the sine and the cosine of `step` of `steps` equal parts of a full turn.
 fn turn(step: u32, steps: u32) -> (f32, f32) {
     (2.0 * std::f32::consts::PI * (step % steps) as f32 / steps as f32).sin_cos()
 }
@@ -28,8 +28,8 @@ fn turn(step: u32, steps: u32) -> (f32, f32) {
 const SPHERE: Vec3 = Vec3::new(0.013, -0.007, 0.021);
 const TORUS: Vec3 = Vec3::new(2.983, 0.011, 0.005);
 
-/// Where rays start: two points outside both meshes, one near the sphere's centre, one close under its surface, and
-/// one inside the torus.
+/// The points at which rays start: two points outside both meshes, one near the sphere's centre, one close
+/// under its surface, and one inside the torus.
 pub const ORIGINS: [Vec3; 5] = [
     Vec3::new(1.3, 0.2, 3.0),
     Vec3::new(-0.3, 2.6, 0.7),
@@ -38,7 +38,7 @@ pub const ORIGINS: [Vec3; 5] = [
     Vec3::new(3.83, 0.52, 0.12),
 ];
 
-/// A sphere of radius 1 about `centre`: 960 triangles, of which 32 meet at each pole.
+/// Returns a sphere of radius 1 around `centre`: 960 triangles, of which 32 meet at each pole.
 fn sphere(centre: Vec3) -> Mesh {
     let (bands, rings) = (16, 32);
     let point = |ring, band| {
@@ -68,7 +68,7 @@ fn sphere(centre: Vec3) -> Mesh {
     mesh
 }
 
-/// A ring of radius 1 and thickness 0.7 about `centre`, tilted: 1,024 triangles, concave where the hole is.
+/// Returns a tilted ring of radius 1 and thickness 0.7 around `centre`: 1,024 triangles, concave at the hole.
 fn torus(centre: Vec3) -> Mesh {
     let (around, across) = (32, 16);
     let tilt = glam::Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 0.7);
@@ -87,7 +87,7 @@ fn torus(centre: Vec3) -> Mesh {
     mesh
 }
 
-/// A sphere and a torus beside it.
+/// Returns a scene of a sphere and a torus beside it.
 pub fn closed_meshes() -> Scene {
     let mut mesh = sphere(SPHERE);
     mesh.append(torus(TORUS));
@@ -97,7 +97,7 @@ pub fn closed_meshes() -> Scene {
 }
 
 /// Returns rays from one point towards points on edges, about every fifth towards a vertex, and the distances of
-/// these points. No ray may pass its point.
+/// these points. No ray may continue beyond its point.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()
@@ -118,8 +118,8 @@ fn ray_at_an_edge(mesh: &Mesh, origin: Vec3, state: &mut u32) -> Option<(Ray, f3
     crosses.then(|| (Ray { origin, direction, t_min: 0.0 }, way.length()))
 }
 
-/// Returns whether the nearest triangle that was found for a ray lies at most as far away as `target`, so that the
-/// ray did not pass it.
+/// Returns whether a ray was stopped, because the nearest triangle that was found for it is not farther away
+/// than `target`.
 pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> bool {
     let Some(triangle) = nearest.map(|index| &mesh.triangles[index as usize]) else { return false };
     let [a, b, c] = mesh.corners(triangle).map(|corner| corner.as_dvec3());
@@ -128,9 +128,10 @@ pub fn is_stopped(mesh: &Mesh, ray: &Ray, target: f32, nearest: Option<u32>) -> 
     t < f64::from(target) * 1.001
 }
 
-/// A net over an image of `side` x `side` pixels: it has a vertex on the ray of every second pixel across and down,
-/// and a few vertices beyond the image. The rays of a quarter of the pixels meet vertices, and the others meet edges.
-/// `corner` returns the point on the ray through a pixel's centre at which the vertex lies.
+/// Returns a net (a grid of triangles) over an image of `side` x `side` pixels. It has a vertex on the ray of
+/// every second pixel across and down, and a few vertices beyond the image. The rays of a quarter of the
+/// pixels meet vertices, and all others meet edges. `corner` returns the point on the ray through a pixel's
+/// centre at which the vertex lies.
 fn net(side: u32, corner: impl Fn(f64, f64) -> Vec3) -> Mesh {
     let across = side / 2 + 5;
     let place = |i: u32| 2.0 * f64::from(i) - 3.5;
@@ -150,7 +151,7 @@ fn add_flat(mesh: &mut Mesh, positions: [u32; 3]) {
     mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
 }
 
-/// A repeatable random number from 0 to 1, computed from two others.
+/// Returns a repeatable random number from 0 to 1, computed from two numbers.
 fn jitter(x: f64, y: f64) -> f64 {
     let mixed = (x * 12.9898 + y * 78.233).sin() * 43758.5453;
     mixed - mixed.floor()
@@ -166,9 +167,10 @@ fn before_black(mesh: Mesh, camera: Camera, light: Vec3) -> Scene {
     scene
 }
 
-/// A net in front of the paper's camera, which is at the origin, so that the vertices are as exact as possible. It is
-/// lit from behind, so that no shadow rays are cast. If the net is crumpled, its boxes have depths of all sizes. If
-/// it is flat, its boxes have no depth, and a ray that meets the side of a box enters and leaves it at once.
+/// Returns a net in front of the paper's camera, which is at the origin, so that the vertices are as exact as
+/// possible. The net is lit from behind, so that no shadow rays are cast. If it is not flat, it is crumpled,
+/// and the boxes of the tree have depths of all sizes. If it is flat, the boxes have no depth: a ray enters
+/// and leaves a box at the same point.
 pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     let frame = Camera::PAPER.pixel_frame(side, side);
     let depth = |x, y| if is_flat { 1.3 } else { 1.0 + jitter(x, y) };
@@ -176,8 +178,8 @@ pub fn net_before_the_eye(side: u32, is_flat: bool) -> Scene {
     before_black(mesh, Camera::PAPER, Vec3::new(0.0, 0.0, -4.0))
 }
 
-/// A floor seen from below, a light above it, and, if `shaded`, a net between the two. The shadow rays of the floor
-/// points that are seen at pixels' centres meet the net's vertices and edges.
+/// Returns a scene of a floor seen from below, a light above it and, if `shaded`, a net between floor and
+/// light. The shadow rays from the points of the floor at pixels' centres meet the net's vertices and edges.
 pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     let (from, to) = (Vec3::new(0.3, 0.2, -3.0), Vec3::new(0.1, 0.0, 0.0));
     let camera = Camera::looking_at(from, to, Vec3::Y, 50.0, true).expect("a camera");
@@ -199,8 +201,8 @@ pub fn net_before_the_light(side: u32, shaded: bool) -> Scene {
     before_black(mesh, camera, light.as_vec3())
 }
 
-/// Returns one triangle, and rays from a point that pass just outside its edges. Where a ray passes an edge, its
-/// distance from the edge is `part` times its distance from the point.
+/// Returns a triangle, and rays from a point that pass just outside its edges. The distance at which a ray
+/// passes an edge is `part` times the distance from the point to the edge.
 pub fn rays_beside_edges(part: f32) -> (Scene, Vec<Ray>) {
     let corners = [Vec3::new(-1.0, -0.9, 0.0), Vec3::new(1.1, -0.8, 0.1), Vec3::new(0.2, 1.2, -0.2)];
     let origin = Vec3::new(0.1, 0.05, 3.0);

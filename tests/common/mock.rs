@@ -23,7 +23,7 @@ local_sizes = [1, 2, 4]
 strategies = ["naive", "deferred"]
 timing = { launches = 1, warmup = 0, min_samples = 4, max_samples = 4, time_limit_ms = 1000 }
 "#;
-/// Two image sizes, three local sizes, two strategies.
+/// Points of the experiment: two image sizes, three local sizes, two strategies.
 pub const POINTS: usize = 12;
 static CASTS: AtomicUsize = AtomicUsize::new(0);
 
@@ -64,14 +64,14 @@ fn device() -> DeviceInfo {
     }
 }
 
-/// The request that a mock worker is about to answer, for its script.
+/// What a worker's script knows when it decides how the worker responds to a request.
 pub struct Scene<'a> {
     pub request: &'a Request,
-    /// Requests so far, of all workers.
+    /// Number of requests so far to all workers.
     pub requests: usize,
 }
 
-/// The script's choice of what to do with a request.
+/// How a worker responds to a request, as its script decides.
 pub enum Act {
     Answer,
     Die,
@@ -80,7 +80,7 @@ pub enum Act {
 
 type Script = Rc<RefCell<dyn FnMut(&Scene<'_>) -> Act>>;
 
-/// Counts what was asked of all workers.
+/// Counts the workers, and the requests to all of them.
 #[derive(Default)]
 pub struct Counts {
     pub workers: usize,
@@ -150,7 +150,7 @@ impl Worker for MockWorker {
     }
 }
 
-/// Runs the experiment into a folder.
+/// Runs the experiment, with its results in a folder.
 pub fn execute(
     text: &str,
     folder: &Path,
@@ -179,7 +179,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
     })
 }
 
-/// Returns a folder in memory, if the system has one, since these tests write often and much.
+/// Returns a folder in memory, if the system has one, since these tests write many files.
 pub fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a folder")

@@ -18,7 +18,8 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The device on which tests run: PoCL, or what RAYCL_TEST_DEVICE names. A missing device fails the tests.
+/// Returns the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names. Fails if it is
+/// missing.
 pub fn device() -> Device {
     let pattern =
         std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned());
@@ -27,29 +28,29 @@ pub fn device() -> Device {
     (*chosen.first().expect("a usable test device")).clone()
 }
 
-/// A local size that tests share where any would do, so that PoCL compiles for it once.
+/// The local size of all tests that work with any local size. PoCL then compiles kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
-/// Returns whether this is `make test-long`, which runs all tests completely. `make test` tests only a part of what
-/// takes minutes to compile.
+/// Returns whether this is `make test-long`, which runs all tests completely. If kernels take minutes to
+/// compile, `make test` tests only a part of them.
 pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
-/// Returns whether a strategy is tested by `make test` too: PoCL takes half a minute to compile tiles that work-items
-/// share. `make test` tests these tiles separately, and all their combinations under Oclgrind, which need not compile
-/// them.
+/// Returns whether a strategy is tested by `make test` too. PoCL takes half a minute to compile a strategy in
+/// which work-items share tiles. `make test` tests such strategies separately, and all their combinations
+/// under Oclgrind, which need not compile them.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }
 
-/// A scene of the repository.
+/// Returns a scene of the repository.
 pub fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
     load_scene(&path).expect("a scene of the repository").scene
 }
 
-/// A device with the references of one scene at one size.
+/// A device, and the references of one scene at one size.
 pub struct Stand {
     device: Device,
     /// The scene on the device.
@@ -64,7 +65,7 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// Makes a stand with kernels of other sources, and with other built-ins than the device's.
+    /// Returns a stand with other kernel sources, and with other built-in functions than the device's.
     pub fn of(
         sources: &Sources,
         scene: Scene,
@@ -78,7 +79,7 @@ impl Stand {
         Self { device, session, scene, size, references: HashMap::new() }
     }
 
-    /// Whether the device is a CPU.
+    /// Returns whether the device is a CPU.
     pub fn is_cpu(&self) -> bool {
         self.device.info.limits.is_cpu
     }
@@ -95,7 +96,7 @@ impl Stand {
         Ok(self.cast_and_count(strategy, local_size)?.0)
     }
 
-    /// Returns the same, and the number of pixels that hit something.
+    /// Returns the image of a strategy, and the number of pixels whose rays hit something.
     pub fn cast_and_count(
         &self,
         strategy: &Strategy,
@@ -117,7 +118,8 @@ impl Stand {
     }
 }
 
-/// Returns a step's result, or why the device cannot hold the strategy; panics if it is refused for another reason.
+/// Returns the result of a step, or the reason why the device cannot hold the strategy. Panics if the
+/// strategy is refused for any other reason.
 fn fits<T>(strategy: &Strategy, step: Result<T, Refused>) -> Result<T, String> {
     step.map_err(|refused| match refused {
         Refused::Device(_) | Refused::Launch { error: LaunchError::WorkGroup { .. }, .. } => refused.reason(),

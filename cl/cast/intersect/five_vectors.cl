@@ -3,14 +3,14 @@
 // prepared_for: any-ray
 // exact_signs: no
 // operations: 15
-// contradicts: epsilons=relative because its guards are the book's constants
+// contradicts: epsilons=relative because its thresholds are the book's constants
 //
-// Moeller and Trumbore 1997 as the book has it: a division per weight, constants as guards. The paper's function
-// `intersect` allocates its five vectors at each test, and frees them after it. OpenCL C has no malloc: here each
-// test has five arrays of its own. They are volatile, and begin at an offset that depends on the scene: otherwise
-// compilers keep them in registers (NVIDIA's does even so if the offset is a constant). On a GPU they are in the
-// work-item's private memory, which is off the chip. Operations: direction x e2 6, a 3, origin - v0 3, first weight
-// 3.
+// The test of Moeller and Trumbore 1997 as in the book: a division per weight, and constants as thresholds. The paper's
+// function `intersect` allocates its five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so
+// here each test has five arrays of its own. The arrays are volatile, and begin at an offset that depends on the scene;
+// otherwise compilers would keep them in registers (with a constant offset, NVIDIA's compiler keeps even volatile
+// arrays there). On a GPU, the arrays are in the work-item's private memory, which is off the chip. Operations:
+// direction x e2 6, a 3, origin - v0 3, first weight 3.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
@@ -37,7 +37,7 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Writes a vector to memory, and returns the value that is read back.
+// Writes a vector to memory, reads it again, and returns it.
 Vec3 kept(volatile varying *at, Vec3 value) {
     at[0] = value.x;
     at[1] = value.y;
@@ -45,8 +45,8 @@ Vec3 kept(volatile varying *at, Vec3 value) {
     return vec3(at[0], at[1], at[2]);
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
-// otherwise there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
+// it returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
     // The index at which vectors begin. It is always 0, because no coordinate is larger than 1e38, but the compiler
@@ -55,7 +55,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
     const Vec3 e2 = kept(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
-    // The determinant; near 0 the ray is parallel to the triangle.
+    // The determinant. If it is near 0, the ray is parallel to the triangle.
     const Vec3 q = kept(vector[Q] + from, cross3(direction, e2));
     const varying a = dot3(e1, q);
     const Mask crosses = fabs(a) > 1e-7f;
@@ -65,7 +65,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // The weight of the third corner. The first corner's weight is what remains to 1.
+    // The weight of the third corner. The first corner's weight is 1 minus the other two.
     const Vec3 r = kept(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;

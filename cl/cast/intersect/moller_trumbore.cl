@@ -6,7 +6,7 @@
 //
 // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997.
 // Weights stay multiplied by |a| until a ray is known to hit, so that a miss costs no division.
-// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges where no row holds them.
+// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges if they are not in a row.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
@@ -36,9 +36,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 
 // Each weight is allowed its rounding error, so that a ray along an edge does not fall through between two triangles.
 // The error grows with the distance to the corner and with the edge in the cross product. (Only the watertight test
-// guarantees for every ray that it does not fall through.) If a triangle is seen nearly edge-on, no digit of the
-// determinant `a` is right after rounding. The paper's three thresholds are constants; the thresholds that raycl uses
-// otherwise are proportional to the triangle's size, like the rounding errors that they allow for.
+// guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no digit of the determinant `a` is
+// correct after rounding. The paper's three thresholds are constants. All other strategies use thresholds that are
+// proportional to the triangle's size, like the rounding errors that they allow for.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -56,14 +56,14 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
-// otherwise there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
+// it returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // The determinant a = e1 . (d x e2). The textbook divides by it: w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here numerators get the sign of a and are compared with |a|: no division, and the same test for both faces.
+    // Here numerators are multiplied by the sign of a and compared with |a|: no division, and one test for both faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
     // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
@@ -75,7 +75,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // The second weight, and the third, 1 - w1 - w2 >= 0, in the same way. Most rays miss before this point.
+    // The second weight, and the condition 1 - w1 - w2 >= 0, in the same way. Most rays miss before this point.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;
@@ -86,8 +86,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // Even within the edges, a ray misses a triangle that is seen edge-on, or that it meets before t_min or behind
-    // the best hit so far.
+    // A ray within the edges still misses if the triangle is seen edge-on, is nearer than t_min, or is behind the
+    // nearest hit so far.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

@@ -5,12 +5,14 @@
 // operations: 6
 // contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
-// The common-origin test with planes of primary rays as functions of the pixel: a ray through pixel (x, y) is (x, y, 1),
-// so that neighbours in a row or a column share terms. Operations: 2 for each of three planes.
+// The common-origin test, in which the planes for primary rays are functions of the pixel. A ray through pixel (x, y)
+// has the direction (x, y, 1), so that neighbours in a row or a column share terms. Operations: 2 for each of three
+// planes.
 
 #include "cast/planes_of_origin.cl"
 
-// A plane as a function of the pixel: its dot product with corner + x step_x + y step_y.
+// Returns a plane as a function of the pixel (x, y): the coefficients of its dot product with corner + x step_x +
+// y step_y.
 Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y) {
     return uniform3(uniform_dot(plane, uniform3(step_x.x, step_x.y, step_x.z)),
                     uniform_dot(plane, uniform3(step_y.x, step_y.y, step_y.z)),
@@ -22,6 +24,7 @@ Uniform3 along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_
 // Its rounding error is 8 to 16 times that of one dot product with a direction.
 #define LINEAR_OVERLAP 16.0f
 
+// Returns a row whose planes are functions of the pixel, and overlap accordingly.
 Row row_along_pixels(Row row, float4 corner, float4 step_x, float4 step_y) {
     // plane . (corner + x step_x + y step_y) = x (plane . step_x) + y (plane . step_y) + plane . corner.
     const Uniform3 per_t = along_pixels(uniform3(row.u, row.v, row.w), corner, step_x, step_y);

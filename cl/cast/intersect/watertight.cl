@@ -6,15 +6,15 @@
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the
-// ray runs along +z from the origin. An edge function is then the difference of two products, each rounded on its
-// own. Its sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two. That
-// holds only without contraction to fma. Operations: corners 9, sheared x and y 30 (unfused, which they must be),
+// ray runs along +z from the origin. An edge function is then the difference of two products, each rounded
+// separately. Its sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
+// triangles. This is only true without contraction to fma. Operations: corners 9, sheared x and y 30 (not contracted),
 // edge functions 9, their sum 2.
 
 #include "common/exact_signs.cl"
 
-// The rows of the shear. Any fixed function of ray and corner keeps the test watertight. Stored as rows, the shear
-// needs no permutation of axes if lanes have different dominant axes.
+// The shear of a ray, as the three rows of a matrix. The test is watertight for any fixed function of ray and corner.
+// With rows, no axes have to be permuted if lanes have different dominant axes.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
@@ -40,7 +40,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // A ray that runs against its axis would mirror triangles, and confuse front and back faces.
+    // For a ray that runs against its axis, the shear would mirror triangles and swap front and back faces.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));
@@ -49,7 +49,7 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     return probe;
 }
 
-// Corners are stored unchanged.
+// Returns a row with the three corners, unchanged.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a, row.b = corners.b, row.c = corners.c;
@@ -57,8 +57,8 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hits. Returns 0 if there are none;
-// otherwise there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
+// it returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // Corners relative to the origin, then their sheared x and y. z is only computed for hits.
     const Vec3 a = subtract(splat(row.a), origin);
@@ -67,11 +67,12 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying ax = dot3(probe->x, a), ay = dot3(probe->y, a);
     const varying bx = dot3(probe->x, b), by = dot3(probe->y, b);
     const varying cx = dot3(probe->x, c), cy = dot3(probe->y, c);
-    // Edge functions: twice the signed areas of the triangles between each edge and the ray, now the point (0, 0).
+    // Edge functions: twice the signed areas of the triangles between each edge and the ray, which is the point (0, 0).
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
-    // Inside, no two have opposite signs. A zero is inside on both sides of an edge, so that nothing leaks.
+    // Inside the triangle, no two of them have opposite signs. A zero counts as inside for both triangles at an edge,
+    // so that no ray leaks.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;

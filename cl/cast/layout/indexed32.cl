@@ -1,4 +1,4 @@
-// meaning: the OBJ's sets of positions and normals, 32-bit indices
+// meaning: lists of positions and normals as in OBJ files, 32-bit indices
 // index_bits: 32
 
 #include "cast/indexed.cl"

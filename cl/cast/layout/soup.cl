@@ -1,7 +1,7 @@
-// meaning: 104 bytes per triangle, nothing shared, as the paper has it
+// meaning: 104 bytes per triangle, nothing shared, as in the paper
 // index_bits: none
 //
-// 26 floats (104 bytes) per triangle, nothing shared, as the paper has it:
+// 26 floats (104 bytes) per triangle, nothing shared, as in the paper:
 // three corners (9), three normals (9), k_L (3), k_G (3), s, kind.
 
 #ifndef SOUP_STRIDE
@@ -68,7 +68,7 @@ Corners corners(const Geometry *geometry, int triangle) {
     return corners;
 }
 
-// Writes the surface of one lane's triangle.
+// Writes the normals and the material of one lane's triangle to that lane of the columns.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + triangle * MATERIAL_STRIDE;

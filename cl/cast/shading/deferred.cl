@@ -6,7 +6,7 @@
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {}
 
 void after_closest_hit(Working *working, const Scene *scene, const Nearest *nearest, Mask hits) {
-    // The search only kept a triangle's number: t and weights are computed once, for the nearest triangle.
+    // The search stored only the triangle's number: t and weights are computed once, for the nearest triangle.
     const Hit hit = meet_planes(&scene->geometry, nearest->triangle, working_get(working, RAY_ORIGIN),
                                 working_get(working, RAY_DIRECTION));
     working_set(working, WEIGHTS, vec3(1.0f - hit.w1 - hit.w2, hit.w1, hit.w2));

@@ -1,4 +1,4 @@
-// meaning: vertices in __local memory, normals in global memory: what the paper proposes as a next step
+// meaning: vertices in __local memory, normals in global memory: the next step that the paper proposes
 // read_from: global
 // copied: vertices
 

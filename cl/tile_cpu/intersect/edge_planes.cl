@@ -1,37 +1,40 @@
-// meaning: planes through edges and a tile's origin, prepared for all its rays where a tile meets a leaf
+// meaning: planes through edges and a tile's origin, prepared for all rays of the tile when it reaches a leaf
 // record_floats: 12
 // prepared_for: tile
 // exact_signs: no
 // operations: 9
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// Triangles are prepared once for all rays, eight at a time, a lane each. Corners P and Q seen from the origin span
-// the plane (P - Q) x (P + Q), and a ray's direction lies inside an edge where its dot product with that plane has
-// the right sign. The neighbouring triangle has the same plane with the opposite sign, to the last bit. (Embree's
-// robust mode uses the same planes.) At a vertex, rounding could let a ray slip through. Neighbouring triangles
-// therefore overlap a little. Planes are scaled so that this overlap is 1. With a = d.(e2 x e1), the product a t is
-// the same for all rays: the height. A hit lies in front of the ray's origin if a has the height's sign. Planes are
-// multiplied by that sign once, so that no test has to do this.
+// Triangles are prepared once for all rays, eight at a time, each in one lane. Relative to the origin, the corners P
+// and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if its
+// dot product with this normal has the right sign. The neighbouring triangle has the same plane with the opposite sign,
+// to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through.
+// Neighbouring triangles therefore overlap a little. Planes are scaled so that this overlap is 1. With a = d.(e2 x e1),
+// the product a t is the same for all rays: the height. A hit lies in front of the ray's origin if a has the height's
+// sign. Planes are multiplied by this sign once, so that no test has to do it.
 
 #define PREPARED TOGETHER
 
+// Eight prepared triangles; a triangle is a column of each array.
 typedef struct {
-    float a[3][PREPARED];
+    float a[3][PREPARED];        // the normals whose dot product with a direction is a
     float edges[3][3][PREPARED]; // the planes of the edges
-    float edge_on[PREPARED];     // the smallest a of a ray that does not see the triangle edge-on
+    float edge_on[PREPARED];     // the smallest a with which a ray can hit: for smaller a, the triangle is edge-on
     float per_height[PREPARED];  // 1 / t = a per_height
 } Prepared;
 
+// Returns eight corners relative to the origin.
 Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
     Lanes3 from;
     from.x = (float8)(origin.x), from.y = (float8)(origin.y), from.z = (float8)(origin.z);
     return lanes_difference(corner, from);
 }
 
-// Returns the plane of an edge p - q with the ends p and q, relative to the origin. Swapping p and q only changes all
-// signs.
+// Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
+// origin. Swapping p and q only changes all signs.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
+// Stores eight planes, multiplied by `by`.
 void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.x * by, 0, to[0]);
     vstore8(plane.y * by, 0, to[1]);
@@ -52,8 +55,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height above the plane, times |n|. Its sign shows on which side of the triangle's plane the origin
-    // lies; all stored planes are multiplied by this sign.
+    // The origin's height above the triangle's plane, times |n|. Its sign shows on which side of this plane the origin
+    // is; all stored planes are multiplied by the sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
@@ -76,8 +79,8 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 #endif
 }
 
-// Tests a prepared triangle with the rays of the live vectors. With `any`, a ray that hits it is finished; otherwise
-// the nearest hit is kept. Returns the vectors in which something changed.
+// Tests a prepared triangle against the rays of the live vectors. With `any`, a ray that hits the triangle is finished;
+// otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     // Twelve floats of one triangle, each a register that all live vectors share.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
@@ -90,7 +93,7 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
         const int vector = LOWEST_BIT(live);
         const varying x = bundle->x[vector], y = bundle->y[vector], z = bundle->z[vector];
         const varying a = x * ax + (y * ay + z * az);
-        // Three dot products, one per edge: not negative inside. The 1 is the overlap.
+        // Three dot products, one per edge, which are not negative inside the triangle. The 1 is the overlap.
         const varying u = 1.0f + x * ux + y * uy + z * uz;
         const varying v = 1.0f + x * vx + y * vy + z * vz;
         const varying w = 1.0f + x * wx + y * wy + z * wz;
@@ -114,5 +117,5 @@ uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place
     return changed;
 }
 
-// There is nothing to prepare, since tests against these planes only need the rays' directions.
+// Does nothing, since tests against these planes only need the rays' directions.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {}

@@ -4,18 +4,18 @@
 
 #define NO_AXIS 3
 
+// Returns a component of the directions of a vector of rays.
 varying along_axis(const Bundle *bundle, int vector, int axis) {
     return axis == 0 ? bundle->x[vector] : axis == 1 ? bundle->y[vector] : bundle->z[vector];
 }
 
-// Finds the axis along which all rays of a vector run in the same direction, and run furthest. Then computes the
-// rays' shears.
+// Finds the common axis of a vector's rays, along which they all run in the same direction. If several axes are
+// possible, chooses the axis along which the smallest component is largest. Then computes the rays' shears.
 void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
-        // An axis is possible if all rays run in the same direction along it; the best is the one whose smallest
-        // component is largest.
+        // `along` is the smallest component along this axis, or not positive if rays run in both directions.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -27,25 +27,25 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear x' = x - (d_x / d_z) z, once per ray; mirrored if rays run against the axis, so that back faces stay
-    // back faces.
+    // The shear x' = x - (d_x / d_z) z, once per ray. If rays run against the axis, x' is mirrored, so that back faces
+    // stay back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
 }
 
-// Returns the rays of a vector that hit the triangle with the corners a, b, c relative to the origin, and 1 / t of
-// the hits.
+// Returns the rays of a vector that hit a triangle, and 1 / t of the hits. The corners a, b and c are relative to the
+// origin.
 Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float *b, const float *c,
                   varying *inv_t) {
     const int along = bundle->shears.axis[vector], across = (along + 1) % 3, up = (along + 2) % 3;
     const float forward = bundle->shears.forward[vector];
     const varying x = bundle->shears.x[vector], y = bundle->shears.y[vector];
-    // Corners in the sheared plane, where the ray is the origin.
+    // The corners' sheared coordinates, in which the ray is the point (0, 0).
     const varying ax = forward * a[across] + x * a[along], ay = a[up] + y * a[along];
     const varying bx = forward * b[across] + x * b[along], by = b[up] + y * b[along];
     const varying cx = forward * c[across] + x * c[along], cy = c[up] + y * c[along];
-    // Edge functions: exactly opposite in the neighbouring triangle, since each product is rounded separately.
+    // An edge function is exactly opposite in the neighbouring triangle, since each product is rounded separately.
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
@@ -60,7 +60,7 @@ Mask meet_sheared(const Bundle *bundle, int vector, const float *a, const float 
     return inside & (*inv_t > bundle->inv_t[vector]) & (*inv_t < bundle->too_near);
 }
 
-// Does the same for a vector without a common axis.
+// Does the same as meet_sheared for a vector without a common axis.
 Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv_t) {
     const Vec3 direction = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     const varying t_max = 1.0f / max(bundle->inv_t[vector], (varying)(LEAST_INV_T));
@@ -71,7 +71,7 @@ Mask meet_single(const Bundle *bundle, int vector, Corners corners, varying *inv
     return hit.lanes & (bundle->inv_t[vector] < FAR);
 }
 
-// Only a triangle's corners relative to the origin are prepared.
+// A prepared triangle consists of its corners, and of its corners relative to the origin.
 #define PREPARED 1
 typedef struct {
     Corners corners;
@@ -80,7 +80,7 @@ typedef struct {
 
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
-    if (any) { // rays start at the light, so they hit the back faces of triangles that face away from it
+    if (any) { // rays are tested from the light: swapping two corners swaps front and back faces
         const Uniform3 b = corners.b;
         corners.b = corners.c;
         corners.c = b;
@@ -93,12 +93,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     return 1;
 }
 
-// Tests the triangle with the rays of the live vectors, like edge_planes.cl.
+// Tests the triangle against the rays of the live vectors, like the same function in edge_planes.cl.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
     uint changed = 0;
     for (; live; live &= live - 1) {
         const int vector = LOWEST_BIT(live);
         varying inv_t;
+        // A vector uses the same test for all triangles, so that none of its rays leaks at a shared edge.
         const Mask met = bundle->shears.axis[vector] == NO_AXIS
                              ? meet_single(bundle, vector, prepared->corners, &inv_t)
                              : meet_sheared(bundle, vector, prepared->a, prepared->b, prepared->c, &inv_t);

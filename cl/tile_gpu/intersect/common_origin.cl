@@ -1,8 +1,8 @@
 // Prepares and tests a leaf's triangle for the rays of a pass (rays that run mainly along one axis, see entry.cl), as
 // in edge_planes.cl, but with a table: tile_prepare computes the planes of every triangle once per frame, for the eye
-// and for each light. The table has a row of quads for each axis of the scene. A triangle's quad contains that axis's
-// component of its three planes and of 1/z. For the axes of any pass, three loads are therefore enough, at
-// neighbouring addresses for the triangles of a leaf.
+// and for each light. The table has a row of quads (float4) for each axis of the scene. A triangle's quad contains that
+// axis's component of its three planes and of 1/z. Three loads are therefore enough, whatever the axes of the pass.
+// Their addresses are contiguous for the triangles of a leaf.
 
 // The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
 //
@@ -11,14 +11,14 @@
 //     y's row     u.y  v.y  w.y  (1/z).y   ...
 //     z's row     u.z  v.z  w.z  (1/z).z
 //
-// A pass along x reads the rows in the order y, z, x, so that permuting the axes costs no instruction.
+// A pass along x reads the rows in the order y, z, x. Permuting the axes therefore costs no instruction.
 #include "common/planes_of_origin.cl"
 
 // Half of the overlap of triangles in other tests, as in edge_planes.cl.
 #define OVERLAP 0.5f
 
-// Returns the largest value of each of four planes over an interval of slopes: p times the middle, plus |p| times half
-// the width.
+// Returns `rest` plus the largest value of each of four planes over an interval of slopes. For a plane's coefficient p,
+// this value is p times the middle of the interval, plus |p| times half its width.
 INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     const float middle = 0.5f * (low + high), half_width = 0.5f * (high - low);
     float4 most;
@@ -30,7 +30,7 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
 }
 
 // Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
-// than `worst`. A candidate contains the planes' components along the pass's axes.
+// than `worst`. A prepared triangle contains the planes' components along the pass's axes.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)place; // three rows have fewer than 2^32 quads
@@ -46,7 +46,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->c.w = shaft->sign * along.w;
     const float4 most = most_along(across, shaft->low_x, shaft->high_x,
                                    most_along(down, shaft->low_y, shaft->high_y, triangle->c));
-    // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.
+    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind every nearest
+    // hit.
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
@@ -64,8 +65,9 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
-// Prepares the planes of every triangle (first dimension) for the eye, which is origin 0, and a round's lights
-// (second dimension, from `first_origin` on). Also empties the round's queue, which saves a command.
+// Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
+// (second dimension). Origin 0 is the eye, the others are a round's lights. Also empties the round's queue, which saves
+// a command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

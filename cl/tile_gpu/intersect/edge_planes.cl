@@ -1,13 +1,15 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Edges are
 // planes through the rays' origin, which neighbouring triangles share to the last bit. The edge functions and 1/z are
-// linear in x and y. A candidate has one vector for each of the corners a, b and c. Its first three components are
-// the plane of the opposite edge, which is not negative inside; the fourth components of the three vectors are the
-// three coefficients of 1/z.
+// linear in x and y. A prepared triangle has one vector for each of the corners a, b and c. Its first three components
+// are the plane of the opposite edge, which is not negative inside; the fourth components of the three vectors are the
+// three coefficients of 1/z:
+//
+//     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
-// Returns the plane of an edge p - q, scaled so that the number to add for the overlap of neighbouring triangles is
-// 1. This overlap is half of that in other tests. Swapping p and q only changes all signs. (Measured on a GPU: with
-// the full overlap, one pixel of two million is dark on terrain; with half of it, no pixel is dark, and none of
-// 60,516 rays leaks.)
+// Returns the plane of an edge p - q. It is scaled so that the number to add for the overlap of neighbouring triangles
+// is 1, and this number is added. The overlap is half as large as in other tests. Swapping p and q only changes all
+// signs before the addition. (Measured on a GPU: with the full overlap, one pixel of two million is dark on terrain;
+// with half of it, no pixel is dark, and none of 60,516 rays leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
@@ -23,8 +25,8 @@ INLINED float per_power_of_two_below(float positive) {
 //
 // Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost their
 // last digits. `height` is six times the volume between origin and triangle; its sign shows which side is visible, and
-// 1 / z = (x, y, 1) . n / height. With culling, the side is reversed for shadow rays, which run towards their light but
-// are tested from it, and for rays that run against their axis, since everything is mirrored there.
+// 1 / z = (x, y, 1) . n / height. With culling, the visible side is reversed for shadow rays, which run towards their
+// light but are tested from it, and for rays that run against their axis, since their coordinates are mirrored.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
@@ -46,11 +48,13 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 #if CULL_BACK
     wanted &= (any ? height : -height) * shaft->sign > 0.0f;
 #endif
-    // No ray of the shaft can hit if all are outside some edge, or if the triangle is behind every nearest hit.
+    // No ray of the shaft can hit if all rays are outside the same edge, or if the triangle is behind every nearest
+    // hit.
     return wanted & (most_of(shaft, u) >= 0.0f) & (most_of(shaft, v) >= 0.0f) & (most_of(shaft, w) >= 0.0f) &
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
 
+// Returns a linear function of the slopes x and y.
 INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }

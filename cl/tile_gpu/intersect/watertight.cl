@@ -1,11 +1,13 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are
 // sheared along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis
 // is used instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all
-// triangles, so that a shared corner is sheared in the same way. A candidate contains the corners along the pass's
-// axes, relative to the origin; a's fourth component is the sign of det for front faces, which is reversed for rays
-// that run against the axis, since everything is mirrored there.
+// triangles, so that a shared corner is sheared in the same way. A prepared triangle contains the corners along the
+// pass's axes, relative to the origin. The fourth component of a is the sign of det for front faces. It is reversed for
+// rays that run against the axis, since their coordinates are mirrored:
+//
+//     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
-// Returns the largest value of v . (x, y, 1) in a shaft, with v's sign changed by `turn`.
+// Returns the largest value of `turn` times v . (x, y, 1) in a shaft; `turn` is 1 or -1.
 INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
@@ -21,7 +23,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     triangle->b = quad(b, 0.0f);
     triangle->c = quad(c, 0.0f);
     const Uniform3 e1 = uniform_difference(b, a), e2 = uniform_difference(c, a);
-    // Dot products with (x, y, 1) give the edge functions v, w and the sum of all three; a . n is z times that sum.
+    // The dot products of v, w and n with (x, y, 1) are two edge functions and the sum of all three; a . n is z times
+    // this sum.
     const Uniform3 v = uniform_cross(e2, a), w = uniform_cross(a, e1), n = uniform_cross(e1, e2);
     const Uniform3 u = uniform_difference(uniform_difference(n, v), w);
     const float distance = uniform_size(a), size1 = uniform_size(e1), size2 = uniform_size(e2);
@@ -39,7 +42,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
 // Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
-    // The shear moves the point of the ray at a corner's depth to the origin.
+    // For each corner, the shear moves the point of the ray at the corner's depth to (0, 0).
     const float ax = MULTIPLY_ADD(-x, a.z, a.x), ay = MULTIPLY_ADD(-y, a.z, a.y);
     const float bx = MULTIPLY_ADD(-x, b.z, b.x), by = MULTIPLY_ADD(-y, b.z, b.y);
     const float cx = MULTIPLY_ADD(-x, c.z, c.x), cy = MULTIPLY_ADD(-y, c.z, c.y);

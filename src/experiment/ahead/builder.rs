@@ -9,11 +9,12 @@ use std::time::{Duration, Instant};
 
 /// A builder: starts the processes that build one program after another.
 pub struct Builder {
-    /// Starts the usual processes. They use the driver's cache of programs and store machine code there, which
-    /// the workers that measure then need not make again.
+    /// Starts the usual processes. They use the driver's cache of programs. They store machine code
+    /// in it, so that the measuring workers do not generate it again.
     pub usual: Box<dyn Spawner + Send>,
-    /// Starts processes that do not use it, for programs that an earlier process left there: the driver does not
-    /// compile such a program again, and so does not print its registers.
+    /// Starts processes that do not use the driver's cache, for programs that an earlier process
+    /// stored in it. The driver would not compile such a program again, and so would not print its
+    /// number of registers.
     pub without_driver_cache: Box<dyn Spawner + Send>,
 }
 
@@ -25,7 +26,8 @@ pub struct Patience<'a> {
     pub interrupted: &'a AtomicBool,
 }
 
-/// The processes of one builder and kind: one for each device, started when it is needed first.
+/// The processes of one builder, either with or without the driver's cache. There is one process
+/// for each device, started when it is first needed.
 pub struct Pool {
     spawner: Box<dyn Spawner + Send>,
     workers: HashMap<usize, Box<dyn Worker>>,

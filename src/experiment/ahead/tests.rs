@@ -16,7 +16,8 @@ const LIMIT: Duration = Duration::from_secs(120);
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
     deadly: Option<usize>,
-    /// The point whose program the driver takes from its own cache, without its messages.
+    /// The point whose program the driver takes from its own cache, without the compiler's
+    /// messages.
     unlogged: Option<usize>,
 }
 

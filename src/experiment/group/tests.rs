@@ -14,7 +14,7 @@ use std::time::Duration;
 /// The frame at which a worker dies: the last of the third round of two points.
 const DEADLY: usize = 6;
 
-/// Keeps records. It has the samples of an earlier session.
+/// Collects records, and returns the samples of an earlier session.
 #[derive(Default)]
 struct Noting {
     past: HashMap<String, Vec<Taken>>,

@@ -2,31 +2,34 @@
 
 use super::error::Error;
 
-/// How much a run's times differ from those of the next run, in addition to the differences between its launches:
-/// standard deviations of logarithms. The launches of a run are minutes apart at most, and a machine may be slower for
-/// hours, for example because of its neighbours on the same host.
+/// How much times differ from run to run, in addition to the differences between launches: standard
+/// deviations of the times' logarithms. The launches of a run are minutes apart at most, but a
+/// machine may be slower for hours, for example because of its neighbours on the same host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
-    /// Of a factor that all points of the same kind of device share. It cancels in their ratios.
+    /// The standard deviation of a factor that all points of the same kind of device share. The
+    /// factor cancels in their ratios.
     pub shared: f64,
-    /// Of a factor of each point.
+    /// The standard deviation of a factor that is specific to each point.
     pub own: f64,
 }
 
 impl BetweenRuns {
-    /// Points on processors: through a driver for them, or by a caster on the host. Ten runs each of two experiments on
-    /// a quiet virtual machine of two cores (docs/log.md, 2026-11-23).
+    /// For points on CPUs, cast by an OpenCL driver or by a caster on the host. Measured by ten
+    /// runs each of two experiments on a quiet virtual machine of two cores (docs/log.md,
+    /// 2026-11-23).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.008 };
-    /// Points on other devices. Ten runs of one experiment on a GPU (docs/log.md, 2026-11-23) and records of three
-    /// days.
+    /// For points on other devices. Derived from ten runs of one experiment on a GPU (docs/log.md,
+    /// 2026-11-23) and from records of three days.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.002 };
 
-    /// Returns the error that it adds to the mean time of `points` points.
+    /// Returns the error that these differences add to the mean time of `points` points.
     pub(super) fn of_level(self, points: usize) -> Error {
         known(self.shared.powi(2) + self.own_variance(points))
     }
 
-    /// Returns the error that it adds to the ratio of the mean times of `points[0]` and `points[1]` points.
+    /// Returns the error that these differences add to the ratio of the mean times of `points[0]`
+    /// and `points[1]` points.
     pub(super) fn of_ratio(self, other: Self, points: [usize; 2]) -> Error {
         let own = self.own_variance(points[0]) + other.own_variance(points[1]);
         let shared = if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) };

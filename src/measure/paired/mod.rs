@@ -1,11 +1,12 @@
 //! Compares points by samples that were taken close in time, over several launches of the program.
 //!
-//! Two things make the plain interval of a median too narrow. First, a machine changes its speed for seconds
-//! at a time, so samples are not independent. Second, some conditions are random but constant within a launch
-//! (addresses, placement of threads, the kernel's binary), so samples of that launch cannot show their
-//! effect. So, after Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM 2013), launches are
-//! repeated. Each gives one value per point, and intervals are computed from the spread of these values. The
-//! spread includes all effects within a launch, also autocorrelation, so these need no model.
+//! Two things make the plain interval of a median too narrow. First, a machine changes its speed
+//! for seconds at a time, so samples are not independent. Second, some conditions are random but
+//! constant within a launch (addresses, placement of threads, the kernel's binary), so samples of
+//! that launch cannot show their effect. Therefore, following Kalibera and Jones, "Rigorous
+//! Benchmarking in Reasonable Time" (ISMM 2013), launches are repeated. Each launch gives one value
+//! per point, and intervals are computed from the spread of these values. The spread includes all
+//! effects within a launch, even autocorrelation, so no model of these effects is needed.
 //!
 //! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
@@ -13,11 +14,13 @@
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread
 //!    (two degrees of freedom). Therefore it is averaged with the spread of all points, which counts as at most six
 //!    more degrees (a moderated variance, after Smyth 2004). Student's t gives the interval ([`spread`]).
-//! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of
-//!    two points, these cancel. Its degrees of freedom are the number of launches less one.
+//! 3. The interval of a median also includes the effects of a launch that are equal for all points;
+//!    in the ratio of two points, these cancel. The degrees of freedom of this interval are the
+//!    number of launches less one.
 //!
-//! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. What runs differ by was
-//!    measured once for each kind of device, and is added to every interval ([`between`]).
+//! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
+//!    differences between runs were measured once for each kind of device, and are added to every
+//!    interval ([`between`]).
 //!
 //! With a single launch, its time is split into five parts that take the place of launches. Such a result is
 //! preliminary: its intervals do not include differences between launches.
@@ -53,7 +56,7 @@ pub struct Paired {
     launches: usize,
     /// The points; `None` for a point with too few samples.
     points: Vec<Option<Point>>,
-    /// How much runs differ, for each point; nothing if unknown.
+    /// How much runs differ, for each point; zero if unknown.
     between: Vec<BetweenRuns>,
     pooled: Pooled,
 }
@@ -74,7 +77,7 @@ struct Point {
 pub struct Standing {
     launches: usize,
     point: Point,
-    /// Number of points of which this is the mean.
+    /// Number of points that are averaged; 1 for a single point.
     points: usize,
     between: BetweenRuns,
     pooled: Pooled,
@@ -135,7 +138,7 @@ impl Standing {
         Some(Self { point, points: points.iter().map(|one| one.points).sum(), ..first.clone() })
     }
 
-    /// As [`Paired::resolution`].
+    /// Returns the same as [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
         resolution(&self.pooled, self.between)
     }
@@ -220,7 +223,7 @@ fn resolution(pooled: &Pooled, between: BetweenRuns) -> Option<f64> {
     Some(Error::of_sum([pooled.usual()?, between]).reach(interval::RISK).exp_m1())
 }
 
-/// Returns the samples of each launch that counts.
+/// Returns the samples of each launch that is not ignored.
 fn launches(samples: &[PairedSample], points: usize) -> Vec<Vec<PairedSample>> {
     let mut numbers: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
     numbers.sort_unstable();

@@ -6,8 +6,9 @@ use std::f64::consts::LN_2;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// A row's variance counts as at most this multiple of the typical one: four times the standard deviation. By
-/// chance, one variance in nine million exceeds it if all points are alike (two degrees of freedom).
+/// A row's variance counts as at most this multiple of the typical one: four times the standard
+/// deviation. By chance, one variance in nine million exceeds this limit if all points are alike
+/// (two degrees of freedom).
 const MOST_TIMES: f64 = 16.0;
 /// When the typical variance is computed, a row's variance counts as at least this fraction of the mean.
 const LEAST_SHARE: f64 = 1e-4;
@@ -57,7 +58,7 @@ impl Pooled {
         Error { degrees, ..self.error(variance, 0) }
     }
 
-    /// Returns whether both have several repeats, and equally many.
+    /// Returns whether both tables have the same number of repeats, and more than one.
     pub(super) fn has_repeats_as(&self, other: &Self) -> bool {
         self.columns > 1 && self.columns == other.columns
     }
@@ -78,8 +79,8 @@ impl Pooled {
         (self.rows > 1).then(|| self.error(2.0 * self.apart, borrowed + self.columns - 1))
     }
 
-    /// Returns the weighted mean of a row's own variance, which has few degrees of freedom, and the typical
-    /// one.
+    /// Returns the weighted mean of a row's own variance, which has few degrees of freedom, and the
+    /// typical variance.
     fn moderated(&self, usual: f64, borrowed: usize, own: f64) -> f64 {
         let (borrowed, columns) = (borrowed as f64, self.columns as f64 - 1.0);
         (borrowed * usual + columns * own) / (borrowed + columns)

@@ -45,7 +45,8 @@ pub struct CompiledKernel {
 }
 
 impl CompiledKernel {
-    /// Collects the properties of a kernel from the driver, the build log and the binary (PTX, or empty).
+    /// Collects the properties of a kernel from the driver, from the build log, and from the binary
+    /// if it is PTX (otherwise `ptx` is empty).
     pub fn of(kernel: &Kernel, device: ocl::Device, log: &str, ptx: &str) -> Self {
         let name = kernel.name().unwrap_or_default();
         let ask = |query| number(kernel.wg_info(device, query).ok()?);

@@ -48,8 +48,8 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // The name and the closing bracket of a call may come from different macros. The expansion must not call
-        // again those macros from which both come.
+        // The name and the closing bracket of a call may come from different macros. If both come
+        // from the same macro, the expansion must not call this macro again.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
     }

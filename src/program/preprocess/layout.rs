@@ -10,7 +10,8 @@ use std::rc::Rc;
 pub struct Line {
     /// The name of its file, as in `#line`; empty if there was none.
     pub file: Rc<str>,
-    /// Its line number in that file; lines from one macro call all have the call's.
+    /// Its line number in that file. All lines of a macro's expansion have the line number of the
+    /// macro call.
     pub number: u32,
     /// The text.
     pub text: String,
@@ -101,8 +102,8 @@ impl Layout {
     }
 }
 
-/// Removes comments that are followed by directives only, up to an empty line, since they describe what was
-/// defined there.
+/// Removes comments that are followed by directives only, up to an empty line, since they describe
+/// the removed definitions.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut kept = Vec::new();
     // True if only directives, and comments on them, lie between here and the next empty line.

@@ -1,10 +1,11 @@
 //! Preprocesses a kernel's source as its compiler would: conditions are decided and macros expanded; all
 //! other text stays as written.
 //!
-//! Unlike a compiler's own preprocessor (`cc -E`), it keeps what helps a reader: comments, indentation, the
-//! file and line of everything, and the lines of a multi-line macro. A constant that had a name keeps the
-//! name as a comment. It supports what these kernels use of OpenCL C: all directives of C99 except
-//! `#include`, which is resolved before, and no macros with variable numbers of arguments.
+//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps everything that helps a
+//! reader: comments, indentation, the file and line of everything, and the lines of a multi-line
+//! macro. A constant that had a name keeps the name as a comment. It supports only the part of
+//! OpenCL C that these kernels use: all directives of C99 except `#include`, which is resolved
+//! earlier, and macros, but not with variable numbers of arguments.
 
 mod breaking;
 mod canonical;
@@ -130,7 +131,7 @@ impl Preprocessor {
         let place = i64::from(line) + self.offset;
         let file = if self.file.is_empty() { "the text" } else { &self.file };
         Error::input(format!("{file}, line {place}: {message}")).with_help(
-            "if the line asks for a value, set it with --local-size or an axis; otherwise correct the line in \
+            "if the line asks for a value, set this value with --local-size or an axis; otherwise correct the line in \
              the folder of --cl-dir",
         )
     }
@@ -150,7 +151,8 @@ impl Preprocessor {
         }
     }
 
-    /// Expands and lays out the text before a directive, with the macros that were defined then.
+    /// Expands and lays out the text before a directive, with the macros that are defined at that
+    /// place.
     fn flush(&mut self) -> Result<()> {
         let text = std::mem::take(&mut self.text);
         let expanded =

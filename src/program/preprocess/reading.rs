@@ -111,9 +111,9 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares: for a type the last one, for a function the one before its
-/// bracket, for a variable the one before its size or value. `None` for items without a name, such as a
-/// pragma.
+/// Returns the name that an item declares: for a type the last name, for a function the name before
+/// its bracket, for a variable the name before its size or value. `None` for items without a name,
+/// such as a pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();

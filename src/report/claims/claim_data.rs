@@ -1,4 +1,4 @@
-//! The data of one device in one run, in which the test of a claim finds its points.
+//! The data of one device in one run. The test of a claim searches this data for its points.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -23,7 +23,7 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Makes a run for every image size in a folder.
+    /// Creates one run for every image size in a folder.
     pub fn of(folder: &'a Folder, groups: Vec<Group<'a>>) -> Vec<Self> {
         let mut runs: Vec<Self> = Vec::new();
         for group in groups {
@@ -41,7 +41,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// A run, as needed for the claims of one device.
+/// The part of a run that belongs to one device.
 pub(super) struct ClaimData<'a> {
     pub(super) run: &'a Run<'a>,
     pub(super) device: &'a str,
@@ -56,8 +56,8 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the measured record of a point, the fastest if there are several; the error says why there is
-    /// none.
+    /// Returns the measured record of a point; if there are several, the fastest of them. The error
+    /// says why no record was measured.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -68,7 +68,7 @@ impl<'a> ClaimData<'a> {
         Err(Line::cannot(text, format!("a device on which {point} runs")))
     }
 
-    /// Returns the line for a point without a record.
+    /// Returns the line for a point without a record, with the commands that would measure it.
     pub(super) fn missing(&self, what: &str) -> Line {
         let commands: Vec<_> =
             self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
@@ -85,8 +85,8 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Tests whether a point runs; one record is enough. If several records match, the line names the first
-    /// that ran.
+    /// Tests whether a point runs. If several records match, it is enough that one of them ran, and
+    /// the line names the first of these.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());
@@ -115,7 +115,7 @@ impl<'a> ClaimData<'a> {
         all.into_iter().filter(|sample| sample.key == record.key).collect()
     }
 
-    /// Returns the device's peak rates, if its run measured them.
+    /// Returns the device's peak rates, if the run measured them.
     pub(super) fn peak(&self) -> Option<Peak> {
         let kept = Peak::kept_in(self.run.path()).unwrap_or_default();
         kept.into_iter().find(|peak| peak.device == self.device)
@@ -129,8 +129,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of several
-/// records, the text says so and names the record that was found.
+/// Formats a point with its time, as one side of a comparison. If the point means the fastest of
+/// several records, the text says so and names this record.
 fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

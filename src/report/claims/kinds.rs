@@ -1,4 +1,4 @@
-//! Decides each kind of test from a claim's data.
+//! Evaluates each kind of test with the data of one device.
 
 use super::claim_data::ClaimData;
 use super::point::Point;
@@ -37,7 +37,7 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 
 fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
     let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
-    // Every kernel must have a record, but not one for each local size.
+    // Every kernel must have a record, but it need not have one for each local size.
     if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
         return missing;
     }
@@ -52,7 +52,8 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    // Only samples of the record's own launches, since an incomplete launch is not used.
+    // Only samples of the record's launches are used, since samples.jsonl may also contain an
+    // incomplete launch.
     let own =
         |one: &&Sample| record.sample_launches.is_empty() || record.sample_launches.contains(&one.launch);
     let ratios: Vec<(u32, f64)> = samples
@@ -62,14 +63,14 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         .collect();
     let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
         let text = format!("no sample of {point} with separate times of its passes");
-        return Line::cannot(text, "samples.jsonl beside the records".to_owned());
+        return Line::cannot(text, "the file samples.jsonl next to the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
     let text = format!("{point}: {}", ratio.between(&of, &to));
     ratio.line(text, at_least..=f64::INFINITY)
 }
 
-/// Returns the time of a pass of a timed frame.
+/// Returns the time of one pass of a timed frame in milliseconds; `None` if it was not measured.
 fn ms(sample: &Sample, pass: Pass) -> Option<f64> {
     match pass {
         Pass::Primary => sample.primary_ms,
@@ -132,7 +133,8 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     let Some(peak) = found.peak() else {
         return Line::cannot(
             format!("no latency of {name}"),
-            "`raycl run configs/figure-8.toml --peak`, which writes it into its folder".to_owned(),
+            "`raycl run configs/figure-8.toml --peak`, which stores the latency in its folder of results"
+                .to_owned(),
         );
     };
     let figure = match memory {
@@ -142,8 +144,8 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     };
     let Some([low, middle, high]) = in_cycles(&peak, &figure) else {
         return Line::cannot(
-            "the driver does not report the clock".to_owned(),
-            "the clock, in MHz".to_owned(),
+            "the driver does not report the clock frequency".to_owned(),
+            "the clock frequency in MHz".to_owned(),
         );
     };
     let text = format!(
@@ -157,11 +159,12 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     match (low >= least && high <= most, high < least || low > most) {
         (true, _) => Line::decided(text, true),
         (_, true) => Line::decided(text, false),
-        _ => Line::unclear(text, "repeats of `raycl peak` that agree".to_owned()),
+        _ => Line::unclear(text, "repeated measurements by `raycl peak` that agree".to_owned()),
     }
 }
 
-/// Returns the first quartile, the median and the third quartile in cycles.
+/// Returns the first quartile, the median and the third quartile of a latency in cycles; `None` if
+/// the clock frequency is unknown.
 fn in_cycles(peak: &Peak, figure: &Figure) -> Option<[f64; 3]> {
     let per_ns = peak.cycles(&Figure { median: 1.0, ..*figure })?;
     Some([figure.q1, figure.median, figure.q3].map(|ns| ns * per_ns))

@@ -1,9 +1,10 @@
 //! Quotes the paper's claims and tests each of them on the records of one device.
 //!
-//! They are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Only claims
-//! that do not depend on the speed of a device are tested: which of two points is faster, by how much, which
-//! block size is best, which scene fits into a memory. All are judged by the same rule: see
-//! [`Verdict::of_all`]. The published values were measured on the paper's device, which it does not name.
+//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must
+//! hold. Only claims that do not depend on the speed of a device are tested: which of two points is
+//! faster, by how much, which block size is best, which scene fits into a memory. The same rule
+//! decides all of them: see [`Verdict::of_all`]. The published values were measured on a device
+//! that the paper does not name.
 
 mod claim_data;
 mod kinds;
@@ -24,14 +25,15 @@ use claim_data::ClaimData;
 pub struct Claim {
     /// The paper's claim.
     pub row: Row,
-    /// The comparisons.
+    /// The comparisons that the tests make.
     pub lines: Vec<Line>,
     /// The verdict.
     pub verdict: Verdict,
 }
 
 impl Claim {
-    /// Returns the measurements that would decide it, each once; none if it is decided.
+    /// Returns the measurements that would decide the claim, without repetitions; none if the claim
+    /// is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -44,8 +46,9 @@ impl Claim {
     }
 }
 
-/// Tests the claims of some rows on `device`. Each comparison uses the first run that has its points. Times
-/// of different runs are not compared, since their rounds were not interleaved.
+/// Tests the claims of `rows` on `device`. Each comparison uses the first run that contains its
+/// points. Times of different runs are not compared, since they were not measured in the same
+/// rounds.
 pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     let claim = |row: Row| {
         let lines: Vec<Line> = row.test.iter().flat_map(|test| tested(test, &row, runs, device)).collect();
@@ -69,7 +72,7 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     })
 }
 
-/// Contradictions within the paper that need no measurement.
+/// Contradictions within the paper that can be shown without a measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The text lists five scenes; Figure 6's legend has four.",
     "Figures 6 to 8 have no point at 14 x 14, though the text names the size.",
@@ -85,12 +88,12 @@ mod tests {
     use crate::record::fixtures::{few, infeasible, judged, measured};
     use crate::record::{Folder, Record, groups};
 
-    /// Returns a claim with this test on the records of some runs.
+    /// Returns a claim with this test, evaluated on the records of some runs.
     fn claim(test: &str, records: &[&[Record]]) -> Claim {
         claim_in(&Folder::default(), test, records)
     }
 
-    /// Returns the same for runs in this folder.
+    /// Returns a claim like `claim`, for runs in this folder.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
@@ -114,7 +117,7 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // Launches on both sides of the bound.
+        // One launch has a ratio below the bound, the other one above it.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let open = claim(FALLS, &[&of(9.05)[1..]]);
@@ -220,7 +223,7 @@ mod tests {
             "{held:?}"
         );
         assert_eq!(told(false, &records).verdict, Verdict::NotHeld);
-        // If it runs at no size, the smallest size is named.
+        // If the point runs at no size, the line names the smallest size.
         let neither = told(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");

@@ -14,7 +14,7 @@ const BASELINES: [&str; 3] = ["serial-f32", "serial-f64", "parallel-f32"];
 pub enum Size {
     /// The record with this local size.
     At([u32; 2]),
-    /// The fastest.
+    /// The fastest record.
     Best,
     /// All records with square local sizes.
     Square,
@@ -28,7 +28,7 @@ pub enum Size {
 pub struct Point {
     /// A preset or a baseline.
     pub strategy: String,
-    /// Its local size.
+    /// The local size, or a rule that selects local sizes.
     pub size: Size,
     /// The scene.
     pub scene: String,
@@ -62,14 +62,15 @@ fn size_of(word: &str) -> Result<Size, String> {
     }
 }
 
-/// Parses "8x8", work-items across and down.
+/// Parses a local size, such as "8x8": work-items across and down.
 pub(super) fn local_size(word: &str) -> Result<[u32; 2], String> {
     let size = word.split_once('x').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
-    size.filter(|size| !size.contains(&0))
-        .ok_or_else(|| format!("'{word}' is not a size; expected one like 8x8, or best, square, host"))
+    size.filter(|size| !size.contains(&0)).ok_or_else(|| {
+        format!("'{word}' is not a size; expected a local size such as 8x8, or best, square or host")
+    })
 }
 
-/// Refuses an unknown name, and suggests the most similar known one.
+/// Fails if `names` does not contain `name`; the error suggests the most similar name.
 pub(super) fn known(what: &str, name: &str, names: &[&str]) -> Result<(), String> {
     if names.contains(&name) {
         return Ok(());
@@ -91,7 +92,8 @@ impl std::fmt::Display for Point {
 }
 
 impl Point {
-    /// Returns whether a record of `device` matches; for [`Size::Best`], whether it may be the best.
+    /// Returns whether a record of `device` matches the point. For [`Size::Best`], records of every
+    /// local size match.
     pub(super) fn is(&self, record: &Record, device: &str) -> bool {
         let own = match self.size {
             Size::Host => record.device == HOST && record.strategy == self.strategy,

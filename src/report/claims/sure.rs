@@ -1,5 +1,5 @@
-//! The certainty of a comparison of two times. If the samples do not decide a test, it neither holds nor
-//! fails.
+//! Computes the certainty of a comparison of two times. If the samples do not decide a test, its
+//! verdict is "unclear".
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
@@ -9,16 +9,17 @@ use std::ops::RangeInclusive;
 /// The ratio of two times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ratio {
-    /// The ratio with its 95% interval; `None` if one of them has too few samples.
+    /// The ratio with its 95% interval; `None` if either record has too few samples.
     sure: Option<(f64, [f64; 2])>,
     /// The smaller of the two records' numbers of samples; if there are too few, the smallest number in a launch.
     n: usize,
-    /// The longer of the two times in milliseconds; a sample takes that long.
+    /// The longer of the two times in milliseconds: the duration of one sample.
     frame_ms: f64,
 }
 
 impl Ratio {
-    /// Returns the ratio of two measured records. All claims compute ratios by this function.
+    /// Returns the ratio of two measured records' times. All claims compute ratios with this
+    /// function.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         let frame_ms = median(slow)?.max(median(fast)?);
         let sure = ratio(slow, fast).map(|ratio| (ratio.middle, [ratio.low, ratio.high]));
@@ -26,8 +27,8 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)), frame_ms })
     }
 
-    /// Returns the ratio of two parts of the same frames, from each sample's ratio and the number of its
-    /// launch.
+    /// Returns the ratio of the times of two passes of the same frames. `ratios` contains each
+    /// sample's launch number and ratio.
     pub(super) fn of_parts(ratios: &[(u32, f64)], frame_ms: f64) -> Option<Self> {
         let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
         let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
@@ -36,8 +37,8 @@ impl Ratio {
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
     }
 
-    /// Returns whether the ratio is certainly in `held`, certainly not, or unclear. If an end of the interval
-    /// touches a bound, the result is unclear.
+    /// Returns whether the ratio is certainly in the range `held`, certainly outside, or whether
+    /// this is unclear. It is unclear if an end of the interval equals a bound.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -63,7 +64,7 @@ impl Ratio {
         }
     }
 
-    /// Returns the line for a claim that the ratio is in `held`.
+    /// Returns the line for a claim that the ratio is in the range `held`.
     pub(super) fn line(&self, text: String, held: RangeInclusive<f64>) -> Line {
         let text = format!("{text}; required: {}", asked(&held));
         match self.verdict(&held) {
@@ -77,18 +78,20 @@ impl Ratio {
         let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
         let bound = bound.map_or(String::new(), |bound| format!(", since {bound} lies in it"));
         let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
-        format!("a narrower interval than {ends}{bound}: more launches or samples, or a quieter machine")
+        format!(
+            "a narrower interval than {ends}{bound}: more launches or samples, or less other load on the machine"
+        )
     }
 }
 
-/// Explains how to get enough samples of a frame that takes this long.
+/// Returns the option that allows enough samples of a frame that takes `frame_ms`.
 fn more_samples(frame_ms: f64) -> String {
     // Warm-up frames take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
     format!("{MIN_SAMPLES} samples of each: `--set timing.time_limit_ms={limit}`")
 }
 
-/// Formats bounds: "at least 2", "0.95 to 1.05".
+/// Formats bounds as "at least 2", "at most 2" or "0.95 to 1.05".
 fn asked(held: &RangeInclusive<f64>) -> String {
     match (*held.start(), *held.end()) {
         (least, f64::INFINITY) => format!("at least {least}"),
@@ -101,20 +104,21 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 pub(super) struct Fastest<'a> {
     /// The fastest record and those that tie with it, fastest first.
     level: Vec<&'a Record>,
-    /// Records with too few samples; each of them may be as fast.
+    /// Records with too few samples. Each of them may be the fastest.
     few: Vec<&'a Record>,
 }
 
 impl<'a> Fastest<'a> {
-    /// Returns the fastest of measured records; `None` for fewer than three, since the fastest of two means
-    /// little.
+    /// Returns the fastest of some records; `None` if fewer than three were measured, since being
+    /// the fastest of two means little.
     pub(super) fn of(records: &[&'a Record]) -> Option<Self> {
         let ranking = ranking(records.iter().copied());
         (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
     }
 
-    /// Judges a claim about the fastest point. It holds if it is true of every point that may be the fastest,
-    /// and does not hold if it is true of none.
+    /// Judges a claim about the fastest point. The claim holds if it is true of the fastest point
+    /// and of every point that ties with it, and if no point has too few samples. It does not hold
+    /// if it is true of no point that may be the fastest.
     fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
         let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
         match all.iter().filter(|claimed| **claimed).count() {
@@ -137,14 +141,15 @@ impl<'a> Fastest<'a> {
         let slowest = self.few.iter().filter_map(|record| median(record)).fold(0.0, f64::max);
         match self.few.is_empty() {
             true => {
-                "narrower intervals of the points that tie, by more launches or samples; if the difference is too small for this machine to show, they stay a tie"
+                "narrower intervals of the points that tie, from more launches or samples; if the difference is too small for this machine to show, the tie remains"
                     .to_owned()
             }
             false => more_samples(slowest),
         }
     }
 
-    /// Formats as "8 x 8, n = 12, 5.494 ms"; for a tie, names the first few, then those with too few samples.
+    /// Formats as "8 x 8, n = 12, 5.494 ms". For a tie, names up to four points. Points with too
+    /// few samples follow.
     fn text(&self) -> String {
         let name = |record: &Record| crate::report::words::title(record);
         let few = few_names(&self.few, name);
@@ -167,14 +172,15 @@ mod tests {
     use super::*;
     use crate::record::fixtures::{few, judged, measured, sampled};
 
-    /// Returns the ratio of two records with three launches of `n` samples each. From launch to launch, a record's
-    /// time changes in equal steps from the first given time to the second.
+    /// Returns the ratio of two records with three launches of `n` samples each. From launch to
+    /// launch, each record's time changes in equal steps from its first given time to its second.
     fn ratio(slow: [f64; 2], fast: [f64; 2], n: u32) -> Ratio {
         let record = |name: &str, [low, high]: [f64; 2]| {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
             sampled(name, (0..3).flat_map(move |launch| (0..n).map(move |_| (launch, at(launch)))))
         };
-        // A launch that is slow for one record is fast for the other; otherwise the slowness would cancel in the ratio.
+        // In a launch in which one record is slow, the other record is fast; otherwise the changes
+        // would cancel out in the ratio.
         let records = judged([record("naive", slow), record("wide", [fast[1], fast[0]])]);
         Ratio::of(&records[0], &records[1]).expect("both are measured")
     }
@@ -209,7 +215,7 @@ mod tests {
 
     #[test]
     fn the_fastest_is_not_known_beside_few_samples() {
-        /// Stands for a claim that is true of every record.
+        /// Represents a claim that is true of every record.
         const EVERY: u32 = 0;
         let of = |n: u32| sampled("naive", (0..2).flat_map(move |launch| (0..n).map(move |_| (launch, 9.0))));
         let of = |n| Record { local_size: Some([4; 2]), ..of(n) };

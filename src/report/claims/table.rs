@@ -1,4 +1,5 @@
-//! The table of claims in TOML: the paper's sentences, and the tests that must hold for each.
+//! Reads the table of claims in TOML: the paper's sentences, and the tests that must hold for each
+//! sentence.
 
 use super::point::{Point, known, local_size};
 use crate::device::occupancy::multiprocessor;
@@ -13,7 +14,7 @@ const TABLE: &str = include_str!("claims.toml");
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Row {
-    /// The paper's words.
+    /// The claim in the paper's words.
     pub sentence: String,
     /// The section of the paper that contains the sentence, and the figure to which it refers.
     pub place: String,
@@ -83,7 +84,7 @@ impl TryFrom<String> for Preset {
 }
 
 impl Preset {
-    /// Returns the strategy of that name; `None` for an unknown name, which a table never contains.
+    /// Returns the preset's strategy; `None` for an unknown name, which a table never contains.
     pub fn strategy(&self) -> Option<Strategy> {
         PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
     }
@@ -127,8 +128,8 @@ pub fn table() -> Result<Vec<Row>> {
     read("claims.toml", TABLE)
 }
 
-/// Reads a table. A mistake in it is reported with its location and, for a misspelt name, the most similar
-/// valid one.
+/// Reads a table. The error states where a mistake is and, for a misspelt name, the most similar
+/// valid name.
 pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text).map_err(|error| {
         toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")
@@ -141,7 +142,7 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
 }
 
 impl Row {
-    /// Makes checks that serde cannot express.
+    /// Returns the first mistake that serde cannot detect; `None` if there is none.
     fn mistake(&self) -> Option<String> {
         let empty = [
             ("sentence", &self.sentence),

@@ -7,9 +7,10 @@ pub enum Verdict {
     Held,
     /// The measurement disagrees.
     NotHeld,
-    /// The intervals do not decide it, there are too few samples, or a part has no record.
+    /// The measurement does not decide the claim: an interval contains a bound, there are too few
+    /// samples, or a part has no record.
     Unclear,
-    /// It cannot be tested with this data.
+    /// The claim cannot be tested with this data.
     Cannot,
 }
 
@@ -41,8 +42,9 @@ impl Verdict {
         self.row().3
     }
 
-    /// Returns the verdict of a claim with several parts. It holds if all parts hold, and does not hold if
-    /// one part certainly does not. It cannot be tested if no part can. Otherwise it is unclear.
+    /// Returns the verdict of a claim with several parts. The claim holds if all parts hold. It
+    /// does not hold if one part certainly does not hold. It cannot be tested if no part can be
+    /// tested. Otherwise it is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {
@@ -61,7 +63,7 @@ pub struct Line {
     pub text: String,
     /// Its verdict.
     pub verdict: Verdict,
-    /// The measurement that would decide it; empty if it is decided.
+    /// The measurement that would decide the comparison; empty if it is decided.
     pub decides: String,
 }
 

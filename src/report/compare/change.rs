@@ -1,15 +1,17 @@
-//! The change of a point from one run to another, relative to the anchor or the baselines of its rounds,
-//! since a machine's speed differs between days.
+//! Computes the change of a point's time from one run to another. Each time is first divided by a
+//! time from the same rounds, that of the anchor or of the baselines, since a machine's speed
+//! differs between days.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// Returns the ratio of the second time of `pair` to the first, and the time by which both are divided. Both are
-/// divided by the time of the device's anchor. Without an anchor, they are divided by the mean time of the baselines
-/// that both runs measured in the same rounds as the point, with the same program. Without such baselines, they are
-/// divided by the mean time of those points of the rounds whose times changed by similar factors. `None` if there is
-/// nothing to compare with, or too few samples.
+/// Returns the ratio of the second time of `pair` to the first time, and the reference time by
+/// which both are divided. The reference is the time of the device's anchor. Without an anchor, it
+/// is the mean time of the baselines that both runs measured in the same rounds as the point, with
+/// the same program. Without such baselines, it is the mean time of those points of the rounds
+/// whose times changed by similar factors. Returns `None` if there is no reference, or if there are
+/// too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
@@ -23,7 +25,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
         false => (baselines, Against::Baselines),
         true => (alike(beside.clone()), Against::PointsInCommon),
     };
-    // Relative to itself, a single point never changes.
+    // A point's change relative to itself is always zero, so a single point is not enough.
     if beside.len() < 2 {
         return None;
     }
@@ -38,15 +40,15 @@ fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     (first == second).then(|| after.over(before))
 }
 
-/// Returns the half of the points whose changes are closest to the median change. This leaves out points that
-/// a change of code has slowed.
+/// Returns that half of the points whose changes are closest to the median change. This leaves out
+/// points that a change of code made slower.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // With only two points, neither can be called an outlier.
+    // Of only two points, neither can be identified as an outlier.
     if beside.len() < 3 {
         return beside;
     }
@@ -56,8 +58,8 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of the measured times, divided by no other time, so that it includes every other difference
-/// between the runs.
+/// Returns the ratio of the measured times themselves. It includes every other difference between
+/// the runs, such as the machine's speed.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
 }

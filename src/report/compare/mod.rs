@@ -16,7 +16,7 @@ use pair::{name, percent};
 use serde::Serialize;
 use std::collections::HashMap;
 
-/// A pair as `--json` prints it.
+/// A pair of records in the form that `--json` prints.
 #[derive(Debug, Serialize)]
 pub struct PairLine<'a> {
     scene: &'a str,
@@ -36,9 +36,9 @@ pub struct PairLine<'a> {
 pub struct Comparison {
     /// The folders' names.
     pub labels: [String; 2],
-    /// The points that both folders measured, in the first one's order.
+    /// The points that both folders measured, in the order of the first folder.
     pub pairs: Vec<Pair>,
-    /// Points that only one folder measured, or whose outcome changed: a line each.
+    /// One line for each point that only one folder measured, or whose outcome changed.
     pub others: Vec<String>,
     /// The notes of the folders, each with its folder's name.
     pub notes: Vec<String>,
@@ -47,19 +47,22 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Returns whether the folders have several devices, so that points are named with their device.
+    /// Returns whether the folders have several devices, in which case the names of points include
+    /// the device.
     pub fn has_several_devices(&self) -> bool {
         let mut devices = self.pairs.iter().map(|pair| &pair.before).filter(|record| !record.is_baseline());
         let first = devices.next().map(|record| &record.device);
         devices.any(|record| Some(&record.device) != first)
     }
 
-    /// Compares two folders. A `threshold` of 0.02 is 2%. With `bare`, plain times are compared.
+    /// Compares two folders. A `threshold` of 0.02 is 2%. If `bare` is true, times are compared
+    /// without an anchor or baselines.
     ///
-    /// Points correspond if their scenes, image sizes, strategies and local sizes are equal. Devices
-    /// correspond by name. If each folder has a single device, these two correspond, so that results of
-    /// different machines can be compared. Scenes correspond by content if both folders have recorded it,
-    /// else by name.
+    /// Points correspond if their scenes, image sizes, strategies and local sizes are equal.
+    /// Devices correspond if their names are equal. If each folder has a single device, these two
+    /// also correspond, so that results of different machines can be compared. Scenes correspond if
+    /// their contents are equal or, if either folder did not record the contents, if their names
+    /// are equal.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let (before, after) = (&beside_anchors(before), &beside_anchors(after));
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
@@ -85,8 +88,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares two folders of kernels within one run. Points that compile to the same program with both are
-    /// left out.
+    /// Compares two folders of kernels within one run. Points that compile to the same program with
+    /// both folders are left out.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -149,7 +152,7 @@ impl Comparison {
 
     fn add(&mut self, before: Record, after: &Record) {
         if let (Some(_), Some(_)) = (median(&before), median(after)) {
-            // The verdict is set when all points are known.
+            // `judge` sets the verdict when all points are known.
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -177,14 +180,14 @@ impl Comparison {
             |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
         if of(Against::PointsInCommon) {
             self.notes.push(
-                "No baseline was measured in the rounds of both folders: changes are relative to the points \
+                "No baseline was measured in the rounds of both folders. Changes are relative to the points \
                  that changed by similar factors, so a change shared by all points cannot be detected."
                     .to_owned(),
             );
         }
         if of(Against::BareTimes) {
             self.notes.push(
-                "These are plain times: they include every other change between the runs, such as load and \
+                "Plain times are compared, so changes include every other difference between the runs, such as load and \
                  clock rates."
                     .to_owned(),
             );
@@ -196,14 +199,15 @@ impl Comparison {
         self.pairs.iter().filter(|pair| pair.verdict == verdict).count()
     }
 
-    /// Returns the regressions of more than `limit_percent`, one line each, and the points that ran before
-    /// and fail now. At most one in 50 comparisons of equal programs reports a regression.
+    /// Returns one line for each regression of more than `limit_percent`, and for each point that
+    /// was measured before and fails now. At most one in 50 comparisons of a program with itself
+    /// reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
     }
 
-    /// Returns "12 faster, 3 slower, 40 same, 5 unclear", and, if there are any, "1 cannot tell, 2 not enough
-    /// samples".
+    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". If there
+    /// are such points, ", 1 cannot tell, 2 not enough samples" follows.
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
         let shown = counts.iter().filter(|(verdict, count)| {
@@ -233,8 +237,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns the folder with each record's position among the records that were measured together with it; for this,
-/// the anchors count as further points.
+/// Returns the folder with the position of each record among the records and anchors that were
+/// measured with it.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);
@@ -249,7 +253,7 @@ fn devices(folder: &Folder) -> Vec<&str> {
     devices
 }
 
-/// Returns whether all its records have the hash of their scene.
+/// Returns whether all records of a folder have a hash of their scene's content.
 fn has_content(folder: &Folder) -> bool {
     folder.records.iter().all(|record| record.scene_hash.is_some())
 }

@@ -38,12 +38,12 @@ impl Comparison {
         text
     }
 
-    /// Explains how verdicts are found.
+    /// Explains how the verdicts are determined.
     fn rule(&self) -> String {
         format!(
             "In each folder, a point's time is divided by the time of the anchor, a fixed kernel that is \
-             timed in the same rounds. Without an anchor, it is divided by the times of the baselines, or \
-             else of the points that changed by similar factors. The change is the ratio between the \
+             timed in the same rounds. Without an anchor, it is divided by the mean time of the baselines, or \
+             else by that of the points that changed by similar factors. The change is the ratio between the \
              folders. A point is faster or slower if the 95% interval of its change lies beyond {0}%, the \
              same if the interval lies within {0}%, and unclear otherwise. At most one verdict in 40 is \
              wrong. Points with fewer than five samples in a launch are not judged.",
@@ -51,7 +51,7 @@ impl Comparison {
         )
     }
 
-    /// Returns "2" or "0.5", without binary rounding errors.
+    /// Returns the threshold in percent, such as "2" or "0.5", without binary rounding errors.
     fn threshold_percent(&self) -> String {
         ((1e4 * self.threshold).round() / 100.0).to_string()
     }
@@ -72,7 +72,7 @@ impl Comparison {
         pairs.iter().map(row).collect()
     }
 
-    /// Plots the second folder's times against the first one's.
+    /// Plots the second folder's times against those of the first folder.
     pub fn plot(&self) -> Plot {
         let [a, b] = &self.labels;
         let series = Verdict::ALL.into_iter().enumerate().filter_map(|(place, verdict)| {
@@ -93,7 +93,7 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green, vermilion, blue, grey and two others, the same colours as in the table.
+            // Green, vermilion, blue, grey and two other colours, the same as in the table.
             let look = Look::of([2, 1, 0, 6, 4, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })
@@ -108,7 +108,7 @@ impl Comparison {
             series: series.collect(),
         };
         let caption = format!(
-            "Below the line {b} is faster, above it {a}. Bars are 95% intervals of {b}'s medians; points with fewer than five samples have none."
+            "Below the line {b} is faster, above the line {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples have no bar."
         );
         Plot::of("compare", caption, &chart)
     }

@@ -1,4 +1,4 @@
-//! A point that two folders measured, and how it changed.
+//! A point that two folders measured, and the change of its time.
 
 use crate::measure::{Interval, Verdict};
 use crate::record::{Record, by, fewest, significant};
@@ -13,12 +13,12 @@ pub(super) type Both<'a> = (&'a Record, &'a Record);
 pub struct Pair {
     /// Its record in the first folder.
     pub before: Record,
-    /// Its record in the second.
+    /// Its record in the second folder.
     pub after: Record,
     /// The verdict on the second record.
     pub verdict: Verdict,
-    /// The ratio of the second time to the first, and the time by which both are divided; `None` if it cannot be
-    /// computed.
+    /// The ratio of the second time to the first time, and the kind of time by which both are
+    /// divided; `None` if the ratio cannot be computed.
     pub change: Option<(Interval, Against)>,
 }
 
@@ -28,14 +28,15 @@ pub struct Pair {
 pub enum Against {
     /// The device's anchor, a fixed kernel that was run in the same rounds.
     Anchor,
-    /// Casters on the host in the same rounds, which are the same program in both folders.
+    /// Casters on the host that were timed in the same rounds and are the same program in both
+    /// folders.
     Baselines,
-    /// Points of the same rounds that changed by similar factors. A change that all points share cannot be
-    /// seen.
+    /// Points of the same rounds that changed by similar factors. A change that all points share
+    /// cannot be detected.
     PointsInCommon,
-    /// Nothing: plain times.
+    /// Nothing: the measured times themselves are compared.
     BareTimes,
-    /// Nothing is needed: both were measured in the same rounds of one run.
+    /// Nothing is needed, since both records were measured in the same rounds of one run.
     SameRounds,
 }
 
@@ -45,8 +46,8 @@ impl Pair {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// Formats as "+12.3% (+10.1 to +14.2)"; as "496× as long" from a factor of ten on; as "n = 10 and 3"
-    /// without enough samples.
+    /// Formats the change as "+12.3% (+10.1 to +14.2)", or as "496× as long" if the factor is at
+    /// least ten, or as "n = 10 and 3" if there are too few samples.
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -64,7 +65,8 @@ impl Pair {
         }
     }
 
-    /// Returns "teapot 800 x 500, naive 8x8", with the device if `device` is set.
+    /// Returns the point's name, such as "teapot 800 x 500, naive 8x8", followed by the device if
+    /// `device` is true.
     pub fn point(&self, device: bool) -> String {
         let on = if device && !self.before.is_baseline() {
             format!(", {}", self.before.device)
@@ -85,7 +87,7 @@ pub(super) fn percent(ratio: f64) -> f64 {
     100.0 * (ratio - 1.0)
 }
 
-/// Returns the name of a point.
+/// Returns the name of a record's point.
 pub(super) fn name(record: &Record) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));

@@ -1,17 +1,18 @@
-//! Finds regressions: single points, the mean of every strategy's points, and the mean of all points, if they are
-//! certainly too slow. The means detect many small slowdowns of which none is certain alone, for example after a
-//! change to a file that all strategies share.
+//! Finds regressions. Single points, the mean of every strategy's points, and the mean of all
+//! points are tested for being certainly slower. The means detect small slowdowns of many points
+//! even if no single slowdown is certain, for example after a change to a file that all strategies
+//! share.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};
 use crate::measure::{Interval, quantile};
 use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
 
-/// The largest probability that two runs of the same program show a regression.
+/// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
 
-/// Returns one line per regression. The risk is divided equally between the mean of all points, the
-/// strategies, and the points.
+/// Returns one line per regression. The risk is divided into three equal parts: for the mean of all
+/// points, for the strategies' means, and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -36,16 +37,17 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
 }
 
-/// Returns the change of a point's fastest samples, the 10% quantile, against the same work as the change of its
-/// median. A slower program is slower in all its samples. A machine that has two speeds, and was at the lower one for
-/// most of a run, has the same fastest samples as before.
+/// Returns the ratio of the 10% quantiles of a point's samples, divided by the same reference time
+/// as the ratio of the medians. All samples of a slower program are slower. But if the machine has
+/// two speeds, and ran at the lower speed for most of the run, the fastest samples are as before.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };
     change.middle * after / before
 }
 
-/// Returns the 10% quantile of a record's samples as a fraction of their median.
+/// Returns the 10% quantile of a record's samples as a fraction of their median; `None` without
+/// samples.
 fn spread(record: &Record) -> Option<f64> {
     let mut sorted = record.samples_ms.clone();
     sorted.sort_by(f64::total_cmp);
@@ -66,8 +68,8 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     strategies
 }
 
-/// Returns the mean change of some points, over groups that were measured together; `None` if one of them has
-/// nothing to compare with.
+/// Returns the mean change of some points. Points that were measured together are averaged first.
+/// Returns `None` if the change of any point cannot be computed.
 fn change_of(pairs: &[&Pair]) -> Option<Interval> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
     for &pair in pairs {

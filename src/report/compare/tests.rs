@@ -32,7 +32,7 @@ fn another_machines_results_are_compared_point_by_point() {
     assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
     let markdown = comparison.markdown();
     assert!(markdown.contains("| slower |"), "{markdown}");
-    // The largest changes come first: twice as long, half as long, none.
+    // The largest changes come first: twice as long, then half as long, then no change.
     let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
     assert!(places.is_sorted(), "{markdown}");
 }
@@ -72,7 +72,8 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // In one launch as fast as before, in the other 20% slower: 10% on average, and uncertain.
+    // In one launch the point is as fast as before, in the other launch it is 20% slower. The mean
+    // change is 10%, and it is uncertain.
     let mut after = before.clone();
     after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.2);
     after[2].median_ms = Some(5.5);
@@ -152,8 +153,9 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// Returns two strategies at two sizes each in three launches, with an anchor. `machine` is the difference
-/// between launches, and `slow` returns the factor by which a strategy is slower than usual.
+/// Returns a folder with two strategies at two sizes each, measured in three launches with an
+/// anchor. `machine` is the factor by which the machine is slower than usual, and `slow` returns
+/// the factor by which a strategy is slower than usual.
 fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = Vec::new();
     let mut anchors = Vec::new();

@@ -1,4 +1,4 @@
-//! Charts with two axes: lines with intervals, or scattered marks.
+//! Draws charts with two axes: lines with intervals, or scattered marks.
 
 use super::layout::{LETTER, Layout, NARROW, WIDE};
 use super::legend::{self, shorten};
@@ -10,7 +10,7 @@ use super::svg::{Anchor, LINE, Svg, number};
 /// The x axis.
 #[derive(Clone, Debug)]
 pub enum Across {
-    /// Names at equal steps; a mark's x is the index of a name.
+    /// Names at equal distances; a mark's x is the index of a name.
     Names(Vec<String>),
     /// Numbers.
     Numbers(Kind),
@@ -23,7 +23,7 @@ pub struct Mark {
     pub x: f64,
     /// Its y value.
     pub y: f64,
-    /// Its 95% interval.
+    /// The 95% interval of y, if there is one.
     pub interval: Option<[f64; 2]>,
     /// Its tooltip, one fact per line.
     pub tip: String,
@@ -32,8 +32,8 @@ pub struct Mark {
 /// Marks that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Its name in the legend. A series without a name is a line without markers that belongs to the one
-    /// before it and is hidden with it.
+    /// Its name in the legend. A series without a name is a line without markers. It belongs to the
+    /// series before it and is hidden together with that series.
     pub name: String,
     /// The appearance of the series.
     pub look: Look,
@@ -56,7 +56,7 @@ pub struct Chart {
     pub across: Across,
     /// The scale of the y axis.
     pub up: Kind,
-    /// True if the line on which x equals y is drawn.
+    /// True if the line y = x is drawn.
     pub diagonal: bool,
     /// The curves.
     pub series: Vec<Series>,
@@ -163,19 +163,19 @@ impl Chart {
         }
     }
 
-    /// Returns whether names are slanted, since they would overlap otherwise.
+    /// Returns whether names are slanted because they would overlap otherwise.
     fn names_are_slanted(&self, layout: Layout) -> bool {
         let Across::Names(names) = &self.across else { return false };
         names.len() as f64 * LETTER * (self.longest_name() + 1) as f64 > layout.width
     }
 
-    /// Returns how much more height slanted names need.
+    /// Returns the additional height that the names along x need.
     fn names_height(&self, layout: Layout) -> f64 {
         if self.names_are_slanted(layout) { 0.57 * LETTER * self.longest_name() as f64 } else { 4.0 }
     }
 
-    /// Returns the ticks along x with their labels. If there are too many names even when slanted, only every second,
-    /// third, ... is labelled.
+    /// Returns the ticks along x with their labels. If even slanted names would overlap, only every
+    /// second, third, ... name is shown.
     fn ticks_across(&self, frame: &Frame) -> Vec<(f64, String)> {
         match &self.across {
             Across::Names(names) => {
@@ -190,7 +190,7 @@ impl Chart {
     }
 }
 
-/// Draws the line on which x equals y, within the range of both axes.
+/// Draws the line y = x within the range of both axes.
 fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
     let ([x_low, x_high], [y_low, y_high]) = (frame.across.ends(), frame.up.ends());
     let ends = [x_low.max(y_low), x_high.min(y_high)];

@@ -1,4 +1,5 @@
-//! A heat map: rows by columns, dark for slow, light for fast, hatched for points without a time.
+//! Draws heat maps with rows and columns. Dark cells are slow, light cells are fast, and points
+//! without a time are hatched.
 
 use super::layout::LETTER;
 use super::legend::shorten;
@@ -15,7 +16,7 @@ pub enum Cell {
         slower: f64,
         /// The time as text.
         text: String,
-        /// True if it is a winner: the fastest, or tied with it.
+        /// True if the point is a winner: the fastest point, or tied with it.
         wins: bool,
         /// Its tooltip.
         tip: String,
@@ -27,14 +28,15 @@ pub enum Cell {
         /// The full reason.
         tip: String,
     },
-    /// Not part of the experiment.
+    /// The experiment has no such point.
     Empty,
 }
 
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page, since a pattern's name is valid for the whole page.
+    /// A name that is unique on the page; it becomes a part of the hatching pattern's name, which
+    /// must be unique on the whole page.
     pub id: String,
     /// Its title.
     pub title: String,
@@ -42,7 +44,7 @@ pub struct HeatMap {
     pub x_label: String,
     /// The columns' names.
     pub columns: Vec<String>,
-    /// The rows' names and cells, a cell per column.
+    /// The rows' names and cells. Each row has one cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
     /// Each code and its meaning.
     pub codes: Vec<(String, String)>,
@@ -123,7 +125,7 @@ impl HeatMap {
             FAINT,
             [LEFT + SCALE_WIDTH + 18.0, top + 9.0],
             Anchor::Start,
-            "ringed: fastest, or tied",
+            "ringed: fastest or tied",
         );
         let mut y = top + 24.0;
         for (code, meaning) in &self.codes {
@@ -203,7 +205,7 @@ pub(super) fn rect(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2], c
     );
 }
 
-/// Draws two rings, so that one of them is visible on any background.
+/// Draws a dark and a light ring, so that one of them is visible on any background.
 pub(super) fn ring(svg: &mut Svg, [x, y]: [f64; 2], [width, height]: [f64; 2]) {
     for (inset, colour, stroke) in [(1.5, INK, 3.0), (4.0, "#ffffff", 1.5)] {
         svg.element(

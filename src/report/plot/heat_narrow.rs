@@ -1,5 +1,5 @@
-//! A heat map for phones. Each row's name is above its cells. Long rows continue on further lines, with each
-//! column's name above its cell. The legend is at the bottom.
+//! Draws a heat map for phones. Each row's name is above its cells. Long rows continue on further
+//! lines, with each column's name above its cell. The legend is at the bottom.
 
 use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
 use super::layout::{LETTER, NARROW};
@@ -31,7 +31,8 @@ impl HeatMap {
         svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
     }
 
-    /// Draws a name and its cells from `y` on; returns the y coordinate of their end.
+    /// Draws a row's name and cells from `y` downwards; returns the y coordinate of their lower
+    /// end.
     fn narrow_row(&self, svg: &mut Svg, name: &str, cells: &[Cell], y: f64, worst: f64, hatch: &str) -> f64 {
         let names = NARROW.lines(name);
         svg.lines("label", [LEFT, y + 12.0], Anchor::Start, &names);
@@ -44,12 +45,12 @@ impl HeatMap {
         top + cells.len().div_ceil(ACROSS) as f64 * HEIGHT + GAP
     }
 
-    /// Draws the colours and the meanings of the codes, in as many lines as needed; returns the y coordinate
-    /// of their end.
+    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of their
+    /// lower end.
     fn narrow_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         let mut y = top + 24.0 + LINE;
-        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest, or tied");
+        svg.text_in("faint small", FAINT, [LEFT, y], Anchor::Start, "ringed: fastest or tied");
         for (code, meaning) in &self.codes {
             y += 19.0;
             let width = draw_legend_cell(svg, [LEFT, y], code, hatch);
@@ -137,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Returns the right end of every element with an x and a width.
+    /// Returns the x coordinate of the right end of every element that has an x and a width.
     fn ends(svg: &str) -> Vec<f64> {
         let value = |part: &str, name: &str| -> Option<f64> {
             part.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next()?.parse().ok())

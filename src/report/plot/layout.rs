@@ -6,21 +6,21 @@ pub const LETTER: f64 = 7.0;
 /// Positions and sizes of a chart's parts, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
-    /// From the left edge to the y axis.
+    /// Distance from the left edge to the y axis.
     pub left: f64,
-    /// From the upper edge to the upper end of the y axis, below a title of one line.
+    /// Distance from the upper edge to the upper end of the y axis, if the title has one line.
     pub top: f64,
     /// Length of the x axis.
     pub width: f64,
     /// Length of the y axis.
     pub height: f64,
-    /// True if the legend is below; otherwise it is on the right.
+    /// True if the legend is below the chart; otherwise it is on the right.
     pub legend_below: bool,
 }
 
-/// For screens.
+/// The layout for screens.
 pub const WIDE: Layout = Layout { left: 66.0, top: 34.0, width: 640.0, height: 330.0, legend_below: false };
-/// For phones.
+/// The layout for phones.
 pub const NARROW: Layout = Layout { left: 60.0, top: 34.0, width: 286.0, height: 270.0, legend_below: true };
 
 /// Approximate width of a letter in a title.
@@ -36,7 +36,7 @@ impl Layout {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// Splits a text into as many lines as needed; on a screen there is one.
+    /// Splits a text into as many lines as needed; on a screen, one line is enough.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let most = if self.legend_below {
             ((self.whole_width() - 2.0 * MARGIN) / BOLD_LETTER) as usize

@@ -1,13 +1,14 @@
-//! The legend of a chart; in a page its entries are buttons.
+//! Draws the legend of a chart. In a page, its entries are buttons.
 
 use super::look::Look;
 use super::svg::{Anchor, Svg};
 
 const STEP: f64 = 19.0;
-/// Longer names are shortened; in a page, a tooltip shows the full name.
+/// The largest number of characters of a name. Longer names are shortened; in a page, a tooltip
+/// shows the full name.
 const LONGEST: usize = 24;
 
-/// Draws the entries downwards from a position; returns the y coordinate of their end.
+/// Draws the entries downwards from a position; returns the y coordinate of their lower end.
 pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f64 {
     for (place, (name, look)) in entries.iter().enumerate() {
         let y = top + place as f64 * STEP;
@@ -31,8 +32,9 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
     top + entries.len() as f64 * STEP
 }
 
-/// Returns a name of at most `longest` characters; an ellipsis replaces a part in the middle. The ends are kept,
-/// since names of one experiment differ there: in the value of an axis, or in the exponent of a fitted power law.
+/// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning
+/// and the end remain, since names in an experiment differ there: in the value of an axis, or in
+/// the exponent of a fitted power law.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

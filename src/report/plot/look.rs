@@ -1,4 +1,5 @@
-//! The appearance of series: colours, and markers if there are more series than colours.
+//! The appearance of series: colours and markers. With markers, there are more combinations than
+//! colours.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};
@@ -12,7 +13,7 @@ const MARKERS: usize = 6;
 pub struct Look {
     /// The number of the series.
     pub number: usize,
-    /// True if the values are published ones, not ours: a dashed line and empty markers.
+    /// True for values that the paper published, which have a dashed line and empty markers.
     pub dashed: bool,
 }
 
@@ -27,12 +28,12 @@ impl Look {
         SERIES[self.number % SERIES.len()]
     }
 
-    /// Returns the class that gives it the theme's colour in a page.
+    /// Returns the CSS class that gives the series the theme's colour in a page.
     pub fn class(self) -> String {
         format!("s{}", self.number % SERIES.len())
     }
 
-    /// Draws its marker.
+    /// Draws the series' marker at a position.
     pub fn marker(self, svg: &mut Svg, [x, y]: [f64; 2]) {
         let path = shape(self.number % MARKERS, [x, y]);
         let (fill, stroke) =
@@ -42,8 +43,8 @@ impl Look {
     }
 }
 
-/// Returns a disc, square, triangle up, diamond, triangle down or cross around a position, of similar visual
-/// weight.
+/// Returns the path of a marker around a position: a disc, square, triangle up, diamond, triangle
+/// down or cross. All look similarly large.
 fn shape(which: usize, [x, y]: [f64; 2]) -> String {
     let polygon = |corners: &[[f64; 2]]| {
         let places = corners.iter().map(|[dx, dy]| format!("{} {}", number(x + dx), number(y + dy)));

@@ -1,4 +1,4 @@
-//! Plots as SVG, which are readable without a script; the page's script makes them interactive.
+//! Draws plots as SVG. They can be read without a script; the page's script makes them interactive.
 
 pub mod chart;
 pub mod heat;
@@ -21,12 +21,12 @@ pub struct Plot {
     pub caption: String,
     /// The drawing.
     pub svg: String,
-    /// The plot for a phone; empty if there is none.
+    /// The drawing for a phone; empty if there is none.
     pub narrow: String,
 }
 
 impl Plot {
-    /// Makes a plot of a chart, for screens and for phones.
+    /// Draws a chart for screens and for phones.
     pub fn of(name: impl Into<String>, caption: impl Into<String>, chart: &chart::Chart) -> Self {
         let (svg, narrow) = (chart.svg(), chart.narrow_svg());
         Self { name: name.into(), caption: caption.into(), svg, narrow }

@@ -3,9 +3,9 @@
 /// The palette of M. Okabe and K. Ito (2008) without black and yellow, which would be hard to see on a dark
 /// or a white background.
 pub const SERIES: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#5b5b6b"];
-/// Text on paper.
+/// The colour of text.
 pub const INK: &str = "#1c2530";
-/// Lines behind the marks.
+/// The colour of grid lines behind the marks.
 pub const GRID: &str = "#dde3ea";
-/// Less important text and lines.
+/// The colour of less important text and lines.
 pub const FAINT: &str = "#5c6b7a";

@@ -1,4 +1,4 @@
-//! Plots as PNG, with a built-in font so that they look the same everywhere.
+//! Converts plots to PNG, with a built-in font so that they look the same on every machine.
 
 use crate::error::{Error, Result};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -12,7 +12,7 @@ const FAMILY: &str = "DejaVu Sans";
 /// Pixels of the PNG per unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// Draws SVG as PNG, at twice its size for sharp print.
+/// Converts SVG to PNG at twice its size, so that it is sharp in print.
 pub fn png(svg: &str) -> Result<Vec<u8>> {
     let fail = |error: &dyn std::fmt::Display| Error::fault(format!("a plot could not be drawn: {error}"));
     let mut options = usvg::Options { font_family: FAMILY.to_owned(), ..usvg::Options::default() };

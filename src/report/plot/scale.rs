@@ -1,11 +1,12 @@
-//! The scales of axes: convert values to positions, and choose ticks.
+//! The scales of axes, which convert values to positions and choose ticks.
 
 /// The kind of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Equal steps are equal differences; the axis begins at 0 unless values are below.
+    /// Equal distances are equal differences; the axis begins at 0 unless there are negative
+    /// values.
     Linear,
-    /// Equal steps are equal factors.
+    /// Equal distances are equal factors.
     Log,
 }
 
@@ -18,8 +19,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// Makes a scale that contains all `values` with some margin. Values that a logarithmic scale cannot show
-    /// are left out.
+    /// Creates a scale that contains all `values` with some margin. Values that a logarithmic scale
+    /// cannot show are left out.
     pub fn over(kind: Kind, values: impl Iterator<Item = f64>, places: [f64; 2]) -> Self {
         let shown = values.filter(|value| value.is_finite() && (kind == Kind::Linear || *value > 0.0));
         let (low, high) = shown
@@ -31,7 +32,8 @@ impl Scale {
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
             Kind::Log => {
-                // With a range below a factor of two, noise would look like a difference.
+                // On an axis that spans less than a factor of two, noise would look like a
+                // difference.
                 let room = (high / low).powf(0.05).max((2.0 / (high / low)).sqrt());
                 [low / room, high * room]
             }
@@ -39,7 +41,7 @@ impl Scale {
         Self { kind, values, places }
     }
 
-    /// Makes a scale with these ends.
+    /// Creates a scale between two values and their positions.
     pub fn between(kind: Kind, values: [f64; 2], places: [f64; 2]) -> Self {
         Self { kind, values, places }
     }
@@ -79,8 +81,8 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Returns powers of ten, with their multiples by 2 and 5 for short ranges, or only every second, third, ... power
-/// for long ranges.
+/// Returns powers of ten. For short ranges, also returns 2 and 5 times these powers; for long
+/// ranges, returns only every second, third, ... power.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();

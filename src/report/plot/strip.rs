@@ -1,4 +1,4 @@
-//! Every sample of a few points as a dot, so that noise can be seen.
+//! Draws strip plots, which show every sample of a few points as a dot, so that noise is visible.
 
 use super::layout::{Layout, NARROW, WIDE};
 use super::legend::shorten;
@@ -13,11 +13,12 @@ pub struct Row {
     pub name: String,
     /// The median as text.
     pub value: String,
-    /// Every sample in the order taken, as a percentage above or below the median.
+    /// Every sample in the order of measurement, as a percentage above or below the median.
     pub deviations: Vec<f64>,
-    /// The 95% interval of the median, likewise; `None` with too few samples.
+    /// The 95% interval of the median, as percentages above or below the median; `None` with too
+    /// few samples.
     pub interval: Option<[f64; 2]>,
-    /// First and third quartile, likewise.
+    /// The first and third quartile, as percentages above or below the median.
     pub quartiles: Option<[f64; 2]>,
     /// Its tooltip.
     pub tip: String,
@@ -42,11 +43,12 @@ struct Form {
     head: f64,
 }
 
-/// Names are on the left.
+/// The layout for screens, with names on the left of the dots.
 const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
-/// Names are above.
+/// The layout for phones, with names above the dots.
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
-/// The largest number of dots in a row. With more samples, only every second, third, ... is shown.
+/// The largest number of dots in a row. If there are more samples, only every second, third, ...
+/// sample is shown.
 const DOTS: usize = 120;
 
 impl Strip {
@@ -80,7 +82,7 @@ impl Strip {
         for (place, one) in self.rows.iter().enumerate() {
             draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
         }
-        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are higher up";
+        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are higher";
         let lines = layout.lines(label);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
         let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;
@@ -88,8 +90,8 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, label)
     }
 
-    /// Returns how far the axis extends on both sides of 0. It contains nearly all samples; outliers are ignored, so
-    /// that they do not compress the rest.
+    /// Returns how far the axis extends on both sides of 0, in percent. Nearly all samples are
+    /// within this range; outliers are not, so that they do not compress the others.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
@@ -133,7 +135,7 @@ fn draw_row(svg: &mut Svg, row: &Row, top: f64, (across, reach): (&Scale, f64), 
     let last = row.deviations.len().saturating_sub(1).max(1) as f64;
     let dots = row.deviations.iter().enumerate().step_by(every).map(|(place, deviation)| {
         let y = top + 7.0 + (height - 14.0) * place as f64 / last;
-        // A line of zero length with round ends is a dot, and one path contains all of them.
+        // A line of zero length with round ends is a dot. One path contains all dots of a row.
         format!("M{} {}h0", number(x(*deviation)), number(y))
     });
     svg.element(

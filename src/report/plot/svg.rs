@@ -21,7 +21,8 @@ pub fn escape(text: &str) -> String {
     safe
 }
 
-/// Formats a number with two decimals; a hundredth of a unit is a fiftieth of a pixel of the PNG.
+/// Formats a number with at most two decimals: a hundredth of a unit is only a fiftieth of a pixel
+/// of the PNG.
 pub fn number(value: f64) -> String {
     let text = format!("{value:.2}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -30,20 +31,20 @@ pub fn number(value: f64) -> String {
 /// Height of a line of text in pixels.
 pub const LINE: f64 = 16.0;
 
-/// A drawing that is being made.
+/// An unfinished drawing.
 #[derive(Clone, Debug, Default)]
 pub struct Svg {
     body: String,
 }
 
-/// Says which part of a text lies at the position that is given for it.
+/// The part of a text that is placed at the given position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// The left.
+    /// The left end.
     Start,
     /// The middle.
     Middle,
-    /// The right.
+    /// The right end.
     End,
 }
 
@@ -70,9 +71,9 @@ impl Svg {
         self.body.push('>');
     }
 
-    /// Closes the element opened last under this name.
+    /// Closes the element with this name that was opened last.
     pub fn close(&mut self, name: &str) {
-        // Writing to a String cannot fail, neither here nor below.
+        // Writing to a String cannot fail, so the results are ignored here and below.
         let _ = writeln!(self.body, "</{name}>");
     }
 
@@ -83,7 +84,7 @@ impl Svg {
         }
     }
 
-    /// Draws a straight line. The colour applies if no style sheet sets one for the class.
+    /// Draws a straight line. `colour` is used unless a style sheet sets a colour for `class`.
     pub fn line(&mut self, class: &str, colour: &str, [x1, y1]: [f64; 2], [x2, y2]: [f64; 2]) {
         let (x1, y1, x2, y2) = (number(x1), number(y1), number(x2), number(y2));
         self.element(

@@ -21,7 +21,7 @@ const MEMORY: [&str; 7] = [
     "compounded",
     "constant-triangles",
 ];
-/// Bytes of a ray that a test reads: origin and direction, three floats each.
+/// Bytes of a ray that a ray-triangle test reads: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
 /// The four lines, and the plots that show them.
@@ -68,8 +68,8 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from the run that has the most memory strategies. If nothing is known,
-/// each line says so.
+/// Returns the answer for a device, from the run that has the most memory strategies. If no run has
+/// several of them, each line says so.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     let kinds = |run: &&Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -108,7 +108,7 @@ fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> Strin
 
 const NO_WINNER: &str = "no winner (too few samples)";
 
-/// Returns the different names of some records, in their order.
+/// Returns the names of some records in their order, without repetitions.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in records {
@@ -119,7 +119,8 @@ fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     names
 }
 
-/// Returns "private (vectors private, triangles global): 1.887 ms", or the names of those that tie.
+/// Returns the best strategy, such as "private (vectors private, triangles global): 1.887 ms", or
+/// the names of the strategies that tie.
 fn strategy(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let time = median(best).map_or(String::new(), duration);
@@ -129,7 +130,7 @@ fn strategy(contest: &Contest<'_>) -> String {
     }
 }
 
-/// Describes in which memories a preset keeps its vectors and its triangles.
+/// Describes in which memory a preset stores its working vectors and its triangles.
 fn homes(name: &str) -> String {
     let Some(preset) = PRESETS.iter().find(|preset| preset.name == name) else { return String::new() };
     let axis = |wanted: &str| {
@@ -138,7 +139,8 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns "8 x 8", or how many sizes tie, and the same for the naive kernel alone.
+/// Returns the best local size, such as "8 x 8", or how many sizes tie; then the same for the naive
+/// kernel alone.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
@@ -159,8 +161,8 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains the result by the memory traffic that the best kernel avoids and by the compiler's output for
-/// both, for the scene with the most triangles.
+/// Explains why the best kernel is faster than naive, for the scene with the most triangles: by the
+/// memory traffic that it avoids, and by the properties of both compiled kernels.
 fn why(contests: &[Contest<'_>]) -> String {
     let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
         return NO_WINNER.to_owned();
@@ -193,7 +195,7 @@ fn place_of_vectors(record: &Record) -> &'static str {
     }
 }
 
-/// Returns the known properties of a record: name and value.
+/// Returns the known properties of a record's main kernel, as pairs of name and value.
 fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
@@ -209,7 +211,8 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties known for both: "private: 62 registers (naive: 67), ...".
+/// Compares the properties that are known for both kernels: "private: 62 registers (naive: 67),
+/// ...".
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
         let (_, other) = naive.iter().find(|(known, _)| known == fact)?;
@@ -222,7 +225,8 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns the ratio of naive's time to the best, and which points tie.
+/// Returns the ratio of naive's best time to the best time of all kernels, and the number of points
+/// that tie.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

@@ -1,4 +1,4 @@
-//! The paper's curves over block sizes (Figures 6 to 8), with ours.
+//! Plots the paper's curves over block sizes (Figures 6 to 8) together with raycl's measurements.
 
 use crate::record::{Group, Record, duration, interval, median, not_enough, ratio};
 use crate::report::claims::Run;
@@ -9,7 +9,7 @@ use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 use crate::report::words::{times, tip};
 
-/// One of the paper's curves, with ours.
+/// One of the paper's curves, and raycl's measurements of the same points.
 struct Curve<'a> {
     name: &'static str,
     number: usize,
@@ -33,9 +33,10 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// Returns two plots of the paper's figure with this number, one of the curves' shapes and one in milliseconds, and
-/// the figure's values. They are taken from the single run that has the most points of the figure, since a curve must
-/// not be combined from several runs. `None` if no part of it was measured.
+/// Returns two plots of the paper's figure with this number, one of the curves' shapes and one in
+/// milliseconds, and the figure's values. All measurements come from the run that has the most
+/// points of the figure, since a curve must not be combined from several runs. Returns `None` if no
+/// point of the figure was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
@@ -54,7 +55,7 @@ pub(super) fn curves_of(
     );
     let times = Plot::of(
         format!("figure-{number}{suffix}"),
-        "Solid: our times on this device. Dashed: the paper's times on its own unnamed device. The scale is logarithmic.",
+        "Solid lines are our times on this device. Dashed lines are the paper's times, on a device that it does not name. The scale is logarithmic.",
         &drawn(&curves, number, device, false),
     );
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
@@ -97,7 +98,7 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
     };
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
-    // A shape consists of ratios, for which few samples are not enough.
+    // A shape consists of ratios, so points with too few samples are left out.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
     let fastest =
         ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));
@@ -125,7 +126,8 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
     all.into_iter().filter(|one| !one.marks.is_empty()).collect()
 }
 
-/// Returns rows of curve, block, published time, our time, and the published one divided by ours.
+/// Returns table rows: curve, block size, published time, our time, and the published time divided
+/// by our time.
 fn rows(curve: &Curve<'_>) -> Vec<[String; 5]> {
     let ours = |block: u32| curve.ours.iter().find(|record| record.local_size == Some([block; 2]));
     let row = |(block, ms): &(u32, f64)| {

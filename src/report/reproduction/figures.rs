@@ -1,4 +1,4 @@
-//! The paper's figures, each with ours and the known differences.
+//! Describes the paper's figures. Each has its counterpart from raycl and the known differences.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -39,9 +39,10 @@ pub struct Figure {
     pub pictures: Vec<Picture>,
     /// Our plots for it.
     pub plots: Vec<Plot>,
-    /// Rows of curve, block, published time, our time, and the published one divided by ours.
+    /// Table rows: curve, block size, published time, our time, and the published time divided by
+    /// our time.
     pub rows: Vec<[String; 5]>,
-    /// The command that would measure it, if there is no record.
+    /// The command that measures the figure, if there is no record for it; otherwise empty.
     pub missing: String,
 }
 

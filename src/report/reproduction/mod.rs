@@ -1,5 +1,5 @@
-//! The reproduction of the paper: the answer, the paper's figures with ours, its claims and their verdicts,
-//! and its contradictions.
+//! Collects the data for the reproduction of the paper: the answer, the paper's figures with our
+//! measurements, the paper's claims with verdicts, and its contradictions.
 
 mod answer;
 mod curves;
@@ -29,7 +29,7 @@ pub struct Reproduction {
     devices: Vec<Device>,
     notes: Vec<String>,
     commands: Vec<String>,
-    /// Names of folders with their own reports, which are next to the page.
+    /// Names of the folders next to the page that have their own reports.
     reports: Vec<String>,
 }
 
@@ -51,8 +51,8 @@ struct Paper {
 }
 
 impl Reproduction {
-    /// Makes the page for these folders. The more of the paper's configs they contain, the more claims can be
-    /// tested.
+    /// Collects the page's data from these folders. The more of the paper's configs were measured
+    /// in them, the more claims can be tested.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();
@@ -103,7 +103,7 @@ impl Reproduction {
     }
 }
 
-/// Returns the commands that made the folders, each once.
+/// Returns the commands that wrote the folders, without repetitions.
 fn commands(folders: &[Folder]) -> Vec<String> {
     let mut commands: Vec<String> = Vec::new();
     for command in folders.iter().map(|folder| super::environment::view(folder).command) {

@@ -1,4 +1,5 @@
-//! The paper's Figure 5: the predicted number of threads on a multiprocessor, by block size.
+//! Plots the paper's Figure 5: the predicted number of threads on a multiprocessor for each block
+//! size.
 
 use crate::device::occupancy::{Multiprocessor, multiprocessor, occupancy};
 use crate::record::Record;
@@ -17,8 +18,8 @@ const REGISTERS: u32 = 63;
 /// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// Returns Figure 5: the published values, the prediction from the paper's registers, and the prediction from
-/// the naive kernel's registers on this device, if known.
+/// Returns Figure 5 with the published values, the prediction for the paper's number of registers,
+/// and the prediction for the naive kernel's number of registers on this device, if known.
 pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
@@ -39,7 +40,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "Dashed: the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, compute capability 2.0 holds at most 512 threads and cannot launch 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
+    let caption = "The dashed line is the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, compute capability 2.0 holds at most 512 threads and cannot launch 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 
@@ -58,7 +59,8 @@ fn by_registers(sm: &Multiprocessor, block: u32) -> Mark {
     mark(block, found.threads, &format!("limited by {}", found.limiter))
 }
 
-/// Returns the predicted occupancy of the naive kernel, from the registers that its compiler reported.
+/// Returns the predicted number of resident threads of the naive kernel, from the number of
+/// registers that the device's compiler reported.
 fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
     let groups = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == device);
     let records: Vec<&Record> = groups.flat_map(|group| group.records.iter().copied()).collect();

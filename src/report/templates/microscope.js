@@ -1,4 +1,4 @@
-// A line marks its instructions, and an instruction its line.
+// Pointing at a line marks its instructions; pointing at an instruction marks its line.
 for (const view of all(".microscope")) {
   const rows = new Map();
   for (const row of all("[data-line]", view)) {

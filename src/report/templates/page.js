@@ -1,4 +1,4 @@
-// What the page can do beyond being read: point, switch, sort, enlarge. All of its data is in the page's elements.
+// Makes the page interactive: tooltips, switches, sorting, enlarged pictures. All data is in the page's elements.
 "use strict";
 const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 const tip = document.getElementById("tip");
@@ -21,7 +21,7 @@ document.addEventListener("click", (event) => showTip(pointed(event)));
 document.addEventListener("scroll", () => showTip(null), { passive: true, capture: true });
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") showTip(null); });
 
-// A plot in focus: arrow keys go from mark to mark, as they stand on the screen.
+// In a focused plot, an arrow key goes to the nearest mark in its direction on the screen.
 function step(chart, key) {
   const marks = all(".mark", chart).filter((mark) => mark.getClientRects().length);
   if (!marks.length) return;
@@ -44,7 +44,7 @@ for (const chart of all("svg.chart")) {
   chart.addEventListener("blur", () => showTip(null));
 }
 
-// Legends: pointing lifts a series out, a click switches it off.
+// Legends: pointing at an entry highlights its series, a click hides the series.
 for (const entry of all(".entry")) {
   const chart = entry.closest("svg"), series = all(`.series[data-series="${entry.dataset.for}"]`, chart);
   if (!series.length) continue;
@@ -64,7 +64,7 @@ for (const entry of all(".entry")) {
   entry.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); flip(); } });
 }
 
-// One view at a time.
+// Shows one view at a time.
 const pick = document.getElementById("pick");
 const show = (id) => all(".view").forEach((view) => { view.hidden = view.id !== id; });
 if (pick) { pick.addEventListener("change", () => show(pick.value)); show(pick.value); }
@@ -73,7 +73,7 @@ for (const button of all("[data-scale]")) button.addEventListener("click", () =>
   all("[data-scale]").forEach((other) => other.setAttribute("aria-pressed", String(other === button)));
 });
 
-// Tables: sorted by a click on a heading, empty cells last; filtered by words.
+// Tables: a click on a heading sorts the rows, with empty cells last. A filter shows the rows that contain all its words.
 const value = (cell) => { const text = cell.dataset.v ?? cell.textContent.trim(), number = parseFloat(text); return cell.classList.contains("num") ? (Number.isNaN(number) ? null : number) : text; };
 function sort(head, table) {
   const up = head.getAttribute("aria-sort") !== "ascending", place = [...head.parentElement.children].indexOf(head), body = table.tBodies[0];
@@ -102,7 +102,7 @@ for (const input of all(".filter input")) input.addEventListener("input", () => 
   }
 });
 
-// Pictures: a click enlarges, arrow keys go on.
+// Pictures: a click enlarges a picture, arrow keys show the previous or the next picture.
 const box = document.getElementById("lightbox"), pictures = all(".enlarge");
 let current = 0;
 function enlarge(place) {

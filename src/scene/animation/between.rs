@@ -60,8 +60,8 @@ pub(super) fn between(
 }
 
 /// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
-/// `PchipInterpolator`. It never leaves the range of the two keyframes. So a value that is valid at all keyframes is
-/// valid between them, and a camera does not swing back before it moves.
+/// `PchipInterpolator`. It stays between the values of the two keyframes. So a value that is valid
+/// at all keyframes is valid between them, and a camera does not swing back before it moves.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -99,9 +99,9 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe: that of the parabola through three keyframes, limited so that
-/// the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004, section 3.6). In both arguments, the
-/// nearer of the two lines comes first.
+/// Returns the slope at the first or the last keyframe: the slope of the parabola through three
+/// keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB,
+/// 2004, section 3.6). In both arguments, the nearer of the two lines comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

@@ -14,15 +14,15 @@ const MAX_DEPTH: usize = 8;
 pub(super) struct Track {
     /// The value's path in the document.
     pub path: Spanned<String>,
-    /// The frames at which it has `values`, ascending.
+    /// The frame of each of `values`, ascending.
     at: Vec<f64>,
-    /// Its values; at least one.
+    /// The values at these frames; at least one.
     values: Vec<Spanned<Value>>,
     interpolation: Interpolation,
 }
 
 impl Track {
-    /// Checks a track of an animation with this many frames.
+    /// Checks a track of an animation with `frames` frames.
     pub fn of(document: &Document, wire: TrackWire, frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
@@ -51,7 +51,8 @@ impl Track {
     ///
     /// # Errors
     ///
-    /// Fails if both have the same path, or if the earlier track's value is a part of this one's.
+    /// Fails if both tracks have the same path, or if the earlier track sets a part of this track's
+    /// value.
     pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
         let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
         let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
@@ -66,8 +67,8 @@ impl Track {
         }
     }
 
-    /// Returns its value at a frame. Before the first keyframe it has the first value, after the last one the
-    /// last.
+    /// Returns the track's value at a frame. It is the first value before the first keyframe, and
+    /// the last value after the last keyframe.
     pub fn value(&self, frame: u32) -> Value {
         let frame = f64::from(frame);
         let begin = self.last_keyframe(frame);
@@ -75,18 +76,19 @@ impl Track {
         if frame <= self.at[begin] || begin + 1 == self.at.len() {
             return first.clone();
         }
-        // Slopes depend on one more keyframe on both sides.
+        // The slopes at both ends also depend on the next keyframe on each side.
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the location in the file of the keyframe's value from which a frame's value is computed.
+    /// Returns the location in the file of the value at the last keyframe that is not after a
+    /// frame.
     pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }
 
-    /// Returns the last keyframe that is not after a frame, or the first.
+    /// Returns the index of the last keyframe that is not after a frame; 0 if all are after it.
     fn last_keyframe(&self, frame: f64) -> usize {
         self.at.partition_point(|at| *at <= frame).saturating_sub(1)
     }
@@ -95,7 +97,7 @@ impl Track {
 /// The remedy for values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
-/// Returns the frames in `at`, which must contain one for each value.
+/// Returns the frames in `at`, which must contain one frame for each value.
 fn given(
     document: &Document,
     at: &Spanned<Vec<Spanned<u32>>>,
@@ -141,8 +143,8 @@ fn checked(
         return Ok(interpolation);
     }
     if let (false, Some(given)) = (numeric, given) {
-        let message = "only numbers and lists of numbers have values in between";
-        let error = document.error(given.span(), message, "these values cannot be interpolated");
+        let message = "only numbers and lists of numbers can be interpolated";
+        let error = document.error(given.span(), message, "some values of this track are not numbers");
         return Err(error.with_help(STEPS));
     }
     let first = values[0].get_ref();

@@ -31,13 +31,14 @@ pub(in crate::scene) struct TrackWire {
     /// The value's path, as in --set: camera.position, light.0.power, object.2.rotation.
     #[schemars(with = "String")]
     pub path: Spanned<String>,
-    /// The frames at which it has `values`, ascending [default: evenly from the first to the last].
+    /// The frames of `values`, ascending [default: evenly spaced from the first to the last].
     #[schemars(with = "Option<Vec<u32>>")]
     pub at: Option<Spanned<Vec<Spanned<u32>>>>,
-    /// Its values at these frames.
+    /// The values at the frames of `at`.
     #[schemars(with = "Vec<serde_json::Value>", length(min = 1))]
     pub values: Spanned<Vec<Spanned<Value>>>,
-    /// Its values between them [default: smooth for numbers and lists of numbers, else step].
+    /// How the values between two keyframes are computed [default: smooth for numbers and lists of
+    /// numbers, else step].
     #[schemars(with = "Option<Interpolation>")]
     pub interpolation: Option<Spanned<Interpolation>>,
 }

@@ -1,5 +1,5 @@
-//! The camera of a scene: the paper's, that of a mesh's file, or one that sees the whole scene, changed by the keys
-//! of the document.
+//! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees
+//! the whole scene. Keys of the document change it.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, View};
@@ -22,8 +22,8 @@ impl CameraWire {
     }
 }
 
-/// Returns the camera that the file's keys modify: the paper's; for a framed scene, the camera of the mesh's
-/// file or one that sees the whole scene.
+/// Returns the camera that the scene file's keys modify: the paper's camera or, for a framed scene,
+/// the camera of the mesh's file or a camera that sees the whole scene.
 pub(super) fn base_camera(
     wire: &CameraWire,
     mesh: &Mesh,
@@ -47,7 +47,7 @@ pub(super) fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns the camera; keys that are missing from the file are taken from the base camera.
+/// Returns the camera. If the file has no key for a value, the base camera's value is used.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,
@@ -92,8 +92,9 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         let message = format!("the camera is at {position} and looks at the same point");
         return document.error(at([1, 2, 0]), message, "no direction").with_help("move position or look_at");
     }
-    let message = format!("the camera's up {up} is zero or parallel to its view {}", target - position);
+    let message =
+        format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);
     document
-        .error(at([0, 1, 2]), message, "no upright")
+        .error(at([0, 1, 2]), message, "no upward direction")
         .with_help("choose an `up` that is not parallel to the view, such as [0, 0, 1]")
 }

@@ -107,7 +107,7 @@ fn read_file(
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
-        read.notes.push("its cameras and lights are not used: those of the scene are".to_owned());
+        read.notes.push("its cameras and lights are not used; the scene's are used instead".to_owned());
     }
     let named = |note: String| format!("{}: {note}", path.display());
     read.camera_note = read.camera_note.map(named);
@@ -195,7 +195,11 @@ fn inline(
     vertices: &Spanned<Vec<crate::scene::wire::Vector>>,
 ) -> Result<Mesh> {
     let Some(faces) = &wire.faces else {
-        return Err(document.error(vertices.span(), "`vertices` without `faces`", "in no face"));
+        return Err(document.error(
+            vertices.span(),
+            "`vertices` without `faces`",
+            "these vertices are in no face",
+        ));
     };
     let vectors = |list: &[crate::scene::wire::Vector]| list.iter().map(|v| Vec3::from_array(v.0)).collect();
     let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };

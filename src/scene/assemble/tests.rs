@@ -73,7 +73,8 @@ fn a_file_of_several_cameras_is_noted_only_if_one_of_them_is_used() {
     for value in [("camera.up".to_owned(), up), ("camera.azimuth_degrees".to_owned(), Value::Float(90.0))] {
         assert_eq!(notes(&path, &[value]), [""; 0]);
     }
-    let unused = format!("{}: its cameras and lights are not used: those of the scene are", path.display());
+    let unused =
+        format!("{}: its cameras and lights are not used; the scene's are used instead", path.display());
     assert!(notes(&scene, &[]).contains(&unused));
     assert!(!notes(&scene, &[]).iter().any(|note| note.contains("of 2 cameras")));
 }

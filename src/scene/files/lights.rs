@@ -44,7 +44,7 @@ impl FileLight {
         }
     }
 
-    /// Returns its position, and its power up to a factor that all lights share.
+    /// Returns the light's position, and its power up to a factor that all lights share.
     fn placed(&self, centre: DVec3, radius: f64) -> (DVec3, DVec3) {
         match self.source {
             Source::Point(position) => (position, self.strength),

@@ -31,7 +31,7 @@ const READING_FACTOR: u64 = 4;
 /// The sine of the largest angle at a corner of a triangle that counts as a line.
 const THIN: f64 = 1e-6;
 
-/// The contents of a mesh file, with notes on what was ignored.
+/// The contents of a mesh file, with notes on ignored parts.
 #[derive(Clone, Default)]
 pub(in crate::scene) struct MeshFile {
     /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
@@ -111,7 +111,7 @@ fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<Me
     file.map(told).map_err(|_| mistake())
 }
 
-/// Returns the error for a mistake in a mesh if no line is known.
+/// Returns an error without a line number, for a mistake in a mesh.
 fn mistake(name: &str, what: impl std::fmt::Display) -> Error {
     Error::input(format!("{name}: {what}"))
         .with_help("the file may be cut off or damaged; export it again, or convert it to OBJ")

@@ -130,7 +130,7 @@ impl Parts {
         Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
     }
 
-    /// Returns notes on what was ignored.
+    /// Returns notes on ignored parts of the file.
     fn notes(&self, header: &Header, short: usize) -> Vec<String> {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
@@ -243,7 +243,8 @@ impl Face {
         self.numbers().into_iter().map(|number| corner(number, count)).collect()
     }
 
-    /// Passes on the triangles of a strip; every second one is reversed, and -1 starts a new strip.
+    /// Passes the triangles of a strip to `push`. Every second triangle is reversed, and -1 starts
+    /// a new strip.
     fn triangles(&self, count: usize, push: &mut impl FnMut([u32; 3])) -> std::result::Result<(), String> {
         for strip in self.numbers().split(|&number| number == -1) {
             let corners: Vec<u32> =

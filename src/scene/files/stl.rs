@@ -1,5 +1,6 @@
 //! Reads STL, ASCII and binary. Triangles in STL share no corners, so equal corners are joined, which allows
-//! smooth surfaces. The facets' normals are not read: correct ones follow from the order of the corners.
+//! smooth surfaces. The facets' normals are not read: correct normals follow from the order of the
+//! corners.
 
 use super::origin::settle;
 use super::{MeshFile, mistake};
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 
 /// Number of bytes before the triangles of a binary file.
 const HEADER_BYTES: usize = 84;
-/// A normal, three corners and two further bytes.
+/// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the start of a file that are searched for a zero byte; a file with a zero byte there is not text.
 const HEAD_BYTES: usize = 1 << 10;
@@ -49,14 +50,14 @@ fn contains(text: &[u8], part: &[u8]) -> bool {
     text.windows(part.len()).any(|window| window == part)
 }
 
-/// Returns the count of triangles in the header.
+/// Returns the number of triangles that the header states; `None` if the file is too short.
 fn count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?;
     Some(u32::from_le_bytes(count.try_into().ok()?) as usize)
 }
 
-/// Returns the number of triangles to be read: the header's number, or that of all in the file if the header says 0.
-/// A program that writes to a stream may leave a 0 there.
+/// Returns the number of triangles to be read: the header's number or, if it is 0, the number of
+/// all triangles in the file. A program that writes to a stream may leave a 0 in the header.
 fn held(bytes: &[u8]) -> std::result::Result<usize, String> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {
@@ -70,7 +71,7 @@ fn rows(bytes: &[u8], count: usize) -> impl Iterator<Item = &[u8]> {
     bytes[HEADER_BYTES..].chunks_exact(TRIANGLE_BYTES).take(count)
 }
 
-/// Returns notes on what a binary file has besides triangles.
+/// Returns notes on the parts of a binary file that are not triangles.
 fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
     let mut notes = Vec::new();
     let attributes = rows(bytes, triangles).filter(|row| row[48..] != [0, 0]).count();

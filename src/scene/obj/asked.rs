@@ -121,7 +121,8 @@ impl Asked {
         self.join(other, |count| count.total);
     }
 
-    /// Adds the counts of a material, which counts once per kind, however many of its lines use the feature.
+    /// Adds the counts of a material. The material counts once per kind of feature, however many of
+    /// its lines use it.
     pub fn add_material(&mut self, material: &Self) {
         self.join(material, |_| 1);
     }
@@ -134,8 +135,8 @@ impl Asked {
         }
     }
 
-    /// Returns a note for each kind; `who` is a material or a statement. The keywords are quoted from the
-    /// file.
+    /// Returns a note for each kind; `who` is a material or a statement. If `quotes` is true, the
+    /// notes contain the keywords from the file.
     pub fn notes(&self, who: &str, quotes: bool) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();

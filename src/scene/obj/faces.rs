@@ -10,7 +10,8 @@ use crate::words::counted;
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 
-/// The number of points before a piece of the file, and the name of its first material.
+/// The numbers of positions, normals and texture coordinates before a piece of the file, and the
+/// name of the material at its beginning.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Start<'a> {
     pub positions: usize,
@@ -38,7 +39,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
     pub total: Start<'a>,
-    /// Indices of materials; 0 is the default.
+    /// Indices of materials; 0 is the default material.
     pub materials: &'a HashMap<String, u32>,
     /// True if texture coordinates were read.
     pub mapped: bool,
@@ -169,8 +170,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
     let texture = parts.next().unwrap_or_default();
-    // A coordinate that the file does not have counts as missing, and its triangle is counted with those that
-    // have none.
+    // A coordinate that the file does not have counts as missing, and its triangle is counted as a
+    // triangle without texture coordinates.
     let coordinate = match integer(texture) {
         None if texture.is_empty() => MISSING,
         None => return Err(not_an_index(texture, token)),
@@ -210,7 +211,7 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// Returns the zero-based index that `part` stands for: counted from 1, or backwards from -1.
+/// Returns the zero-based index that `part` means. `part` counts from 1, or backwards from -1.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -245,18 +246,19 @@ fn integer(token: &[u8]) -> Option<i64> {
     Some(if negative { -size } else { size })
 }
 
-/// Notes which face has normals at some corners only.
+/// Adds a note on the first face that has normals at some corners only.
 pub(super) fn note_partial_normals(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     if let Some(offset) = faces.iter().find_map(|chunk| chunk.partial_normals) {
         notes.push(format!(
-            "line {}: a face with a normal index at some corners only: its normals are made from its shape; \
-             give every corner one, as in `f 1//1 2//1 3//1`",
+            "line {}: a face has a normal index at some corners only, so its normals are computed from its shape; \
+             give every corner a normal index, as in `f 1//1 2//1 3//1`",
             source.line(offset)
         ));
     }
 }
 
-/// Notes faces whose normals do not exist in the file, and faces that were left out since they have too few corners.
+/// Adds notes on faces whose normals do not exist in the file, and on faces that were left out
+/// since they have too few corners.
 pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut Vec<String>) {
     let all = |of: fn(&FaceChunk) -> Seen| faces.iter().map(of).fold(Seen::default(), Seen::joined);
     let (lost, short) = (all(|chunk| chunk.lost_normals), all(|chunk| chunk.short));
@@ -281,7 +283,7 @@ fn naming(count: usize) -> String {
     format!("{} {}", counted(count, "face"), if count == 1 { "names" } else { "name" })
 }
 
-/// Notes how many materials no MTL file defines.
+/// Adds a note on the number of materials that no MTL file defines.
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };

@@ -2,8 +2,9 @@
 //!
 //! Geometry is read here and not by `tobj`: `tobj` 4.0.5 lets NaN, infinities
 //! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a
-//! triangle, fans concave polygons, refuses a byte order mark, `\` continuations and Latin-1 text, reports no
-//! line, and uses one core. Its MTL reader is used ([`mtl`]), and its OBJ reader is the oracle of our tests.
+//! triangle, divides concave polygons into fans, refuses a byte order mark, `\` continuations and
+//! Latin-1 text, reports no line numbers, and uses one core. Its MTL reader is used ([`mtl`]), and
+//! tests compare the result with that of its OBJ reader.
 //!
 //! There are two passes over the text, both in parallel over pieces of whole lines: the first reads vertices and
 //! normals; the second reads faces, and can check every index.

@@ -24,7 +24,8 @@ pub(super) struct Materials {
     pub by_name: HashMap<String, u32>,
 }
 
-/// Which MTL files may be read. An OBJ file from an unknown source must not be able to read arbitrary files.
+/// The rule for which files a mesh may read. A mesh from an unknown source must not be able to read
+/// arbitrary files.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Reach<'a> {
     /// The mesh's folder; names are relative to it.
@@ -33,7 +34,7 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded; each of the others adds a note.
+/// Loads all MTL files that can be loaded; each other file adds a note.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -138,7 +139,7 @@ impl Materials {
     }
 }
 
-/// Stands for the empty name, which some exporters write and `tobj` refuses.
+/// A replacement for the empty name, which some exporters write and `tobj` refuses.
 const NAMELESS: &str = "\u{1}";
 
 /// A checked material file.
@@ -207,7 +208,7 @@ fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
     Ok(Checked { plain, extras })
 }
 
-/// Parses three values, or one for all three, as MTL allows.
+/// Parses three values, or one value that sets all three, as MTL allows.
 fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
     let values: Vec<f32> =
         tokens(rest).take(3).map(|token| value(name, token)).collect::<std::result::Result<_, _>>()?;

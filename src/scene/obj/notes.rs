@@ -27,7 +27,7 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     notes.extend(asked.notes("statement", quotes));
 }
 
-/// Adds notes on the materials that are used by a triangle.
+/// Adds notes on unsupported features of the materials that triangles use.
 pub(in crate::scene) fn of_materials(asked: &[Asked], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     if asked.iter().all(Asked::is_empty) {
         return;

@@ -9,7 +9,8 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
-/// The colour of a vertex without one. It is brighter than every written colour, and so becomes white.
+/// The colour of a vertex for which the file has no colour. It is brighter than every colour in a
+/// file, and so becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a channel exceeds this, the file's colours are from 0 to 255. It is above 1 because rounded channels may exceed
 /// 1 slightly.
@@ -26,7 +27,8 @@ pub(super) struct PointChunk {
     pub last_material: Option<String>,
     /// Number of vertices with a colour.
     pub coloured: usize,
-    /// Colours as they are written, one per vertex up to the last that has one. [`UNCOLOURED`] stands for none.
+    /// Colours as the file states them: one per vertex, up to the last vertex with a colour. A
+    /// vertex without a colour has [`UNCOLOURED`].
     pub colours: Vec<Vec3>,
     /// The largest channel of all colours.
     pub brightest: f32,
@@ -39,7 +41,8 @@ pub(super) struct PointChunk {
 }
 
 impl PointChunk {
-    /// Reads the numbers after a vertex's coordinates: one is a weight, three are a colour.
+    /// Reads the numbers after a vertex's coordinates: a single number is a weight, three are a
+    /// colour.
     fn colour<'a>(&mut self, mut tokens: impl Iterator<Item = &'a [u8]>) {
         let mut channel = || tokens.next().and_then(number);
         let (Some(red), Some(green), Some(blue)) = (channel(), channel(), channel()) else { return };
@@ -49,8 +52,8 @@ impl PointChunk {
         self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
-    /// Reads a vertex with only two coordinates (z is 0), and counts it. For anything else, returns the given
-    /// mistake.
+    /// Reads a vertex with only two coordinates (z is 0), and counts it. For any other number of
+    /// coordinates, returns the given mistake.
     fn flat_vertex(
         &mut self,
         offset: usize,

@@ -95,7 +95,7 @@ mod tests {
             .map(|i| {
                 let angle = std::f64::consts::PI * i as f64 / points as f64;
                 let radius = if i % 2 == 0 { 1.0 } else { 0.3 };
-                // In a tilted plane, so that the projection is tested too.
+                // The star lies in a tilted plane, so that the projection is tested too.
                 DVec3::new(radius * angle.cos(), radius * angle.sin(), 0.5 * radius * angle.cos())
             })
             .collect()

@@ -1,4 +1,4 @@
-//! Tests with irregular and invalid files; `tobj` is the reference for valid ones.
+//! Tests with irregular and invalid files; `tobj` is the reference for valid files.
 
 use super::*;
 use crate::filetype::Opened;

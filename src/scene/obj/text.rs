@@ -3,11 +3,11 @@
 use crate::error::Error;
 use std::borrow::Cow;
 
-/// Longer lines are not quoted at a mistake.
+/// Largest number of bytes of a line that an error quotes.
 const SHOWN_LINE_BYTES: usize = 400;
-/// Longer files are not copied into an error.
+/// Largest number of bytes of a file that is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
-/// Shorter pieces are not worth another thread.
+/// Smallest number of bytes of a piece: shorter pieces are not worth another thread.
 const CHUNK_BYTES: usize = 1 << 17;
 
 /// A mistake at a byte offset of the normalised text.
@@ -49,7 +49,7 @@ impl Seen {
 pub(super) struct Source<'a> {
     pub name: &'a str,
     pub text: &'a [u8],
-    /// True if messages may quote it.
+    /// True if messages may quote the text.
     pub quotes: bool,
 }
 
@@ -71,7 +71,7 @@ impl Source<'_> {
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
-        // An error's offsets are those in the file only if the file is UTF-8 text.
+        // An error's offsets are correct for the file only if the file is UTF-8 text.
         match std::str::from_utf8(self.text) {
             Ok(text) if text.len() <= SHOWN_FILE_BYTES && length <= SHOWN_LINE_BYTES => {
                 let span = before.len()..before.len() + length;
@@ -128,8 +128,8 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     chunks
 }
 
-/// Returns the text with line feeds only, without a byte order mark, and with continued lines joined. Empty
-/// lines follow a joined one, so that line numbers stay the same.
+/// Returns the text with line feeds only, without a byte order mark, and with continued lines
+/// joined. Empty lines follow a joined line, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let continued = || bytes.contains(&b'\\') && bytes.windows(2).any(|pair| pair == b"\\\n");
@@ -177,15 +177,15 @@ pub(super) fn keyword(line: &[u8]) -> (&[u8], &[u8]) {
     line.split_at(end)
 }
 
-/// Returns the words of a line of numbers, up to a comment. No number contains a `#`, so a comment may begin
-/// right after one.
+/// Returns the words of a line of numbers, up to a comment. No number contains a `#`, so a comment
+/// may begin right after a number.
 pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     let end = line.iter().position(|&byte| byte == b'#').unwrap_or(line.len());
     separated(&line[..end])
 }
 
-/// Returns the words of a line with a file name, up to a comment. A name may contain a `#`, so only a word that
-/// begins with one begins a comment.
+/// Returns the words of a line with a file name, up to a comment. A name may contain a `#`, so a
+/// comment begins only at a word whose first character is `#`.
 pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     separated(line).take_while(|token| !token.starts_with(b"#"))
 }

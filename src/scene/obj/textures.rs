@@ -9,11 +9,11 @@ use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
 use glam::Vec3;
 
-/// Options of a map that have one argument, which are ignored.
+/// Options of a map that have one argument; these options are ignored.
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
-/// The least alpha, or brightness, of a `map_d` at which there is surface and no hole.
+/// The least alpha, or brightness, of a `map_d` at which the surface has no hole.
 const LEAST_ALPHA: f32 = 0.5;
 
 /// The textures of a material.
@@ -47,8 +47,8 @@ impl Maps {
         self.colour.as_ref().or(self.mask.as_ref())
     }
 
-    /// Returns the map that places the textures, and the numbers of the colour texture and of the mask; each one that
-    /// could not be read adds a note.
+    /// Returns the map that places the textures, and the numbers of the colour texture and of the
+    /// mask; each texture that cannot be read adds a note.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, notes: &mut Vec<String>) -> Loaded<'_> {
         let place = self.place()?;
         let wrap = [place.wrap; 2];
@@ -138,8 +138,8 @@ impl Map {
         (self.scale, self.offset, self.wrap)
     }
 
-    /// Returns the number of its texture. If the file does not exist, a file of that name in the mesh's
-    /// folder is tried, since many files contain paths of their authors' disks.
+    /// Returns the number of the map's texture. If the file does not exist, a file of that name in
+    /// the mesh's folder is tried, since many files contain paths of their authors' disks.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         pictures.file(reach, &self.name, usage).or_else(|why| {
             let beside = self.name.rsplit(['/', '\\']).next().unwrap_or_default();
@@ -155,7 +155,7 @@ impl Map {
     }
 }
 
-/// Returns the first two numbers; missing ones are taken from `usual`.
+/// Returns the first two numbers; `usual` replaces missing numbers.
 fn pair(numbers: &[f32], usual: f32) -> [f32; 2] {
     [0, 1].map(|axis| numbers.get(axis).copied().unwrap_or(usual))
 }

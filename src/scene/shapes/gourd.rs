@@ -1,4 +1,5 @@
-//! A gourd that replaces the one of the paper's Figure 9, whose data is not published.
+//! A gourd that replaces the gourd in the paper's Figure 9, since the paper's data is not
+//! published.
 
 use super::grid::{revolve, split};
 use crate::scene::Mesh;

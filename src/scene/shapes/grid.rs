@@ -54,7 +54,8 @@ pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, 
     mesh(vertices, triangles)
 }
 
-/// Returns a point of a surface of revolution; its normal follows from the profile's slope.
+/// Returns a point of a surface of revolution and its normal, which follows from the profile's
+/// slope.
 fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3, DVec3) {
     let (radius, height) = profile(t);
     let step = 1e-5;
@@ -65,8 +66,9 @@ fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3
     (DVec3::new(radius * cos, height, -radius * sin), normal.normalize_or(DVec3::Y))
 }
 
-/// Returns the numbers of columns and rows of about `quads` quads, with about `aspect` as many columns as
-/// rows. Of the row counts near the ideal one, the one whose number of quads is closest to `quads` is used.
+/// Returns the numbers of columns and rows for about `quads` quads; there are about `aspect` times
+/// more columns than rows. From the numbers of rows near the ideal, the function chooses the number
+/// that results in a number of quads closest to `quads`.
 pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     let ideal = (quads / aspect).sqrt().max(1.0);
     let columns = |rows: u32| (quads / f64::from(rows)).round().max(1.0);

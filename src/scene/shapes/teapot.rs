@@ -40,7 +40,7 @@ fn patches() -> Vec<Patch> {
     let Ok(data) = serde_json::from_str::<Data>(DATA) else { return Vec::new() };
     let point = |index: &usize| {
         let [x, y, z] = data.vertices[*index];
-        // z is up in the data; a rotation about x keeps it right-handed.
+        // z is up in the data; a rotation about x keeps the coordinates right-handed.
         DVec3::new(x, z, -y)
     };
     let row = |patch: &[usize], j: usize| std::array::from_fn(|i| point(&patch[4 * j + i]));

@@ -13,7 +13,7 @@ const HEIGHT: f64 = 0.6;
 pub(super) fn terrain(triangles: u32, seed: u32) -> Mesh {
     let (columns, rows) = split(f64::from(triangles) / 2.0, 1.0);
     grid(columns, rows, |u, v| {
-        // From front to back, so that du x dv points up.
+        // v goes from front to back, so that du x dv points up.
         let (x, z) = (2.0 * u - 1.0, 1.0 - 2.0 * v);
         let (height, slope_x, slope_z) = fractal(x, z, seed);
         (DVec3::new(x, height, z), DVec3::new(-slope_x, 1.0, -slope_z).normalize())
@@ -26,7 +26,7 @@ fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
     for octave in 0..OCTAVES {
-        // Shifted, so that the lattices of octaves do not coincide.
+        // The shift keeps the lattices of the octaves apart.
         let shift = 17.3 * f64::from(octave);
         let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
         sum.0 += amplitude * noise.0;
@@ -55,7 +55,8 @@ fn fade(t: f64) -> (f64, f64) {
     (value, 30.0 * t * t * (t - 1.0) * (t - 1.0))
 }
 
-/// Returns a pseudo-random number from 0 to 1 for a lattice point (a murmur finaliser over its coordinates).
+/// Returns a pseudo-random number from 0 to 1 for a lattice point (the finaliser of MurmurHash3
+/// over its coordinates).
 fn hash(x: i32, z: i32, seed: u32) -> f64 {
     let mut h = (x as u32).wrapping_mul(0x8da6_b343) ^ (z as u32).wrapping_mul(0xd816_3841) ^ seed;
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);

@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 pub(in crate::scene) trait Range {
     const EXPECTED: &'static str;
     fn contains(value: f32) -> bool;
-    /// Returns its ends for a JSON schema.
+    /// Returns the ends of the range for a JSON schema.
     fn bounds() -> Value;
 }
 
@@ -57,7 +57,7 @@ ranges! {
     /// For angles between faces.
     Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view; near the ends their tangent exceeds f32.
+    /// For fields of view; near the ends of the range, their tangent exceeds f32.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
@@ -66,7 +66,7 @@ ranges! {
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Number<R>(pub f32, PhantomData<R>);
 
-/// Three numbers in a range; a single number stands for all three.
+/// Three numbers in a range; a single number sets all three.
 #[derive(Clone, Copy)]
 pub(in crate::scene) struct Triple<R>(pub [f32; 3], PhantomData<R>);
 
@@ -117,7 +117,7 @@ impl<R: Range> Visitor<'_> for NumberVisitor<R> {
     }
 }
 
-/// Reads three numbers in a range, or with `single` also one for all three.
+/// Reads three numbers in a range or, with `single`, also a single number that sets all three.
 pub(super) struct TripleVisitor<R> {
     pub single: bool,
     pub range: PhantomData<R>,

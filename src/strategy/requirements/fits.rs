@@ -64,10 +64,13 @@ pub fn soft(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> 
         return Ok(());
     }
     let (has, remedy) = match workload.sky {
-        true => ("sky", "a scene without [sky], or a bare mesh with --plain, can be cast"),
-        false => ("lights with a radius", "--samples 1 takes them as points"),
+        true => ("a sky", "a scene without [sky], or a bare mesh with --plain, can be cast"),
+        false => ("lights with a radius", "--samples 1 treats these lights as points"),
     };
-    Err(Infeasible::lacking(format!("{} has no {has}, which the scene has: {remedy}", family.label)))
+    Err(Infeasible::lacking(format!(
+        "{} does not support {has}, which the scene has: {remedy}",
+        family.label
+    )))
 }
 
 /// Checks that the family supports textures, if the scene has them.
@@ -77,6 +80,7 @@ pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasib
         return Ok(());
     }
     let label = family.label;
-    let reason = format!("{label} has no textures, which the scene has: textures = false leaves them out");
+    let reason =
+        format!("{label} does not support textures, which the scene has: textures = false leaves them out");
     Err(Infeasible::lacking(reason))
 }

@@ -252,7 +252,7 @@ fn numbers(text: &str) -> Vec<u128> {
 
 /// Returns whether the sum in a refusal is correct, and above the limit in it.
 fn adds_up(reason: &str) -> bool {
-    if reason.starts_with("traversal = raster has no textures") {
+    if reason.starts_with("traversal = raster does not support textures") {
         return true; // any other sentence without numbers
     }
     let arithmetic = reason.split_once(": ").unwrap().1.replace("16-bit", "");

@@ -22,13 +22,14 @@ pub enum Graphics {
     Sixel,
 }
 
-/// Asks the terminal by kitty's protocol whether it can show a picture of one pixel, which is not kept; then asks
-/// which kind of device the terminal is. Every terminal answers the second question.
+/// Asks the terminal by kitty's protocol whether it can show a picture of one pixel, which the
+/// terminal does not store; then asks which kind of device the terminal is. Every terminal answers
+/// the second question.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 /// Longest wait for the answer. A terminal behind a slow line may need a few tenths of a second.
 const PATIENCE_MS: u64 = 500;
-/// The feature in a terminal's answer that means that it draws sixels (DEC STD 070).
+/// The feature in a terminal's answer that shows that the terminal draws sixels (DEC STD 070).
 const SIXELS: &str = "4";
 /// Largest picture of sixels, in pixels across and down: xterm cuts off the rest.
 const MOST_SIXELS: u32 = 1000;
@@ -36,15 +37,16 @@ const MOST_SIXELS: u32 = 1000;
 const CHUNK_BYTES: usize = 4096;
 
 impl Graphics {
-    /// Asks the terminal what it can show. It has to be in raw mode.
+    /// Asks the terminal which graphics it can show. The terminal must be in raw mode.
     pub fn of_terminal() -> Self {
         let answer = xterm_query::query_osc(QUESTION, PATIENCE_MS);
         let best = answer.map_or(Self::Blocks, |answer| Self::answered(&answer));
         best.shown_by_tmux(std::env::var_os("TMUX").is_some())
     }
 
-    /// Returns half blocks instead of sixels if tmux answered: it takes sixels (since version 3.4) even if the terminal
-    /// around it draws none, and then shows nothing or a placeholder.
+    /// Returns half blocks instead of sixels if tmux answered. Since version 3.4, tmux accepts
+    /// sixels even if the terminal around it cannot draw them, and then shows nothing or a
+    /// placeholder.
     fn shown_by_tmux(self, is_tmux: bool) -> Self {
         if is_tmux && self == Self::Sixel { Self::Blocks } else { self }
     }
@@ -160,7 +162,8 @@ mod tests {
         assert_eq!(Graphics::Sixel.size([80, 60], [9, 18]), [720, 1000]);
     }
 
-    /// Returns a picture without two pixels alike, which does not deflate into one chunk.
+    /// Returns a picture in which no two pixels are equal, so that its compressed bytes need
+    /// several chunks.
     fn noise() -> RgbImage {
         RgbImage::from_fn(70, 50, |x, y| {
             let mixed = (x * 50 + y).wrapping_mul(2_654_435_761);

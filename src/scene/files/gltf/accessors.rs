@@ -10,7 +10,7 @@ use std::borrow::Cow;
 /// Largest number of elements of an accessor; larger than any supported scene needs.
 const MOST_ELEMENTS: u64 = 1 << 31;
 
-/// The file's numbers.
+/// The JSON and the buffers of a file, from which numbers are read.
 #[derive(Clone, Copy)]
 pub(super) struct Numbers<'a> {
     pub root: &'a Root,
@@ -100,14 +100,18 @@ impl<'a> Numbers<'a> {
             }
         };
         if values.len() < accessor.count.0 as usize {
-            return Err(format!("{} elements, of which its buffer holds {}", accessor.count.0, values.len()));
+            return Err(format!(
+                "it has {} elements, but its buffer holds {}",
+                accessor.count.0,
+                values.len()
+            ));
         }
         self.replace_sparse(accessor, component, &mut values)?;
         Ok(values)
     }
 
-    /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3), of which a sparse
-    /// accessor replaces some.
+    /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3). If the
+    /// accessor is sparse, some of them are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
         // Such elements take no bytes in the file, so their number must be limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
@@ -165,7 +169,7 @@ impl<'a> Numbers<'a> {
     }
 }
 
-/// As [`Numbers::is_empty`].
+/// Returns whether an accessor stores nothing, so that all its elements are zero.
 pub(super) fn is_empty(root: &Root, index: Index<Accessor>) -> bool {
     let accessor = root.get(index);
     accessor.is_some_and(|accessor| accessor.buffer_view.is_none() && accessor.sparse.is_none())

@@ -10,11 +10,11 @@ const HEADER_BYTES: usize = 12;
 /// Number of bytes before a chunk's contents: their length and the chunk's type.
 const CHUNK_HEADER_BYTES: usize = 8;
 
-/// The JSON and, of a binary file, its first buffer.
+/// The JSON and, if the file is binary, its first buffer.
 pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
 
 /// Separates the parts. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length in the header
-/// is not used: each chunk has its own, which must end within the file.
+/// is not used: each chunk has its own length, and must end within the file.
 pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
     if !bytes.starts_with(MAGIC) {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
@@ -76,7 +76,7 @@ fn number(bytes: &[u8], at: usize) -> Option<u32> {
 mod tests {
     use super::*;
 
-    /// Returns a binary file of version 2 with these chunks, whose header says this length.
+    /// Returns a binary file of version 2 with these chunks, and with `length` in its header.
     fn file(length: u32, chunks: &[(&[u8], &[u8])]) -> Vec<u8> {
         let mut bytes = [b"glTF\x02\0\0\0", &length.to_le_bytes()[..]].concat();
         for (kind, contents) in chunks {

@@ -9,7 +9,7 @@ use gltf::json::validation::Checked;
 /// Extensions that raycl supports, or for which another note is added if a part of the file uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Families of such extensions: they only concern surfaces.
+/// Beginnings of the names of further such extensions, which only concern surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
 /// The exception in these families: it concerns no single surface, but offers other materials to choose from.
 const VARIANTS: &str = "KHR_materials_variants";

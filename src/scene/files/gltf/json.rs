@@ -4,7 +4,7 @@ use super::{Error, Result, mistake, quoted};
 use gltf::json::Root;
 use serde_json::{Map, Value, json};
 
-/// The JSON that is used, and the number of animations, which are not used.
+/// The JSON of a file, and the number of its animations, which raycl does not use.
 pub(super) struct Read {
     pub root: Root,
     pub animations: usize,
@@ -47,7 +47,7 @@ fn objects<'a>(
     list.into_iter().flatten().filter_map(Value::as_object_mut)
 }
 
-/// Adds a key to each object of a list that lacks it.
+/// Adds a key with the value `usual` to each object of a list, unless the object has this key.
 fn complete(of: &mut Map<String, Value>, list: &str, key: &str, usual: &Value) {
     for object in objects(of, list) {
         object.entry(key).or_insert_with(|| usual.clone());

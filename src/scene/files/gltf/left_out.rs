@@ -29,7 +29,7 @@ impl LeftOut {
         self.dangling += part.dangling;
     }
 
-    /// Refuses a file of which no triangle is left.
+    /// Refuses a file if no triangle remains.
     pub fn check(&self, triangles: usize) -> Parsed<()> {
         if triangles == 0 && self.dangling > 0 {
             let were = if self.dangling == 1 { "was" } else { "were" };
@@ -60,7 +60,7 @@ impl LeftOut {
     }
 }
 
-/// Notes which of several scenes is shown.
+/// Returns a note that states which of several scenes is shown.
 pub(super) fn other_scenes(root: &Root) -> Option<String> {
     let shown = match root.scene {
         Some(scene) => format!("number {}, the file's default, is shown", scene.value()),

@@ -57,7 +57,7 @@ fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
 
-/// Returns the colour in linear light; older files have it as `diffuseFactor`.
+/// Returns the colour in linear light; older files store it as `diffuseFactor`.
 fn base_colour(wire: &Wire) -> Vec3 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
         let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;
@@ -77,7 +77,7 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
     others(wire).find(|(key, _)| *key == name).map(|(_, value)| value)
 }
 
-/// Counts a material's features other than a colour.
+/// Counts the features of a material that raycl does not support.
 fn asked(wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;

@@ -36,7 +36,7 @@ pub(super) struct Walk<'a> {
     triangles: Vec<Triangle>,
     /// The texture of each material, in the file's order.
     maps: &'a [Option<ColourMap>],
-    /// One per triangle, if any material has a texture.
+    /// The texture coordinates of each triangle; empty if no material has a texture.
     mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
     starts: Vec<u32>,
@@ -70,7 +70,7 @@ impl<'a> Walk<'a> {
             None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
         };
         next.reverse();
-        // An explicit stack, since nodes may be nested arbitrarily deep.
+        // The stack is explicit, since nodes may be nested arbitrarily deep.
         while let Some((index, parent)) = next.pop() {
             let number = index.value();
             let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
@@ -171,7 +171,7 @@ impl<'a> Walk<'a> {
         }));
     }
 
-    /// A camera looks along its -z axis.
+    /// Adds the camera of a node, which looks along the node's -z axis.
     fn add_camera(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let Some(index) = node.camera else { return Ok(()) };
         let camera =
@@ -192,7 +192,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// A light shines along its node's -z axis.
+    /// Adds the light of a node. A directional light shines along the node's -z axis.
     fn add_light(&mut self, node: &Node, place: DMat4) -> Parsed<()> {
         let named = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref());
         let Some(index) = named.map(|named| named.light) else { return Ok(()) };

@@ -15,14 +15,14 @@ pub(super) struct Part {
     pub normals: Vec<DVec3>,
     /// Linear colours, one per position, or empty.
     pub colours: Vec<Vec3>,
-    /// True if some of these have an alpha below 1.
+    /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
     /// Coordinates in the material's texture, one per position, or empty.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
-    /// 0 if the part has no material; the file's materials start at 1.
+    /// The number of the material: 0 if the part has none; the file's materials start at 1.
     pub material: u32,
-    /// Number of its accessors that store nothing.
+    /// Number of the part's accessors that store nothing.
     pub empty: usize,
     /// Number of triangles that were left out, since they name a position that does not exist.
     pub dangling: usize,
@@ -49,7 +49,7 @@ impl Used {
         }
     }
 
-    /// Returns how many of them store nothing.
+    /// Returns how many of these accessors store nothing.
     fn empty(&self, numbers: &Numbers<'_>) -> usize {
         let all = [self.positions, self.normals, self.colours, self.coordinates, self.indices];
         all.into_iter().flatten().filter(|index| numbers.is_empty(*index)).count()
@@ -157,7 +157,7 @@ fn corners(numbers: &Numbers<'_>, indices: Option<Index<Accessor>>, count: usize
     Ok(numbers.of::<1>(index)?.into_iter().map(|[index]| index as u32).collect())
 }
 
-/// Returns the triangles whose corners exist, and the number of the others.
+/// Returns the triangles whose corners exist, and the number of the other triangles.
 fn existing(all: Vec<[u32; 3]>, count: usize) -> (Vec<[u32; 3]>, usize) {
     let total = all.len();
     let exists = |corner: &u32| (*corner as usize) < count;

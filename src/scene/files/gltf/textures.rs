@@ -43,8 +43,8 @@ pub(super) struct Files<'a> {
 }
 
 impl Files<'_> {
-    /// Returns a texture for every material that has one, in the file's order. Notes list what could not be
-    /// read.
+    /// Returns the texture of each material, in the file's order; `None` for a material without a
+    /// texture. Each texture that cannot be read adds a note.
     pub fn colour_maps(self, pictures: &mut Pictures, notes: &mut Vec<String>) -> Vec<Option<ColourMap>> {
         let map = |wire: &Wire| {
             let info = colour_texture(wire)?;
@@ -121,7 +121,7 @@ impl Files<'_> {
     }
 }
 
-/// Returns the texture of a material's colour; older files have it as `diffuseTexture`.
+/// Returns the texture of a material's colour; older files store it as `diffuseTexture`.
 pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {

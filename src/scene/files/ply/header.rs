@@ -1,18 +1,18 @@
-//! The header of a PLY file, and lines in it that are not PLY's.
+//! The header of a PLY file, and lines in it that PLY does not define.
 
 use std::borrow::Cow;
 
 /// The first words of a header's lines.
 const WORDS: [&[u8]; 7] =
     [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
-/// The word that is put before a line that begins with none of them.
+/// The word that is put before a line that begins with none of `WORDS`.
 const COMMENT: &[u8] = b"comment ";
-/// The longest header that is searched, in bytes. In a longer one, the reader refuses lines that are not
-/// PLY's.
+/// The longest header that is searched, in bytes. In a longer header, the reader refuses lines that
+/// PLY does not define.
 const MAX_BYTES: usize = 1 << 20;
 
-/// Turns lines that are not PLY's into comments, and counts them: some exporters write their name without
-/// `comment`. Lines keep their numbers.
+/// Turns lines that PLY does not define into comments, and counts them: some exporters write their
+/// name without `comment`. Lines keep their numbers.
 pub(super) fn tidied(bytes: &[u8]) -> (Cow<'_, [u8]>, usize) {
     let Some(length) = length(bytes) else { return (Cow::Borrowed(bytes), 0) };
     let mut header = Vec::new();
@@ -31,7 +31,7 @@ pub(super) fn tidied(bytes: &[u8]) -> (Cow<'_, [u8]>, usize) {
     (Cow::Owned(header), strange)
 }
 
-/// Returns the bytes up to the end of the header; `None` if it has none.
+/// Returns the number of bytes up to the end of the header; `None` if the end is not found.
 fn length(bytes: &[u8]) -> Option<usize> {
     let mut end = 0;
     for line in bytes[..bytes.len().min(MAX_BYTES)].split_inclusive(|&byte| byte == b'\n') {
