@@ -3,6 +3,9 @@
 
 #[cfg(target_os = "linux")]
 mod core_to_core;
+mod processor_time;
+
+pub use processor_time::processor_time;
 
 use std::path::Path;
 use std::time::Instant;

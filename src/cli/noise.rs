@@ -90,6 +90,8 @@ fn text(noise: &Noise) -> String {
             words[0], words[1]
         ));
     }
+    let preempted = |count| format!("  other programs delayed {count} samples, which are left out");
+    lines.extend(causes.preempted_samples.map(preempted));
     if let Some(percentiles) = causes.core_to_core_ns {
         let [low, high] = percentiles.map(number);
         lines.push(format!("  a cache line took {low} to {high} ns from one processor to another"));

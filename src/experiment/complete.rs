@@ -1,5 +1,6 @@
 //! Completes a point's record from its frames.
 
+use super::preempted::without_preempted;
 use crate::launch::FrameTimes;
 use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
@@ -18,7 +19,12 @@ pub struct Taken {
 
 /// Adds the results of a point's samples to its record. Intervals are computed later, since they need the
 /// points that were measured together with it.
+/// Samples that were preempted are counted, and have no part in these results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
+    let all = taken.len();
+    let remaining = without_preempted(taken);
+    record.preempted_samples = remaining.as_ref().map(|remaining| (all - remaining.len()) as u32);
+    let taken = remaining.as_deref().unwrap_or(taken);
     let frames: Vec<FrameTimes> = taken.iter().map(|taken| taken.times).collect();
     record.sample_launches = taken.iter().map(|taken| taken.launch).collect();
     record.samples_at_ms = taken.iter().map(|taken| taken.at_ms).collect();
@@ -109,6 +115,24 @@ mod tests {
         assert!(warning.contains("batches of 13"), "{warning}");
         assert_eq!(completed(0.004, 0.0075, None).warning, None);
         assert_eq!(completed(5.0, 5.1, None).warning, None);
+    }
+
+    #[test]
+    fn preempted_samples_are_counted_and_have_no_part_in_the_results() {
+        let frame = |ms, processor_ms| {
+            taken(FrameTimes { processor_ms: Some(processor_ms), ..FrameTimes::whole(ms, ms + 1.0) })
+        };
+        let mut record = Record::default();
+        let mut samples = [frame(5.0, 10.0); 8];
+        samples[1..4].fill(frame(9.0, 10.0));
+        samples[1].at_ms = 7.0;
+        complete(&mut record, &samples, None);
+        assert_eq!((record.samples_ms, record.preempted_samples), (vec![5.0; 5], Some(3)));
+        assert_eq!(
+            (record.sample_launches.len(), record.samples_at_ms, record.host_median_ms),
+            (5, vec![0.0; 5], Some(6.0))
+        );
+        assert_eq!(completed(5.0, 5.1, None).preempted_samples, None);
     }
 
     #[test]

@@ -103,7 +103,8 @@ impl Run<'_> {
         let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
         let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
         let launches = self.experiment.timing.launches as usize;
-        let rounds = (earlier.key == draft.key).then(|| earlier.samples_ms.len() / launches);
+        let samples = earlier.samples_ms.len() + earlier.preempted_samples.unwrap_or(0) as usize;
+        let rounds = (earlier.key == draft.key).then_some(samples / launches);
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
 

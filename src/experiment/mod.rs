@@ -29,6 +29,7 @@ mod pictures;
 mod piece;
 mod plan;
 mod point_failure;
+mod preempted;
 mod process;
 mod protocol;
 mod ready;

@@ -7,9 +7,10 @@ use super::protocol::{Reply, Request};
 use super::ready::Ready;
 use super::{Plan, Point};
 use crate::anchor::Anchor;
-use crate::device::{Device, DeviceInfo};
+use crate::device::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
+use crate::load::processor_time;
 use crate::measure::batch_size;
 use crate::sensor::{Watch, watch};
 use std::collections::HashMap;
@@ -148,14 +149,20 @@ impl<'a> RequestHandler<'a> {
             }
         };
         entry.batch = Some(batch);
-        let start = Instant::now();
+        let (start, before) = (Instant::now(), processor_time());
         let sample = frame(batch);
+        let used = processor_time().saturating_sub(before).as_secs_f64();
+        let casts_itself = match point.device.and(self.checker.device()) {
+            Some(device) => device.info.kind == DeviceKind::Cpu,
+            None => true,
+        };
+        let processor_ms = casts_itself.then(|| used * 1e3 / f64::from(batch));
         let sense = |ms| self.watch.as_ref()?.sense(start, Instant::now(), ms);
         Ok(match sample {
             Ok(times) if point.device.is_some() => {
-                Reply::Sample(FrameTimes { sensed: sense(times.frame_ms), ..times })
+                Reply::Sample(FrameTimes { processor_ms, sensed: sense(times.frame_ms), ..times })
             }
-            Ok(times) => Reply::Sample(times),
+            Ok(times) => Reply::Sample(FrameTimes { processor_ms, ..times }),
             Err(refusal) => Reply::Refused(refusal),
         })
     }

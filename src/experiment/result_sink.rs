@@ -93,6 +93,7 @@ impl ResultSink for FolderSink<'_> {
             shadow_ms: times.shadow_ms,
             shade_ms: times.shade_ms,
             host_ms: Some(times.host_ms),
+            processor_ms: times.processor_ms,
             batch: times.batch,
             sensed: times.sensed,
             origin: None,

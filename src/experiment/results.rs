@@ -211,6 +211,7 @@ impl Past {
                 shadow_ms: sample.shadow_ms,
                 shade_ms: sample.shade_ms,
                 host_ms: sample.host_ms.unwrap_or(sample.ms),
+                processor_ms: sample.processor_ms,
                 batch: sample.batch,
                 sensed: sample.sensed,
             };

@@ -33,6 +33,8 @@ pub struct FrameTimes {
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
+    /// Processor time of the process for the same frame; `None` unless processors cast it.
+    pub processor_ms: Option<f64>,
     /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,
     /// Readings of the device's sensors during the frame.
@@ -98,7 +100,7 @@ impl FrameTimes {
             shade_ms: of_phase(Phase::Shade),
             host_ms: host_ms / f64::from(frames),
             batch: (frames > 1).then_some(frames),
-            sensed: None,
+            ..Self::default()
         })
     }
 }

@@ -46,6 +46,8 @@ pub struct Causes {
     pub clocks_mhz: Option<[f64; 2]>,
     /// The mean clock frequency of the device while points were timed, MHz.
     pub device_clock_mhz: Option<f64>,
+    /// Number of samples that were left out because other programs used the processors meanwhile.
+    pub preempted_samples: Option<u32>,
     /// Number of samples taken while the device throttled.
     pub throttled_samples: Option<u32>,
     /// Number of threads with which the device executed kernels.
@@ -84,6 +86,7 @@ impl Causes {
         let load = mean_load(&folder.rounds);
         let clocks = &folder.environment["host"]["clocks"];
         let range = |at: usize| clocks["now_mhz"][at].as_f64();
+        let total = |of: fn(&Record) -> Option<u32>| records.iter().filter_map(of).reduce(|a, b| a + b);
         let sensed: Vec<f64> =
             records.iter().filter_map(|record| record.sensed.as_ref()?.clock_mhz).collect();
         Self {
@@ -94,10 +97,8 @@ impl Causes {
             governor: clocks["governor"].as_str().map(str::to_owned),
             clocks_mhz: range(0).zip(range(1)).map(|(least, most)| [least, most]),
             device_clock_mhz: (!sensed.is_empty()).then(|| sensed.iter().sum::<f64>() / sensed.len() as f64),
-            throttled_samples: records
-                .iter()
-                .filter_map(|record| record.throttled_samples)
-                .reduce(|a, b| a + b),
+            preempted_samples: total(|record| record.preempted_samples),
+            throttled_samples: total(|record| record.throttled_samples),
             threads: records.iter().find_map(|record| record.threads),
         }
     }

@@ -87,9 +87,14 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         }
         false => String::new(),
     };
+    let preempted: u32 = records.iter().filter_map(|record| record.preempted_samples).sum();
+    let left_out = match preempted {
+        0 => String::new(),
+        _ => format!(" {preempted} samples whose threads had to wait for a processor are left out."),
+    };
     Some(format!(
         "Disturbed: in {} of {} launches, others also used the machine. In the worst launch, other processes kept \
-         {} processors of {} busy{stolen}.",
+         {} processors of {} busy{stolen}.{left_out}",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -137,6 +142,12 @@ mod tests {
         let expected = "Disturbed: in 1 of 2 launches, others also used the machine. In the worst launch, other \
             processes kept 0.50 processors of 2 busy.";
         assert_eq!(said.as_deref(), Some(expected));
+        let preempted = |count| Record { preempted_samples: count, ..records[0].clone() };
+        let said = disturbance(&[line(1, 0.9)], &[preempted(Some(3)), preempted(None), preempted(Some(4))]);
+        assert!(
+            said.unwrap()
+                .ends_with(" busy. 7 samples whose threads had to wait for a processor are left out.")
+        );
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine.
         assert_eq!(disturbance(&[line(0, 0.08), line(1, 0.08)], &records), None);

@@ -135,7 +135,7 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order of measurement.
+    /// The device time of every frame, in the order of measurement, without preempted samples.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -238,6 +238,10 @@ pub struct Record {
     /// The mean of the sensors' readings while the samples were measured.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
+    /// Number of samples that were left out because other programs used the processors meanwhile; null if the
+    /// processor time of the samples is unknown.
+    #[serde(default)]
+    pub preempted_samples: Option<u32>,
     /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,

@@ -1,8 +1,9 @@
 //! Measures where a command's time goes. The parts follow one another without gaps from the start of the process, so
 //! that no time is left out.
 
+use crate::load::processor_time;
 use serde::Serialize;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// A part of a command's time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,10 +23,10 @@ pub struct Timeline {
 
 impl Timeline {
     /// Returns a timeline that begins with the process. The processor time that the process has used so far counts as
-    /// the time since its start, so the process must not have waited before this call.
+    /// the time since its start, so the process must not have waited or started a thread before this call.
     pub fn of_process() -> Self {
         let mut timeline = Self::begin();
-        timeline.add("start", own_work().as_secs_f64() * 1e3);
+        timeline.add("start", processor_time().as_secs_f64() * 1e3);
         timeline
     }
 
@@ -69,19 +70,6 @@ impl Timeline {
         let total_ms = self.parts.iter().map(|part| part.ms).sum();
         (self.parts, total_ms)
     }
-}
-
-/// Returns the processor time of this process. As long as the process has started no other thread and has not waited,
-/// that is the time since its start.
-#[cfg(unix)]
-fn own_work() -> Duration {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::try_from(time).unwrap_or_default()
-}
-
-#[cfg(not(unix))]
-fn own_work() -> Duration {
-    Duration::ZERO
 }
 
 #[cfg(test)]
