@@ -216,6 +216,23 @@ mod tests {
     }
 
     #[test]
+    fn preempted_samples_took_time_too() {
+        let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3 }");
+        let of = |count, preempted_samples| {
+            let record = Record {
+                samples_ms: vec![1.0; count],
+                preempted_samples,
+                host_median_ms: Some(1.0),
+                image_size: [8, 5],
+                ..Record::default()
+            };
+            let known = fixtures::run(&experiment, &[], &fixtures::no_locks()).known(&record, &record);
+            known.and_then(|known| known.rounds)
+        };
+        assert_eq!([of(30, None), of(30, Some(0)), of(21, Some(9))], [Some(10); 3]);
+    }
+
+    #[test]
     fn one_point_and_one_frame_are_in_the_singular() {
         let expected = |points, least_frames| {
             let points = [points, 0];
