@@ -30,7 +30,7 @@ test: setup-tests ## run the tests
 test-long: setup-tests ## run all tests without sampling: every preset at every local size (half an hour)
 	RAYCL_TEST_LONG=1 $(TEST)
 
-mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time: a test must fail; resumes where it was stopped (an hour; Python 3.11)
+mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; for each, a test must fail; continues where it was stopped (an hour; Python 3.11)
 	@tests/mutants/run
 
 mutants-sample: setup-tests ## insert a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
@@ -42,7 +42,7 @@ oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, which is installed under target/
 	@.ci/test-intel
 
-test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill them in every way (installs Slurm; root; half an hour)
+test-slurm: build ## run shards on a real Slurm of four nodes on this machine, and kill their processes in various ways (installs Slurm; root; half an hour)
 	@tests/slurm/setup mpi
 	tests/slurm/run $(RAYCL)
 

@@ -1,12 +1,14 @@
-//! Tells the program which revision it is built from: RAYCL_GIT_REVISION, `-dirty` where tracked files differ. Outside a
-//! git repository it is the one that cargo wrote into the package; without both it is not set. RAYCL_VERSION is what
-//! `raycl -V` prints. And how it is built, which decides how fast casters on the host are: RAYCL_BUILD.
+//! Sets environment variables that the compiler builds into the program. RAYCL_GIT_REVISION is the revision
+//! of the sources, with `-dirty` if tracked files have changed. Outside a git repository, it is the revision
+//! that cargo wrote into the package; if there is neither, it is not set. `raycl -V` prints RAYCL_VERSION.
+//! RAYCL_BUILD describes the compiler and its options, which decide how fast casters on the host are.
 
 use std::process::Command;
 
 fn main() {
-    // A commit moves HEAD's log, staging and most commands touch the index. An edit touches neither, but changes
-    // a file below, without which "dirty" would be noticed at the next commit only.
+    // Cargo runs this program again if one of these files changes. A commit changes HEAD's log; staging and
+    // most git commands change the index. An edit changes neither, so the sources are included: otherwise
+    // `-dirty` would only be set at the next commit.
     for path in ["build.rs", "Cargo.toml", "Cargo.lock", "src", "cl"] {
         println!("cargo:rerun-if-changed={path}");
     }
@@ -23,13 +25,15 @@ fn main() {
     println!("cargo:rustc-env=RAYCL_BUILD={}", build());
 }
 
-/// The revision of the repository that this is. raycl unpacked inside somebody else's repository has none of its own.
+/// Returns the revision of raycl's repository; `None` if raycl was unpacked inside another repository, which
+/// does not track raycl's files.
 fn of_repository() -> Option<String> {
     git(&["ls-files", "--error-unmatch", "Cargo.toml"])?;
     git(&["describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"])
 }
 
-/// The revision that `cargo package` wrote into the package: `{"git": {"sha1": "...", "dirty": true}, ...}`.
+/// Returns the revision that `cargo package` wrote into the package:
+/// `{"git": {"sha1": "...", "dirty": true}, ...}`.
 fn of_package() -> Option<String> {
     let text = std::fs::read_to_string(".cargo_vcs_info.json").ok()?;
     let hash: String = text.split_once("\"sha1\": \"")?.1.chars().take(12).collect();
@@ -37,7 +41,8 @@ fn of_package() -> Option<String> {
     hash.chars().all(|c| c.is_ascii_hexdigit()).then(|| hash + dirty)
 }
 
-/// "0.1.0 (0123456789ab)", "0.1.0 (0123456789ab, with uncommitted changes)", or "0.1.0" of an unknown revision.
+/// Returns the version for users: "0.1.0 (0123456789ab)", "0.1.0 (0123456789ab, with uncommitted changes)",
+/// or "0.1.0" if the revision is unknown.
 fn version(revision: Option<&str>) -> String {
     let number = std::env::var("CARGO_PKG_VERSION").unwrap_or_default();
     let Some(revision) = revision else { return number };
@@ -47,8 +52,9 @@ fn version(revision: Option<&str>) -> String {
     }
 }
 
-/// "profile release, opt-level 3, x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0": parts that
-/// cargo does not tell are empty.
+/// Returns the profile, target, options and compiler of this build: "profile release, opt-level 3,
+/// x86_64-unknown-linux-gnu, features fxsr,sse,sse2, flags -Ctarget-cpu=native, rustc 1.89.0". Parts that
+/// cargo does not report are empty.
 fn build() -> String {
     let told = |name: &str| std::env::var(name).unwrap_or_default();
     let rustc = Command::new(told("RUSTC")).arg("--version").output().map(|output| output.stdout);
@@ -63,18 +69,21 @@ fn build() -> String {
     )
 }
 
-/// The profile by its own name: PROFILE says "release" of all that inherit from it. OUT_DIR is target/PROFILE/build/raycl-HASH/out.
+/// Returns the profile's own name, which is part of OUT_DIR: target/PROFILE/build/raycl-HASH/out. (The
+/// variable PROFILE is "release" for every profile that inherits from `release`.)
 fn profile(out_dir: &str) -> Option<String> {
     let folder = std::path::Path::new(out_dir).ancestors().nth(3)?;
     Some(folder.file_name()?.to_str()?.to_owned())
 }
 
-/// A path that is not there would make cargo run this every time.
+/// Returns whether a path exists. If a path given to cargo did not exist, cargo would run this program every
+/// time.
 fn exists(path: &str) -> bool {
     std::path::Path::new(path).exists()
 }
 
-/// What git says, if there is git and it has something to say.
+/// Returns the output of a git command; `None` if git is not installed, the command fails, or it prints
+/// nothing.
 fn git(arguments: &[&str]) -> Option<String> {
     let output =
         Command::new("git").args(arguments).output().ok().filter(|output| output.status.success())?;

@@ -22,8 +22,8 @@ const GROUP: usize = 64;
 const RAYS_PER_UNIT: usize = 4096;
 /// Number of rays whose distances are compared with those computed on the host.
 const CHECKED: usize = 4096;
-/// Number of rays whose distances may differ from the host's. Host and device round differently, which
-/// matters for rays that graze a sphere.
+/// Largest number of rays whose distances may differ from the host's. Host and device round differently, and
+/// rounding may decide whether a ray that grazes a sphere hits it.
 const MOST_GRAZING: usize = CHECKED / 100;
 /// The distance that the kernel writes for a miss (MISS in the kernel).
 const MISS: f32 = 1e30;
@@ -123,7 +123,8 @@ fn rays(compute_units: u32) -> usize {
     compute_units.max(1) as usize * RAYS_PER_UNIT
 }
 
-/// Returns centres and squared radii of spheres scattered in front of the eye; the same in every run.
+/// Returns centres and squared radii of spheres scattered in front of the eye. They are the same in every
+/// run.
 fn spheres() -> Vec<[f32; 4]> {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut sphere = || {
@@ -145,7 +146,7 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     match wrong <= MOST_GRAZING {
         true => Ok(()),
         false => Err(failed(format!(
-            "{wrong} of {} rays hit something different from what they hit on the host",
+            "{wrong} of {} rays hit something different on the device than on the host",
             found.len()
         ))),
     }

@@ -5,8 +5,8 @@ use std::process::{Child, Output};
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-/// Waits until a process ends, and returns its output. A process that exceeds the limit is ended, and has no
-/// output.
+/// Waits until a process ends, and returns its output. Kills a process that exceeds the limit, and returns
+/// `None`.
 pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
     let start = Instant::now();
     let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
@@ -23,7 +23,7 @@ pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Optio
     }
 }
 
-/// Reads to the end in another thread, so that no pipe gets full.
+/// Reads a stream to its end in another thread, so that the process never waits because its pipe is full.
 fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     spawn(move || {
         let mut bytes = Vec::new();

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | [`load_scene`] | reads a scene or a mesh |
 //! | [`Raycaster`] | casts it on a device: a [`Picture`] |
-//! | [`hits`] | what each pixel's ray hits: [`Layers`] |
+//! | [`hits`] | finds the hit of each pixel's ray: [`Layers`] |
 //! | [`run_experiment`], [`serve_if_worker`] | measures the points of a config: [`Record`]s |
 //!
 //! ```no_run
@@ -21,7 +21,7 @@
 //! # }
 //! ```
 //!
-//! # The inside
+//! # Internals
 //!
 //! All modules are internal and change without notice. Those that raycl's own binary and tests use are public, but
 //! hidden in these pages; the others are private. In the order in which an experiment uses them: [`config`] reads a
@@ -34,7 +34,7 @@
 //! results. [`image`] turns radiance into pictures; `output` writes files for the user and never replaces a file that
 //! raycl did not make. [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one file
 //! per subcommand; [`documents`] makes the figures of this repository's documents from its stored records. `cache`
-//! stores data between runs that raycl can recompute.
+//! stores data that raycl can recompute, from one run to the next.
 
 mod accel;
 mod anchor;

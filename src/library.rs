@@ -23,7 +23,7 @@ pub struct Raycaster {
     scene: Arc<Scene>,
 }
 
-/// A picture and the time it took.
+/// A picture and the time that its frame took.
 #[derive(Clone, Debug)]
 pub struct Picture {
     /// Radiance at every pixel.
@@ -37,8 +37,8 @@ pub struct Picture {
 
 impl Raycaster {
     /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
-    /// `gpu`; the first match is used. Without it, the device is the one that `RAYCL_DEVICE` names, or else
-    /// the most capable one.
+    /// `gpu`; the first match is used. If `device` is `None`, the default is the device that `RAYCL_DEVICE`
+    /// names, or else the most capable device.
     ///
     /// # Errors
     ///
@@ -57,9 +57,9 @@ impl Raycaster {
     }
 
     /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render
-    /// --strategy`: a preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). Without
-    /// one, the fastest strategy known for the device and the scene is used. Compiled programs are stored in
-    /// raycl's cache.
+    /// --strategy`: a preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). If it is
+    /// `None`, the fastest strategy known for the device and the scene is used. Compiled programs are stored
+    /// in raycl's cache.
     ///
     /// # Errors
     ///
@@ -84,7 +84,8 @@ impl Picture {
     ///
     /// # Errors
     ///
-    /// Fails if the extension is none of these, if the file cannot be written, or if another program made it.
+    /// Fails if the extension is none of these, if the file cannot be written, or if it exists and raycl did
+    /// not make it.
     pub fn save(&self, path: &Path) -> Result<()> {
         let choice = Choice { force: false, elsewhere: "another path" };
         save(&self.radiance, self.display, &Target::new(path, choice))
@@ -102,8 +103,8 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 }
 
 /// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume` it continues an
-/// interrupted run. Points are measured in worker processes, which are this program started again; therefore
-/// `main` must begin with [`serve_if_worker`].
+/// interrupted run. Worker processes measure the points. Each is the calling program, started again;
+/// therefore its `main` must begin with [`serve_if_worker`].
 ///
 /// # Errors
 ///
@@ -115,8 +116,8 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     Ok(run::measure(&arguments, &mut ())?.1)
 }
 
-/// Call this first in the `main` of a program that runs experiments. In a worker process it measures and then
-/// ends the process; otherwise it does nothing.
+/// Measures points and then ends the process, if this process is a worker; otherwise does nothing. Call it
+/// first in the `main` of a program that runs experiments.
 pub fn serve_if_worker() {
     if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         return;

@@ -12,14 +12,14 @@ fn main() -> ExitCode {
         Err(error) => {
             choose_look();
             let code = ExitCode::from(error.exit_code());
-            // If standard error is closed too, nobody can be told.
+            // If standard error is closed, the message is lost.
             raycl::printer::tell(format!("{:?}", miette::Report::new(error)));
             code
         }
     }
 }
 
-/// Runs a command; for one that measures, drivers pin their threads.
+/// Runs a command. If the command measures, drivers pin their threads.
 fn run(cli: raycl::cli::Cli) -> raycl::Result<()> {
     if cli.measures() {
         set(raycl::device::pinning_variables());
@@ -27,24 +27,24 @@ fn run(cli: raycl::cli::Cli) -> raycl::Result<()> {
     cli.run()
 }
 
-/// Sets environment variables for drivers. A driver reads them when it is loaded, here or in a worker, which
-/// inherits them.
+/// Sets environment variables for drivers. A driver reads them when it is loaded, in this process or in
+/// a worker, which inherits them.
 fn set(variables: Vec<(&str, String)>) {
     for (name, value) in variables {
-        // SAFETY: the program has just begun: no driver is loaded and no other thread could read the
-        // environment at the same time.
+        // SAFETY: the program has just begun. No driver is loaded, and no other thread exists that could read
+        // the environment at the same time.
         unsafe { std::env::set_var(name, value) };
     }
 }
 
-/// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log a
-/// message stays on one line, so that it can be searched for.
+/// Sets how errors are printed: coloured as the user chose, and wrapped only on a terminal. In a log, a
+/// message stays on one line, so that a search finds it.
 fn choose_look() {
     let look = MietteHandlerOpts::new().wrap_lines(std::io::stderr().is_terminal());
     let look = match raycl::cli::colour::told() {
         Some(coloured) => look.color(coloured),
         None => look,
     };
-    // This fails only if a hook is already set, and then that one is used.
+    // This fails only if a hook is already set; that hook is then used.
     let _ = miette::set_hook(Box::new(move |_| Box::new(look.clone().build())));
 }

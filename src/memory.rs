@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Bytes; `u64::MAX` if this system does not report it.
     pub bytes: u64,
-    /// The file from which it was read.
+    /// The file from which the number of bytes was read.
     pub source: String,
 }
 
@@ -80,8 +80,8 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names under which a version of control groups reports three numbers: the limit, the use, and the
-/// reclaimable part of the use.
+/// The names of three numbers in one version of control groups: the files with the limit and the use, and the
+/// key in `memory.stat` of the reclaimable part of the use.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,

@@ -1,18 +1,19 @@
 //! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
 //! Markdown. All such text must pass through here. Control characters could move a terminal's cursor, rename
-//! its window or forge lines of a log; they are printed as `\u001b`, which is also valid JSON.
+//! its window or forge lines of a log; they are printed as escapes such as `\u001b`, which are also valid
+//! JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Returns whether a character could control a terminal: control characters, and those that change the
-/// direction of writing.
+/// Returns whether a character could control a terminal: whether it is a control character (other than a line
+/// break or a tab), or changes the direction of text.
 fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Returns the text with control characters replaced by their codes.
+/// Returns the text with control characters replaced by escapes such as `\u001b`.
 pub fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, steers)
 }
@@ -37,8 +38,8 @@ pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }
 
-/// Returns text that raycl itself has coloured. Colour codes stay (`ESC [ 1 ; 31 m`), all other control
-/// characters are replaced. Text from elsewhere must have passed through [`plain`] before it was coloured.
+/// Escapes control characters in text that raycl itself has coloured, except colour codes
+/// (`ESC [ 1 ; 31 m`). Text from elsewhere must have passed through [`plain`] before it was coloured.
 pub fn coloured(text: &str) -> Cow<'_, str> {
     if !text.contains(steers) {
         return Cow::Borrowed(text);
@@ -55,15 +56,15 @@ pub fn coloured(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown + rest)
 }
 
-/// Returns the length in bytes of the colour code at the start of a text.
+/// Returns the length in bytes of the colour code at the start of a text; `None` if there is none.
 fn colour(text: &str) -> Option<usize> {
     let inner = text.strip_prefix("\u{1b}[")?;
     let digits = inner.find(|c: char| !c.is_ascii_digit() && c != ';')?;
     inner[digits..].starts_with('m').then_some(2 + digits + 1)
 }
 
-/// Escapes text for one line of Markdown, so that nothing in it becomes a heading, a link, the end of a cell
-/// or HTML.
+/// Escapes text for one line of Markdown, so that nothing in it becomes a heading, a link, HTML or
+/// the end of a table's cell.
 pub fn markdown(text: &str) -> String {
     let mut shown = String::with_capacity(text.len());
     for c in escaped(&text.replace(['\n', '\t'], " "), steers).chars() {

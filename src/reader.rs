@@ -18,9 +18,9 @@ pub enum Kind {
     Peaks,
     /// A file of `--cl-dir`.
     Kernel,
-    /// An OBJ file. Before it is read, its size is compared with the free memory.
+    /// A mesh of any format, or a buffer of a glTF file. Its size is compared with the free memory.
     Mesh,
-    /// A picture to be compared; its decoder has its own limit.
+    /// A picture that a command compares. The decoder of pictures has its own limit.
     Picture,
     /// A file that a run writes about itself: `plan.json`, `environment.json`.
     Results,
@@ -34,7 +34,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
     (Kind::Texture, "a texture", Some(256)),
-    (Kind::Peaks, "a device's figures", Some(16)),
+    (Kind::Peaks, "a file of a device's peak rates", Some(16)),
     (Kind::Kernel, "a kernel file", Some(1)),
     (Kind::Mesh, "a mesh", None),
     (Kind::Picture, "a picture", None),
@@ -42,13 +42,14 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Shown, "a picture of results", Some(64)),
 ];
 
-/// Opens an ordinary file. Pipes and devices are refused at once, since reading from them may never end.
+/// Opens an ordinary file. Refuses pipes and devices without reading them, since a read may never end.
 ///
 /// # Errors
 ///
 /// Returns the system's error. Also fails if this is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
-    // Opening a pipe would wait for its writer, so the path is checked before, and the open file once more.
+    // Opening a pipe would wait for its writer, so the path is checked before it is opened. The open file is
+    // checked again, since another file may have taken this path in between.
     ordinary(&path.metadata()?)?;
     let file = File::open(path)?;
     ordinary(&file.metadata()?)?;
@@ -88,14 +89,14 @@ pub fn text(path: &Path, kind: Kind) -> Result<String> {
 ///
 /// # Errors
 ///
-/// Fails if they are not UTF-8.
+/// Fails if the bytes are not UTF-8.
 pub fn utf8(bytes: Vec<u8>) -> Result<String> {
     String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
-/// Reads the rest of a file of which `head` has already been read, and returns all of it. It reads at most
-/// the limit of the file's kind, or, if only memory limits it, at most the size that the file system
-/// reported.
+/// Reads the rest of a file whose first bytes, `head`, have already been read, and returns all of its bytes.
+/// Reads at most the limit of the file's kind. If the kind has no limit, reads at most the size that the file
+/// system reported.
 ///
 /// # Errors
 ///
@@ -120,7 +121,7 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
 ///
 /// # Errors
 ///
-/// Fails if they are too many.
+/// Fails if there are more bytes than the limit.
 pub fn within(bytes: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     let limit = LIMITS_MIB.iter().find(|(known, ..)| *known == kind);
     match limit {
@@ -140,7 +141,7 @@ fn read_on(file: File, head: Vec<u8>, length: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Returns the folder of a file.
+/// Returns the folder of a file: `.` if the path is only a name.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -151,8 +152,8 @@ pub fn in_canonical_folder(path: &Path) -> Option<PathBuf> {
     Some(folder_of(path).canonicalize().ok()?.join(path.file_name()?))
 }
 
-/// Returns whether a file lies in a folder or its subfolders, after following links. If a file names another one
-/// outside its folder, the text of the other one must not be shown to the author of the first.
+/// Returns whether a file lies in a folder or its subfolders, after following links. If a scene names a file
+/// outside the scene's folder, messages must not show that file's text.
 pub fn lies_in(path: &Path, folder: &Path) -> bool {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))

@@ -19,8 +19,8 @@ pub(crate) fn of_json<T: JsonSchema>(title: &str) -> Value {
     titled::<T>(settings(), title)
 }
 
-/// Settings for the generated schemas: the draft that editors' TOML plugins support, and no references, so
-/// that each table is described where it is used.
+/// Returns the settings for the generated schemas: the draft that editors' TOML plugins support, and no
+/// references, so that each table is described where it is used.
 fn settings() -> SchemaSettings {
     let mut settings = SchemaSettings::draft07();
     settings.inline_subschemas = true;
@@ -33,7 +33,7 @@ fn titled<T: JsonSchema>(settings: SchemaSettings, title: &str) -> Value {
     schema.to_value()
 }
 
-/// Returns a schema for one of these names.
+/// Returns the schema of a string that must be one of these names.
 pub(crate) fn names(names: impl Iterator<Item = &'static str>) -> Schema {
     json_schema!({ "type": "string", "enum": names.collect::<Vec<_>>() })
 }
@@ -60,7 +60,8 @@ fn without_null(schema: &mut Schema) {
     }
 }
 
-/// Implements the schemas of types that are deserialised by hand, each by the type's own `schema()`.
+/// Implements `JsonSchema` for types whose deserialisers are written by hand. Each type is followed by its
+/// schema.
 macro_rules! schema_by_hand {
     ($($type:ty => $schema:expr;)+) => {$(
         impl $type {

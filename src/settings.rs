@@ -17,7 +17,7 @@ use crate::xdg;
 pub const DEVICE: &str = "RAYCL_DEVICE";
 /// The environment variable that names the folder of results.
 pub const RESULTS: &str = "RAYCL_RESULTS";
-/// The remedy for a wrong value.
+/// The advice for a file with a mistake.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 
 /// The file as written in TOML.
@@ -43,14 +43,15 @@ static USER: OnceLock<Settings> = OnceLock::new();
 ///
 /// # Errors
 ///
-/// Returns an input error with the file, the line and the most similar valid name. No settings apply then.
+/// Returns an input error with the file, the line and the most similar valid name. In that case, no
+/// settings apply.
 pub fn load() -> Result<()> {
     let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
     else {
         return Ok(());
     };
     let settings = read(&path)?;
-    // Reading the file a second time would change nothing.
+    // If this function was called before, the earlier settings stay.
     let _ = USER.set(settings);
     Ok(())
 }
@@ -92,17 +93,17 @@ fn user() -> &'static Settings {
     USER.get().unwrap_or_else(|| NONE.get_or_init(Settings::default))
 }
 
-/// Returns an environment variable's value if it is set.
+/// Returns an environment variable's value; `None` if it is not set or blank.
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|text| !text.trim().is_empty())
 }
 
-/// Returns when to use colours.
+/// Returns when to use colours, as the settings file states it; `None` if it does not.
 pub fn colour() -> Option<Colour> {
     user().wire.color
 }
 
-/// Returns the folder in which runs make their folders: `results` by default.
+/// Returns the folder in which runs create their folders: `results` by default.
 pub fn results() -> PathBuf {
     let set = || user().wire.results.as_ref().map(|path| path.get_ref().clone());
     xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))

@@ -13,8 +13,8 @@ pub enum Sources {
     /// The files this binary was built with.
     #[default]
     Embedded,
-    /// A folder laid out like `cl/`, for users who edit kernels. Files that it lacks are taken from the
-    /// binary.
+    /// A folder laid out like `cl/`, for users who edit kernels. Files that are not in the folder come from
+    /// the binary.
     Folder(PathBuf),
 }
 
@@ -75,7 +75,7 @@ impl Sources {
         let mut files = Vec::new();
         kernel_files(folder, folder, &mut files)?;
         if files.is_empty() {
-            let message = format!("{} holds no kernel file", folder.display());
+            let message = format!("{} contains no kernel file", folder.display());
             return Err(Error::input(message).with_help(LAYOUT));
         }
         files.sort_unstable();
@@ -91,7 +91,8 @@ impl Sources {
         Ok(files)
     }
 
-    /// Returns a file's name for messages: its path if it comes from the folder.
+    /// Returns a file's name for messages: its path if it comes from the folder, otherwise `cl/` and its
+    /// name.
     pub fn path_of(&self, name: &str) -> String {
         match self {
             Self::Folder(folder) if folder.join(name).exists() => folder.join(name).display().to_string(),
@@ -119,8 +120,9 @@ const LONGEST_PROGRAM_MIB: usize = 16;
 pub struct Chain(Vec<String>);
 
 impl Chain {
-    /// Enters an included file; `length` is that of the program so far. Returns an error if a file includes
-    /// itself or if the program becomes too long, as happens when files include others several times.
+    /// Enters an included file; `length` is the length of the program so far, in bytes. Returns an error if a
+    /// file includes itself, or if the program becomes too long, for example because files include others
+    /// several times.
     pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
@@ -128,7 +130,9 @@ impl Chain {
                 .with_help("remove one of these #include lines"));
         }
         if length > LONGEST_PROGRAM_MIB << 20 {
-            let message = format!("at {name} the program has more than {LONGEST_PROGRAM_MIB} MiB");
+            let message = format!(
+                "before {name} is included, the program is already longer than {LONGEST_PROGRAM_MIB} MiB"
+            );
             return Err(Error::input(message).with_help("include each file once"));
         }
         self.0.push(name.to_owned());
@@ -141,14 +145,15 @@ impl Chain {
     }
 }
 
-/// Returns the file that a line includes, if it includes one. An `#include` in any other form is refused: only a
-/// compiler could resolve it, and it could name any file of the machine.
+/// Returns the file that a line includes; `None` if the line has no `#include`. Refuses an `#include` in any
+/// form other than `#include "FILE"`: only a compiler could resolve it, and it could name any file of the
+/// machine.
 pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&'a str>> {
     let file = line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next());
     let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
     match directive {
         Some(directive) if file.is_none() && directive.starts_with("include") => Err(Error::input(format!(
-            "cl/{name}, line {number}: an #include that raycl does not follow"
+            "cl/{name}, line {number}: raycl does not support this form of #include"
         ))
         .with_help(
             "write it as #include \"FOLDER/FILE.cl\", from the start of the line; names are relative to cl/",
@@ -160,7 +165,8 @@ pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&
 /// Reads a file of the folder. A path that leads out of the folder, by its name or by a link, is refused.
 fn read_inside(path: &Path, folder: &Path) -> Result<String> {
     if !reader::lies_in(path, folder) {
-        let message = format!("{} lies outside of the kernels' folder and is not read", path.display());
+        let message =
+            format!("{} lies outside the kernels' folder, so raycl does not read it", path.display());
         return Err(Error::input(message).with_help(LAYOUT));
     }
     reader::text(path, Kind::Kernel)

@@ -2,7 +2,8 @@
 
 use crate::error::{Error, nearest};
 
-/// Returns what serde expected, in serde's words and without any text of the document.
+/// Returns the part of serde's message that states which value was expected. It contains no text of the
+/// document. `None` if the message has no such part.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
@@ -15,7 +16,7 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     let span = error.span().unwrap_or(0..0);
     let message = error.message().trim_end().to_owned();
-    // serde's message reads: unknown field `a`, expected one of `b`, `c`; or, for one of several values,
+    // serde's message for a key is: unknown field `a`, expected one of `b`, `c`. For a value, it begins with:
     // unknown variant `a`, expected ...
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let what = [("unknown field", "key", "keys"), ("unknown variant", "value", "values")]
@@ -36,7 +37,7 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
 /// Returns serde's message, with TOML's words instead of serde's names for types.
 fn in_plain_words(message: &str) -> String {
     let message = message.replace("invalid type: ", "wrong type: ");
-    // The name of a Rust type follows.
+    // serde writes the name of a Rust type after these words.
     match message.split_once("expected struct ") {
         Some((before, _)) => format!("{before}expected a table"),
         None => message,

@@ -1,7 +1,7 @@
 //! Formats numbers in sentences.
 
-/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The first of several words
-/// gets the plural ("3 primitives of lines"), unless it is an adjective ("2 compute units").
+/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that",
+/// "with" or "without" becomes plural ("3 primitives of lines"), otherwise the last word ("2 compute units").
 pub fn counted(count: usize, what: &str) -> String {
     let what = if count == 1 { what.to_owned() } else { plural(what) };
     format!("{} {what}", grouped(count))
@@ -17,7 +17,7 @@ fn grouped(count: usize) -> String {
     groups.join(",")
 }
 
-/// Formats as "12.60 Gtests/s".
+/// Formats a rate: "12.60 Gtests/s" for 12.6e9 `tests` per second.
 pub fn rate(per_s: f64, what: &str) -> String {
     let (scale, prefix) = match per_s {
         1e9.. => (1e-9, "G"),

@@ -1,9 +1,10 @@
-//! The user's folders, as the XDG base directory specification says (<https://specifications.freedesktop.org/basedir-spec/latest/>).
+//! The user's folders, according to the XDG base directory specification
+//! (<https://specifications.freedesktop.org/basedir-spec/latest/>).
 
 use std::path::{Path, PathBuf};
 
-/// Returns the folder `raycl` within the folder that `variable` names, or else within `below` of the home
-/// folder; `None` if neither is known.
+/// Returns the folder `raycl` in the folder that the environment variable `variable` names, or else in the
+/// folder `below` of the home folder; `None` if both are unknown.
 pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
     let base = named(variable).or_else(|| Some(home()?.join(below)))?;
     Some(base.join("raycl"))
@@ -19,7 +20,7 @@ fn home() -> Option<PathBuf> {
     named("HOME")
 }
 
-/// Returns the path in a variable; a relative path is ignored.
+/// Returns the path in an environment variable; `None` if it is relative or not set.
 fn named(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute())
 }

@@ -141,8 +141,8 @@ fn colours_are_what_the_user_says() {
         [output.stdout, output.stderr].map(|bytes| bytes.contains(&0x1b))
     };
     let nothing = "no-such-scene.toml";
-    // An unknown command, a file that does not exist, and help: some of these messages come from clap, others
-    // from raycl.
+    // The cases are an unknown command, a missing file, and help. Some of their messages come from clap,
+    // others from raycl.
     assert_eq!(escapes(&["rendr"], false), [false, false]);
     assert_eq!(escapes(&["--color=always", "rendr"], true), [false, true]);
     assert_eq!(escapes(&["render", nothing, "--color", "always"], true), [false, true]);

@@ -371,7 +371,7 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
 #[test]
 fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let mut ground = Ground::new(3);
-    // Not even root makes folders there.
+    // Not even root can create folders there.
     let mut places = vec![PathBuf::from("/sys/raycl")];
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");

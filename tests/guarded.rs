@@ -4,7 +4,7 @@
 use crate::binary::{Place, TRIANGLE, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
-/// A text that no message may show from a file that the user did not name.
+/// The text of files that the user did not name. No message may show it.
 const SECRET: &str = "hunter2";
 
 const CONFIG: &str = r#"question = "?"
@@ -142,8 +142,8 @@ fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
     for (text, said) in [
         ("#include \"../outer.cl\"\n", "lies outside"),
         ("#include \"/etc/passwd\"\n", "lies outside"),
-        ("# include \"../outer.cl\"\n", "does not follow"),
-        ("#include </etc/passwd>\n", "does not follow"),
+        ("# include \"../outer.cl\"\n", "does not support this form of #include"),
+        ("#include </etc/passwd>\n", "does not support this form of #include"),
     ] {
         let message = refused(text);
         has(&message, &[said, "help:"]);

@@ -38,8 +38,8 @@ fn every_family_casts_the_same_picture_and_it_agrees_with_the_reference() {
     picture(&place, EVEN, &["--verify=50"]);
 }
 
-/// Soft light at half resolution approximates a picture of many samples, for each of which soft light is
-/// cast.
+/// Soft light at half resolution approximates a picture of many samples that casts soft light for each
+/// sample.
 #[test]
 fn it_is_nearly_the_picture_of_many_samples() {
     let place = Place::with(&[("mesh.obj", MESH)]);

@@ -122,7 +122,7 @@ fn the_citation_is_of_this_version() {
 #[test]
 fn an_archive_holds_the_binary_its_pages_and_its_completions() {
     let place = Place::new();
-    // The tests' own binary is large, so a script of one line that starts it is packed instead.
+    // The tests' own binary is large. The test packs a short script instead, which starts this binary.
     place.write("raycl", concat!("#!/bin/sh\nexec '", env!("CARGO_BIN_EXE_raycl"), "' \"$@\"\n"));
     let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     std::fs::set_permissions(place.path("raycl"), executable).expect("permissions");

@@ -31,8 +31,8 @@ const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
 
-/// Checks points. Panics with a list of all points that are wrong, or that do not fit the device although
-/// `may_not_fit` does not allow this.
+/// Checks points. Panics with a list of all points that are wrong, or that do not fit the device and for
+/// which `may_not_fit` returns false.
 fn all_agree(
     stand: &mut Stand,
     points: impl IntoIterator<Item = Point>,
@@ -51,7 +51,7 @@ fn all_agree(
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns false: every point has to fit.
+/// Returns false, so that every point has to fit.
 fn none(_: &Point) -> bool {
     false
 }
@@ -92,8 +92,8 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// In all other tests, pictures are wider than high, so they do not show a limit that is computed from the
-/// wrong side.
+/// In all other tests, pictures are wider than high, so they would not show a mistake that computes a limit
+/// from the wrong side.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();

@@ -18,7 +18,7 @@ fn floor() -> Place {
     place
 }
 
-/// Writes a copy of a file under another name, with some texts replaced.
+/// Writes a copy of a file under another name, with some parts of its text replaced.
 fn change(place: &Place, file: &str, name: &str, texts: &[(&str, &str)]) {
     let mut text = place.text(file);
     for (from, to) in texts {

@@ -103,7 +103,7 @@ fn all_clean(scene: &str, strategies: &[Strategy], local: &str, plugin: &str) ->
     all_clean_at(SIZE, scene, strategies, local, plugin)
 }
 
-/// Does the same as `all_clean` at this width and height.
+/// Does the same as `all_clean`, but for pictures of this width and height.
 fn all_clean_at(size: [&str; 2], scene: &str, strategies: &[Strategy], local: &str, plugin: &str) -> usize {
     let mut wrong = Vec::new();
     let mut run = 0;
@@ -127,7 +127,7 @@ fn presets() -> Vec<Strategy> {
 
 #[test]
 fn presets_have_no_race_and_stay_in_bounds() {
-    // Groups of 3 x 2 work-items, whose height does not divide the image's height.
+    // The groups have 3 x 2 work-items, and their height does not divide the image's height.
     let run = all_clean("pyramid-lower.toml", &presets(), "3x2", RACES);
     assert_eq!(run, PRESETS.len());
 }
@@ -250,9 +250,9 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return blocked"),
 ];
 
-/// The barrier before a tile of triangles is filled has an effect from the second tile on, so only a scene
-/// with more triangles than a tile holds shows that it is needed. `make test` does not test the barriers of
-/// tiles that work-items share.
+/// One barrier precedes the filling of a tile of triangles. It has an effect only from the second tile on, so
+/// only a scene with more triangles than a tile holds shows that it is needed. `make test` does not test the
+/// barriers of tiles that work-items share.
 #[test]
 fn each_barrier_is_needed() {
     let (mut removed, mut hidden) = (0, 0);

@@ -152,7 +152,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
 
     has(&mistake(&Place::new(), "nowhere"), &["cannot read nowhere", "--cl-dir expects a folder"]);
     let place = Place::with(&[("empty/readme.txt", "")].map(|_| ("note.txt", "no kernel")));
-    has(&mistake(&place, "."), &["holds no kernel file"]);
+    has(&mistake(&place, "."), &["contains no kernel file"]);
 }
 
 /// A single file in the folder replaces the built-in file; all other files are built in.
@@ -213,7 +213,7 @@ fn a_record_is_as_long_as_its_file_says() {
     }
 }
 
-/// With both, every certain pixel agrees with the reference.
+/// With both values of `records`, every certain pixel agrees with the reference.
 #[test]
 fn records_once_and_at_each_test_give_the_same_certain_pixels() {
     let mut stand = Stand::new(scene("gourd.toml"), [45, 29]);

@@ -191,7 +191,7 @@ fn a_dry_run_compiles_nothing_and_writes_nothing() {
     let json = place.output(&arguments(&device, &["--dry-run", "--json", "--set", "baselines=[]"]));
     let mut points = serde_json::Deserializer::from_str(&json).into_iter::<Value>();
     let needs = points.next().expect("a point").expect("JSON")["needs"].clone();
-    // 36 x 20 padded work-items of 108 bytes.
+    // Padding makes 36 x 20 work-items, each of which needs 108 bytes.
     assert_eq!((&needs["local_bytes"], &needs["scratch_bytes"]), (&0.into(), &(36 * 20 * 108).into()));
     assert_eq!(points.count(), 3);
 }

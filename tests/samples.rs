@@ -58,8 +58,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The changes to the kernels: blocks are counted wrongly, or a pixel gets, or its mean assumes, another
-/// number of samples.
+/// The changes to the kernels: blocks are counted wrongly, a pixel gets a wrong number of samples, or its
+/// mean is computed with a wrong number.
 #[test]
 fn a_broken_mean_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
@@ -127,8 +127,8 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     }
 }
 
-/// There are more lights than a work-item's word has bits for, and two frames of samples: each round of
-/// lights adds its part to the mean.
+/// A work-item's word has too few bits for all lights, so lights are processed in rounds. In both frames of
+/// samples, each round adds its part to the mean.
 #[test]
 fn rounds_of_lights_add_up_in_the_mean_of_samples() {
     let lights: String = (0..16).map(|x| format!("[[light]]\nposition = [{x}, 2, 1]\npower = 1\n")).collect();

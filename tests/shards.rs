@@ -120,7 +120,7 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // Two groups in three shards: one group is divided, and its parts share a control point.
+    // There are two groups but three shards, so one group is divided. Its parts share a control point.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let records = ground.records("out/records.jsonl");

@@ -131,8 +131,9 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// There is only one such test, since PoCL takes long to compile these kernels. The tests of changed kernels
-/// below expect a wrong picture, so they do not notice a kernel that is wrong even without the change.
+/// No other test of soft light compares these tiles with the reference, since PoCL takes long to compile their
+/// kernels. The tests of changed kernels below expect a wrong picture, so they do not notice a kernel that is
+/// wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let place = where_shadow_rays_end();

@@ -57,8 +57,8 @@ fn two_devices_cast_the_pixels_of_one() {
     }
 }
 
-/// Whether two devices that share two cores are faster than one depends on the machine; the message about it must be
-/// true.
+/// It depends on the machine whether two devices that share two cores are faster than one device. In both
+/// cases, the message must be true.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();

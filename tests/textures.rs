@@ -128,7 +128,7 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     assert_eq!(found, place.picture(&["--set", "textures=false"]).0);
     std::fs::write(place.path("none.png"), "no picture").expect("a file");
     has(&place.picture(&[]).1, &["texture `none.png` is not a PNG, JPEG, BMP or TGA"]);
-    // A face without texture coordinates, and a face with a coordinate that is not in the file.
+    // One face has no texture coordinates; another refers to coordinates that are not in the file.
     std::fs::write(place.path("room.mtl"), MTL).expect("a file");
     std::fs::write(place.path("room.obj"), ROOM.replace("f 1/1 2/2 3/3 4/4", "f 1 2 3\nf 1/1 3/99 4/2"))
         .expect("a file");

@@ -15,7 +15,7 @@ enum End {
     Refused(String),
 }
 
-/// Renders a file, and returns the result. An `Err` means that raycl behaved wrongly.
+/// Renders a file, and returns the result; an `Err` if raycl crashed or wrote a wrong picture or message.
 fn render(path: &Path, folder: &Path) -> Result<End, String> {
     let picture = folder.join("picture.exr");
     let _ = std::fs::remove_file(&picture);

@@ -54,7 +54,7 @@ fn a_png_has_the_colour_of_the_covered_part() {
     let place = Place::new();
     let exr = transparent(&place, &["--samples", "4"], "out.exr");
     let png = transparent(&place, &["--samples", "4"], "out.png");
-    // The display transform of the scene.
+    // Applies the display transform of the scene.
     let shown = |radiance: f32, alpha: f32| (15.0 * radiance / alpha).clamp(0.0, 1.0).powf(1.0 / 2.2);
     for (x, y, pixel) in exr.enumerate_pixels() {
         let [red, .., alpha] = pixel.0;

@@ -104,15 +104,15 @@ fn one_triangle_and_coincident_and_degenerate_ones() {
     apart!();
     agrees(crate::common::scene("triangle.toml"));
     agrees(with_triangles(|scene| {
-        // Each triangle occurs twelve times. No plane separates the copies, so that leaves have too many
-        // triangles.
+        // Each triangle occurs twelve times. No plane separates the copies, so some leaves have more
+        // triangles than usual.
         let all = scene.mesh.triangles.clone();
         scene.mesh_mut().triangles =
             all.iter().flat_map(|triangle| std::iter::repeat_n(*triangle, 12)).collect();
     }));
     agrees(with_triangles(|scene| {
-        // For each triangle, one that is a point and one that is a line; and a thousand points at the same
-        // position.
+        // Adds, for each triangle, a triangle that is a point and a triangle that is a line. Then adds a
+        // thousand points at the same position.
         let all = scene.mesh.triangles.clone();
         let flat = |positions: [u32; 3], triangle: &Triangle| Triangle { positions, ..*triangle };
         for triangle in &all {

@@ -54,7 +54,7 @@ fn differences(a: &RgbImage, b: &RgbImage) -> u8 {
     a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
 }
 
-/// Ends the view by pressing its key, and returns its report.
+/// Ends the view by pressing `q`, and returns its report.
 fn quit(child: Child, server: &Server) -> Value {
     server.user().press(LETTER('q'));
     let output = finish(child);
@@ -203,7 +203,7 @@ fn a_scene_from_standard_input_is_shown() {
 #[test]
 fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
     let place = place();
-    // 80 x 23 characters of 8 x 16 pixels.
+    // The picture covers 80 x 23 characters, of 8 x 16 pixels each.
     let expected = rendered_in(&place, [640, 368], &[]);
     let text = String::from_utf8(frame(&place, "kitty")).expect("UTF-8");
     let data: String = text
@@ -224,7 +224,7 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
         .zip(expected.pixels())
         .flat_map(|(rgba, pixel)| [0, 1, 2].map(|channel| u64::from(rgba[channel].abs_diff(pixel[channel]))))
         .sum();
-    // 256 colours; the error of a colour is distributed over its neighbours.
+    // Sixels have only 256 colours; the error of a pixel's colour is distributed over its neighbours.
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 

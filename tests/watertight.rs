@@ -16,8 +16,8 @@ use raycl::strategy::{
 
 /// Number of single rays per traversal.
 const RAYS: usize = 60_000;
-/// The side of an image with at least as many pixels. At the image's edges, parts of tiles and work-groups
-/// are outside.
+/// The side in pixels of a square image of at least [`RAYS`] pixels. At the image's edges, parts of tiles and
+/// work-groups are outside.
 const SIDE: u32 = 246;
 const PIXELS: usize = (SIDE * SIDE) as usize;
 const LOCAL_SIZE: [u32; 2] = [8, 2];
@@ -32,8 +32,8 @@ fn with(intersector: Intersector, all: Vec<Strategy>) -> Vec<Strategy> {
     all.filter(|strategy| strategy.contradiction().is_none()).collect()
 }
 
-/// Returns every way to cast single rays: exhaustively, in tiles of triangles, with a tree, alone and in
-/// packets.
+/// Returns strategies for every way to cast single rays: exhaustively, in tiles of triangles, with a tree,
+/// alone and in packets.
 fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     let [exhaustive, tree, packet] = ["deferred", "bvh", "bvh-packet"].map(of);
     let all = vec![
@@ -49,7 +49,7 @@ fn traversals_of_rays(intersector: Intersector) -> Vec<Strategy> {
     with(intersector, all)
 }
 
-/// Returns every way to cast rays from the eye, except the rasteriser.
+/// Returns strategies for every way to cast rays from the eye, except the rasteriser.
 fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
     let [tree, tile] = ["bvh", "tile"].map(of);
     let all = vec![
@@ -93,28 +93,29 @@ fn lit_and_hit_by(kernels: &Sources, scene: Scene, strategy: &Strategy) -> (usiz
     (image.pixels.iter().filter(|pixel| pixel.iter().any(|channel| *channel > 0.0)).count(), hits)
 }
 
-/// Returns how many of [`PIXELS`] primary rays pass through the net in front of the eye, which is crumpled or
-/// flat.
+/// Returns how many of [`PIXELS`] primary rays pass through the net in front of the eye. The net is crumpled
+/// or flat.
 fn leaks_to(kernels: &Sources, is_flat: bool, strategy: &Strategy) -> usize {
     PIXELS - lit_and_hit_by(kernels, net_before_the_eye(SIDE, is_flat), strategy).1
 }
 
-/// Returns the sum of these numbers for both nets.
+/// Returns the number of primary rays that pass through the crumpled net or the flat net.
 fn leaks_to_nets(strategy: &Strategy) -> usize {
     [false, true].map(|is_flat| leaks_to(&Sources::Embedded, is_flat, strategy)).into_iter().sum()
 }
 
-/// Returns the numbers of faults of some kernels: of primary rays and of shadow rays that pass through nets,
-/// and of rays that are stopped by a triangle although they pass beside it.
+/// Returns three numbers of faults of some kernels: primary rays that pass through nets, shadow rays that
+/// pass through a net, and rays that a triangle stops although they pass beside it.
 pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
     let primary = leaks_to(kernels, false, strategy) + leaks_to(kernels, true, strategy);
     let shadow = lit_and_hit_by(kernels, net_before_the_light(SIDE, true), strategy).0;
     [primary, shadow, stopped_beside_edges(kernels, strategy)]
 }
 
-/// Returns how many of 2,000 rays that pass a triangle's edges at a distance of 7e-7 of their length, which is a few
-/// roundings, are nevertheless stopped. If the test allows each triangle its own rounding error, the distance is ten
-/// times as large. Tiles and the test `pixel-linear` cast only rays of a camera, so they have none.
+/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their
+/// distance from the edge is 7e-7 of their length, which is a few rounding errors. For the Möller-Trumbore
+/// test, which allows each triangle its own rounding error, the distance is ten times larger. Tiles and the
+/// test `pixel-linear` cast only rays of a camera, so the number is 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;

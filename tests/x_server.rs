@@ -53,7 +53,7 @@ impl Server {
         })
     }
 
-    /// Returns a user of the only window, as soon as there is one.
+    /// Waits until the only window exists, and returns a user of it.
     pub fn user(&self) -> User {
         let mut stream =
             UnixStream::connect(format!("/tmp/.X11-unix/X{}", self.number)).expect("the server's socket");
@@ -92,7 +92,7 @@ pub struct User {
     stream: UnixStream,
     root: u32,
     window: u32,
-    /// The codes of the first and the last key.
+    /// The least and the greatest key code.
     keycodes: [u8; 2],
 }
 
@@ -115,7 +115,7 @@ impl User {
     }
 
     /// Waits until the server has processed all requests, since it discards the requests of a user that has
-    /// disconnected. The window may be gone by then.
+    /// disconnected. By then, the window may no longer exist.
     fn until_done(&mut self) {
         self.send(&[43, 0, 1, 0]);
         while read(&mut self.stream, 32)[0] != 1 {}

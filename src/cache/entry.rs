@@ -26,7 +26,7 @@ pub fn sealed(key: &str, content: &[u8]) -> Vec<u8> {
     [MARK, blake3::hash(&rest).as_bytes(), &rest].concat()
 }
 
-/// Returns the content of an entry's file if the key is this one and the hash matches.
+/// Returns the content of an entry's file; `None` if the entry has another key or its hash does not match.
 pub fn opened(mut file: Vec<u8>, key: &str) -> Option<Vec<u8>> {
     let rest = file.strip_prefix(MARK)?;
     let (hash, rest) = rest.split_at_checked(HASH_BYTES)?;

@@ -1,5 +1,5 @@
-//! Stores data for later runs: compiled programs and lists of devices, which raycl can also recompute. Each entry is
-//! one file in a folder that belongs to the user. An entry that is corrupt, has another key or belongs to
+//! Stores data for later runs: compiled programs and lists of devices, which raycl can recompute. Each entry
+//! is one file in a folder that belongs to the user. An entry that is corrupt, has another key or belongs to
 //! another user is ignored.
 
 mod entry;
@@ -29,7 +29,7 @@ pub struct Entry {
     pub path: PathBuf,
     /// The file's size.
     pub bytes: u64,
-    /// When it was last used.
+    /// The time of the last use of the entry.
     pub used: SystemTime,
 }
 
@@ -60,12 +60,12 @@ impl Cache {
         self.limit_bytes
     }
 
-    /// Returns whether the cache stores anything.
+    /// Returns whether the cache is in use.
     pub fn keeps(&self) -> bool {
         self.folder.is_some()
     }
 
-    /// Returns the content stored as a `kind` under this key.
+    /// Returns the content stored as a `kind` under this key; `None` if there is no valid entry.
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
@@ -76,8 +76,8 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry and returns whether that succeeded. If it did not, for example on a full disk, the
-    /// next run only takes longer.
+    /// Stores an entry, and returns whether this succeeded. If it fails, for example because the disk is
+    /// full, the next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -89,7 +89,7 @@ impl Cache {
         kept
     }
 
-    /// Returns all entries, the one used last first.
+    /// Returns all entries, the most recently used entry first.
     pub fn entries(&self) -> Vec<Entry> {
         let files = self.folder().and_then(|folder| std::fs::read_dir(folder).ok());
         let mut entries: Vec<Entry> =
@@ -130,7 +130,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns the entry of a file if the cache made it, finished or not.
+/// Returns the entry of a file, complete or not; `None` if the cache did not create the file.
 fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
     let found = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();

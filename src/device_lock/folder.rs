@@ -1,4 +1,5 @@
-//! The folder of the device locks. All users of a machine share it, so that they wait for each other too.
+//! The folder of the device locks. All users of a machine share it, so that their measurements wait for each
+//! other.
 
 use crate::error::Error;
 use crate::record::own_file;
@@ -6,7 +7,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// The environment variable that names another folder.
+/// The environment variable that names another folder for the locks.
 pub const VARIABLE: &str = "RAYCL_LOCK_DIR";
 
 /// A folder of locks.
@@ -41,7 +42,7 @@ impl Folder {
         self.make()?;
         let path = self.path(lock);
         own_file(&path)?;
-        // Without `create`: in a shared folder Linux refuses that flag for a file that another user made.
+        // `create` is not set: in a shared folder, Linux refuses this flag for a file that another user made.
         let open = || OpenOptions::new().read(true).write(true).open(&path);
         let file = match open() {
             Err(error) if error.kind() == ErrorKind::NotFound => match create(&path) {
@@ -72,7 +73,7 @@ impl Folder {
 
     /// Returns the error for a folder that cannot be used.
     pub fn unusable(&self, error: &IoError) -> Error {
-        let message = format!("the locks of devices cannot be kept in {}: {error}", self.path.display());
+        let message = format!("cannot create the locks of devices in {}: {error}", self.path.display());
         Error::run(message).with_help(format!(
             "set {VARIABLE} to another folder; all processes that measure on this machine must use the same one"
         ))
@@ -108,8 +109,8 @@ fn create(path: &Path) -> std::io::Result<File> {
     Ok(file)
 }
 
-/// Refuses a file with a second name. Another user may have linked somebody's file into the folder, and
-/// writing to it would change that file.
+/// Refuses a file that has a second hard link. Another user may have linked some file into the folder, and
+/// writing to the lock would change that file.
 #[cfg(unix)]
 fn refuse_second_name(file: &File) -> std::io::Result<()> {
     use std::os::unix::fs::MetadataExt as _;

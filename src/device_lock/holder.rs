@@ -1,4 +1,4 @@
-//! The process that holds a device, as described in the lock's file for those who wait.
+//! The process that holds a device. The lock's file describes it, so that waiting processes can name it.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -11,7 +11,7 @@ const LONGEST_BYTES: u64 = 4096;
 /// Largest number of a command's characters that are shown.
 const LONGEST_COMMAND: usize = 200;
 
-/// A process that holds a device; fields are missing if the lock's file does not have them.
+/// A process that holds a device. Fields that the lock's file does not have are 0 or empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Holder {
@@ -23,7 +23,7 @@ pub struct Holder {
 impl Holder {
     /// Returns the description of this process.
     pub fn of_this_process() -> Self {
-        // Lossy, since an argument need not be UTF-8.
+        // The conversion is lossy, since an argument need not be UTF-8.
         let mut words = std::env::args_os().map(|word| word.to_string_lossy().into_owned());
         let program = words.next().unwrap_or_default();
         let program = Path::new(&program).file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -32,14 +32,14 @@ impl Holder {
         Self { process: std::process::id(), command, folder }
     }
 
-    /// Replaces the contents of a lock's file.
+    /// Replaces the contents of a lock's file by this description.
     pub fn write(&self, file: &mut File) -> std::io::Result<()> {
         file.set_len(0)?;
         file.rewind()?;
         file.write_all(&serde_json::to_vec(self)?)
     }
 
-    /// Reads a lock's file.
+    /// Reads a lock's file. If this fails, all fields are 0 or empty.
     pub fn read(path: &Path) -> Self {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text));

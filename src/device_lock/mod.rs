@@ -1,5 +1,5 @@
 //! Allows one measurement at a time on a device of this machine. A process holds the device's lock while it
-//! takes times that are reported. Without it, two measurements at the same time would slow each other down
+//! measures times that it reports. Without the lock, two simultaneous measurements would slow each other down
 //! unnoticed.
 
 mod folder;
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// The time between two checks whether the device is free or the user has interrupted the process.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// The locks of the devices, and what to do if another process holds one.
+/// The locks of the devices, and whether to wait for a lock that another process holds.
 #[derive(Clone, Debug)]
 pub struct Locks {
     folder: Folder,
@@ -80,15 +80,15 @@ impl Locks {
             }
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
-                    "run it again when the other process has ended; --no-wait ends at once instead of waiting",
+                    "run the command again when the other process has ended; with --no-wait, it ends immediately instead of waiting",
                 ));
             }
             std::thread::sleep(LOOK_UP);
         }
     }
 
-    /// Takes the locks of several devices. All processes take them in the same order, so no two can wait for
-    /// each other.
+    /// Takes the locks of several devices. All processes take them in the same order, so no two
+    /// processes can wait for each other.
     pub fn take_all(
         &self,
         mut devices: Vec<LockName>,
@@ -105,7 +105,7 @@ impl Locks {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Ok(Attempt::Busy),
-            // Some network file systems do not support locks; raycl then measures without.
+            // Some network file systems do not support locks; raycl then measures without a lock.
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
@@ -121,7 +121,7 @@ impl Locks {
 /// The result of one attempt to take a lock.
 enum Attempt {
     Held(Held),
-    /// Another process holds it.
+    /// Another process holds the lock.
     Busy,
     /// The lock's file was removed after it was opened.
     Removed,

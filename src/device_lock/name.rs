@@ -3,8 +3,8 @@
 use crate::device::{DeviceInfo, DeviceKind};
 use std::fmt;
 
-/// The name of a lock: the same for all devices that share hardware. All drivers for the host's processors,
-/// and the casters on the host, share one.
+/// The name of a lock, which is the same for all devices that share hardware. All drivers for the host's
+/// processors, and the casters on the host, share one lock.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LockName {
     file: String,
@@ -14,7 +14,7 @@ pub struct LockName {
 
 impl LockName {
     /// Returns the name of a device's lock, from the device's UUID or PCI bus, else from its name. `None`
-    /// stands for the host.
+    /// means the host.
     pub fn of(device: Option<&DeviceInfo>) -> Self {
         let Some(info) = device.filter(|info| info.kind != DeviceKind::Cpu) else {
             return Self { file: "cpu".to_owned(), label: "the host's processors".to_owned() };

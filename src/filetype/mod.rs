@@ -20,9 +20,9 @@ use std::path::{Path, PathBuf};
 /// The name of material files in messages; only meshes refer to such files.
 pub const MTL: &str = "an MTL material file";
 
-/// The name of a file of unknown bytes.
+/// The name, in messages, of a binary file that is not recognised.
 const UNKNOWN: &str = "a binary file of an unknown kind";
-/// The name of JSON that is not recognised as glTF.
+/// The name, in messages, of JSON that is not recognised as glTF.
 const JSON: &str = "a JSON file";
 
 /// The type of a file.
@@ -32,7 +32,7 @@ pub enum FileType {
     Mesh(MeshFormat),
     /// TOML: a scene or an experiment.
     Toml,
-    /// Empty, or text that matches nothing; the reader of the file reports what is wrong.
+    /// An empty file, or text that matches no format. The reader of the file reports the mistake.
     Unclear,
     /// UTF-16 text, which no reader here supports.
     Utf16,
@@ -70,7 +70,7 @@ impl MeshFormat {
         Self::ALL.iter().find(|(format, ..)| *format == self).map_or("a mesh", |(.., name)| name)
     }
 
-    /// Returns the format that a file's extension stands for, ignoring `.gz`.
+    /// Returns the format that a file's extension, before any `.gz`, names; `None` for other extensions.
     pub fn from_ending(path: &Path) -> Option<Self> {
         let ending = unpacked_name(path).extension()?.to_ascii_lowercase();
         Self::ALL.iter().find(|(_, usual, _)| ending == *usual).map(|(format, ..)| *format)
@@ -92,7 +92,7 @@ pub struct Foreign {
     pub remedy: &'static str,
 }
 
-/// The purpose for which a file was named.
+/// The purpose for which the user named a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// To be rendered: a scene or a single mesh.
@@ -104,7 +104,7 @@ pub enum Wanted {
 }
 
 impl Wanted {
-    /// Returns which formats are read for this purpose.
+    /// Returns the part of a message that lists the formats that are read for this purpose.
     pub fn read(self) -> &'static str {
         match self {
             Self::Scene => "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
@@ -121,8 +121,8 @@ impl FileType {
         signatures::recognise(head, length).unwrap_or_else(|| text::recognise(head))
     }
 
-    /// Returns why the file `name` cannot be read for this purpose; `None` if it can. The message has two
-    /// short lines and quotes nothing from the file.
+    /// Returns the error if the file `name` cannot be read for this purpose, otherwise `None`. The message
+    /// has two short lines and quotes nothing from the file.
     pub fn refusal(self, name: &str, wanted: Wanted) -> Option<Error> {
         let refused =
             |what: &str, help: &str| Some(Error::input(format!("{name} is {what}")).with_help(help));

@@ -12,10 +12,11 @@ use std::path::Path;
 const HEAD_BYTES: usize = 1 << 16;
 /// The first bytes of a gzip file.
 const GZIP: &[u8] = b"\x1f\x8b";
-/// The path that stands for standard input.
+/// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// An open file. Only its first bytes have been read, or all if it is packed or standard input.
+/// An open file. Only its first bytes have been read; a packed file or standard input has been read
+/// completely.
 #[derive(Debug)]
 pub struct Opened {
     /// The part that has not been read yet.
@@ -54,7 +55,7 @@ impl Opened {
         Ok(Self { rest: Some(file), head, length, filetype })
     }
 
-    /// Returns the file whose bytes have all been read already.
+    /// Recognises a file whose bytes have all been read already.
     fn held(bytes: Vec<u8>, path: &Path) -> Self {
         let length = bytes.len() as u64;
         let filetype = recognised(&bytes[..bytes.len().min(HEAD_BYTES)], length, path);
@@ -89,7 +90,7 @@ impl Opened {
 pub struct Damaged(io::Error);
 
 impl Damaged {
-    /// Returns whether this is why a file could not be read.
+    /// Returns whether a damaged packed file caused an error.
     pub fn caused(error: &io::Error) -> bool {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
@@ -109,10 +110,10 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
     Ok(Opened::held(bytes, path))
 }
 
-/// Returns a file's type. Unknown bytes are STL if the file is named `.stl`, or if it begins with triangles and is
-/// cut off; the reader of STL then reports the error. Whole binary STL is recognised by a length that matches its
-/// count of triangles. JSON in a file named `.gltf` is glTF, unless all of it was seen and has none of the keys of
-/// glTF.
+/// Returns a file's type. A file of unknown bytes is STL if it is named `.stl`, or if it begins with
+/// triangles and is cut off; the reader of STL then reports the error. Whole binary STL is recognised by a
+/// length that matches its count of triangles. JSON in a file named `.gltf` is glTF, unless all of it has
+/// been read and has none of the keys of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };

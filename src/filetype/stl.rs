@@ -4,17 +4,17 @@ use glam::Vec3;
 
 /// Number of bytes before the triangles.
 const HEADER_BYTES: usize = 84;
-/// A normal, three corners and two further bytes.
+/// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
 
-/// Returns whether a file of `length` bytes is as long as its count of triangles demands.
+/// Returns whether a file of `length` bytes has the length that its count of triangles requires.
 pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
     whole_length(head) == Some(length)
 }
 
-/// Returns whether a file is shorter than its count of triangles demands, but begins with triangles. Files of other
-/// types almost never have both: unit or zero vectors at the places of the normals, and triangles whose three corners
-/// differ.
+/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Files
+/// of other types almost never have both unit or zero vectors where the normals are, and triangles whose
+/// three corners differ.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;

@@ -15,7 +15,7 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
         Error::input(format!("{name} is a scene, not an experiment")).with_help(format!(
-            "`raycl render {name}` makes a picture of it; an experiment names it: scenes = [\"{file}\"]"
+            "`raycl render {name}` makes a picture of it; an experiment refers to it by scenes = [\"{file}\"]"
         ))
     })
 }

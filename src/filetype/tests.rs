@@ -1,4 +1,4 @@
-//! Tests with one small file of each format, made here.
+//! Tests with one small file of each format, which the tests create.
 
 use super::*;
 use flate2::Compression;
@@ -94,10 +94,7 @@ fn pictures_archives_programs_and_other_text() {
         (b"[1, 2]", "a JSON file"),
         (b"[[1, 2], [3, 4]]", "a JSON file"),
         (b"<?xml version='1.0'?><other/>", "an XML file"),
-        (
-            b"<!DOCTYPE html><HTML><p>404",
-            "a web page (HTML), perhaps instead of the file that was to be downloaded",
-        ),
+        (b"<!DOCTYPE html><HTML><p>404", "a web page (HTML), perhaps the error page of a download"),
         (b"version https://git-lfs.github.com/spec/v1\noid", "a Git LFS pointer, not the file itself"),
         (b"\xff\xfev\0 \x000\0", "utf-16"),
         (b"\xfe\xff\0v\0 ", "utf-16"),

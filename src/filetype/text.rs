@@ -3,7 +3,7 @@
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, JSON, MTL, MeshFormat, UNKNOWN};
 
-/// The first words of OBJ statements, including statements that may stand before all others in a file.
+/// The first words of OBJ statements, including statements that may come first in a file.
 const OBJ_WORDS: &[&str] = &[
     "v",
     "vn",
@@ -128,7 +128,7 @@ fn xml(head: &[u8]) -> Option<(&'static str, &'static str)> {
     match XML_ROOTS.iter().find(|(name, _)| *name == root) {
         Some((_, name)) => Some((name, EXPORT)),
         None if root.eq_ignore_ascii_case("html") => {
-            Some(("a web page (HTML), perhaps instead of the file that was to be downloaded", ""))
+            Some(("a web page (HTML), perhaps the error page of a download", ""))
         }
         None if root.eq_ignore_ascii_case("svg") => Some(("an SVG picture", "")),
         None => Some(("an XML file", "")),

@@ -16,7 +16,8 @@ pub const LIST: &str = "raycl.b3sum";
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// True if this is a folder of results. It has no list; every file in it whose name raycl uses counts as raycl's.
+    /// True if this is a folder of results. Such a folder has no list: raycl treats each file that has one of
+    /// raycl's file names as its own.
     results: bool,
     /// Hash and name of every file that raycl wrote.
     made: BTreeSet<(String, String)>,
@@ -63,7 +64,8 @@ impl OutFolder {
         })
     }
 
-    /// Writes files, given as names and contents. If one of them may not be replaced, none is written.
+    /// Writes files, given as names and contents. If one of these files exists and may not be replaced, none
+    /// is written.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let new: BTreeSet<_> = files.iter().map(|(name, bytes)| (hash(bytes), name.clone())).collect();
         if !self.results {
@@ -112,7 +114,8 @@ impl OutFolder {
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
     }
 
-    /// Returns who made a file. It is raycl's if the list has its hash, or if its content equals the new one.
+    /// Returns the maker of a file: raycl if the list has the file's hash, or if the file equals the new
+    /// content.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let found = hasher.update_reader(file)?.finalize().to_hex().to_string();
@@ -126,7 +129,7 @@ impl OutFolder {
         })
     }
 
-    /// Makes the folder and its subfolders for files; a link in the place of one is refused.
+    /// Creates the folder and its subfolders for files; refuses a link in the place of a subfolder.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let failed = |folder: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", folder.display()))
@@ -148,7 +151,7 @@ impl OutFolder {
     }
 }
 
-/// Returns whether a file belongs to a page and is removed together with it.
+/// Returns whether a file is in one of the folders for a report's plots and exports.
 fn is_companion(name: &str) -> bool {
     super::stale::FOLDERS.iter().any(|folder| Path::new(name).starts_with(folder))
 }

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
 use std::ops::Range;
 
-/// Text before the digits.
+/// Text before the hash's digits.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
 /// Text before the key of a frame, which is also a hash.
 const KEY_LABEL: &str = "frame of raycl: ";
@@ -28,7 +28,8 @@ pub enum Maker {
     Other,
 }
 
-/// Returns a mark without the hash: text that is written somewhere into a file, to be completed by [`seal`].
+/// Returns a blank mark, which has zeros in place of the hash. Once this text is in a file, [`seal`]
+/// completes it.
 pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }
@@ -49,7 +50,7 @@ pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     (place, [&chunk[..], &length, &text, &checksum].concat())
 }
 
-/// Returns the key in a file that raycl made and nobody changed.
+/// Returns the key of the frame in a file; `None` if raycl did not make the file or somebody changed it.
 pub fn key(file: &mut File) -> Option<String> {
     let found = MarkInFile::read(file).ok()??;
     let unchanged = found.head[found.hole.clone()] == found.filled;
@@ -63,7 +64,7 @@ pub fn json(text: &str) -> String {
     text.replacen('{', &format!("{{\n\"mark\": \"{}\",", blank()), 1)
 }
 
-/// Completes the blank mark of a file with its hash.
+/// Replaces the zeros in the blank mark of a file by the file's hash.
 pub fn seal(file: &mut File) -> Result<()> {
     let found =
         MarkInFile::read(file)?.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it has no mark"))?;
@@ -80,7 +81,8 @@ pub fn maker(file: &mut File) -> Result<Maker> {
     })
 }
 
-/// The mark in a file: where its hash lies, and the expected hash.
+/// The mark in a file: the file's first bytes, the range in them that the hash excludes, and the bytes
+/// expected there.
 struct MarkInFile {
     head: Vec<u8>,
     hole: Range<usize>,
@@ -100,8 +102,8 @@ impl MarkInFile {
     }
 }
 
-/// Returns the range of bytes that is excluded from the hash: its digits and, in a PNG, the checksum of their
-/// chunk.
+/// Returns the range of bytes that is excluded from the hash: the hash's digits and, in a PNG, the checksum
+/// of the chunk that contains them. `None` if there is no mark.
 fn hole(head: &[u8]) -> Option<Range<usize>> {
     let label = head.windows(LABEL.len()).position(|bytes| bytes == LABEL.as_bytes())?;
     let start = label + LABEL.len();
@@ -109,7 +111,7 @@ fn hole(head: &[u8]) -> Option<Range<usize>> {
     (end <= head.len()).then_some(start..end)
 }
 
-/// Returns the bytes for that range.
+/// Returns the bytes for the range `hole`.
 fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     let mut bytes = hash.to_hex().as_bytes().to_vec();
     // A PNG's checksum covers the chunk's type and contents.

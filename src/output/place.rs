@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 /// The user's choice for files that raycl did not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// Replace them.
+    /// Whether to replace such files.
     pub force: bool,
     /// The command's option that sets another path, such as `-o FILE`.
     pub elsewhere: &'static str,
@@ -32,8 +32,8 @@ pub(super) enum Name {
     Replaceable,
 }
 
-/// Refuses to replace folders and devices, and, without `--force`, links and files that raycl did not make or
-/// that have been changed since.
+/// Returns whether a path is free or replaceable. Refuses folders and devices and, without `--force`, links,
+/// files that raycl did not make, and files that somebody has changed.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -68,8 +68,8 @@ pub(super) fn permit(
     }
 }
 
-/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before that,
-/// it checks again whether the file may be replaced, since another program may have made one meanwhile.
+/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before, checks
+/// again whether the path may be replaced, since another program may have created a file there meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,

@@ -9,13 +9,13 @@ use std::path::Path;
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
 /// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
-/// with them, and replace some. `known` is true if raycl wrote the folder.
+/// with the others, and replace some of them. `known` is true if raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // If records.jsonl is not a file, the error is returned when it is opened.
+    // If records.jsonl is not a file, opening it returns the error later.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
-    // If the folder cannot be listed, either it does not exist, or the error is returned when it is opened.
+    // If the folder cannot be listed, either it does not exist, or opening its files returns the error later.
     let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };

@@ -18,10 +18,10 @@ const BEGINNINGS: [&str; 9] = [
     "triangles",
 ];
 
-/// Extensions of those names.
+/// Extensions of the names of a report's plots and exports.
 const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 
-/// Removes a report's files that are no longer written. Files that cannot be removed do no harm.
+/// Removes plots and exports that the report no longer writes. Files that cannot be removed do no harm.
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{Result as IoResult, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The path that stands for standard output.
+/// The path that means standard output.
 const STANDARD_OUTPUT: &str = "-";
 
 /// The path of a file to be written.
@@ -20,12 +20,12 @@ pub struct Target {
 }
 
 impl Target {
-    /// Makes the target of a file that the user named.
+    /// Returns the target for a file that the user named.
     pub fn new(path: impl Into<PathBuf>, choice: Choice) -> Self {
         Self { path: path.into(), choice }
     }
 
-    /// Makes the target of a file in a folder of results, where every file is raycl's.
+    /// Returns the target for a file in a folder of results, where every file belongs to raycl.
     pub fn of_results(path: impl Into<PathBuf>) -> Self {
         Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
     }
@@ -65,8 +65,8 @@ impl Target {
         permit(&self.path, self.choice, maker).map(drop)
     }
 
-    /// Writes a file by calling `write`, whose output includes a mark without its hash; the hash is then filled in.
-    /// The file is put into its place completely or not at all.
+    /// Writes a file by calling `write`, whose output includes a blank mark, and completes the mark. The file
+    /// is put into its place completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);
