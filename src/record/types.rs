@@ -179,7 +179,8 @@ pub struct Record {
     /// different quantities, no view shows this field. See [`Self::primary_rays_per_s`] and
     /// [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
-    /// Number of shadow rays of a frame: one per light for every pixel that hits something.
+    /// Number of shadow rays of a frame: one per light for every pixel that hits something, and one more if the scene has
+    /// a sky.
     pub shadow_rays: Option<u64>,
     /// Shadow rays per second, if passes are separate.
     pub shadow_rays_per_s: Option<f64>,

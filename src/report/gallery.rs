@@ -17,7 +17,7 @@ const THUMBNAIL: u32 = 120;
 /// A picture in the page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// The kind of picture, such as "reference", "naive" or "certain pixels".
+    /// The kind of picture, such as "reference", "naive" or "uncertain pixels".
     pub kind: String,
     /// Its caption, a sentence.
     pub caption: String,
@@ -139,7 +139,7 @@ impl<'a> Pictures<'a> {
 }
 
 fn order(kind: &str) -> usize {
-    ["reference", "certain pixels", "cost: triangles, without a tree", "cost: triangles", "cost: nodes"]
+    ["reference", "uncertain pixels", "cost: triangles, without a tree", "cost: triangles", "cost: nodes"]
         .iter()
         .position(|known| kind.starts_with(known))
         .unwrap_or(9)
@@ -157,7 +157,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         ),
         (
             &record.certainty_image,
-            "certain pixels".to_owned(),
+            "uncertain pixels".to_owned(),
             format!(
                 "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly. At these pixels, an image's value must lie in the range of the moved rays' values."
             ),

@@ -186,7 +186,7 @@ def check_environment(driver, command):
 
 def check_gallery(driver):
     kinds = {kind.text for kind in driver.find_elements(By.CSS_SELECTOR, ".picture b")}
-    wanted = {"reference", "certain pixels", "cost: triangles, without a tree", "cost: triangles, with a tree", "cost: nodes of a tree"}
+    wanted = {"reference", "uncertain pixels", "cost: triangles, without a tree", "cost: triangles, with a tree", "cost: nodes of a tree"}
     assert wanted <= kinds, f"no picture of {wanted - kinds}"
     assert any(kind.startswith("difference: ") for kind in kinds), "no picture of a difference"
 
