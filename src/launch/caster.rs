@@ -347,8 +347,8 @@ impl Caster {
     }
 
     /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
-    /// transform itself. `take` receives the rows from the top as red, green and blue, in multiples of `together`
-    /// rows except for the last call.
+    /// transform itself. `take` is called with some rows at a time, from the top, as red, green and blue. Each call
+    /// except the last has a multiple of `together` rows.
     pub fn show(
         &self,
         program: &ShowProgram,

@@ -48,8 +48,8 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     part.report(&records)
 }
 
-/// Refuses a folder that raycl did not make, and one of a run without shards, which has files of the same
-/// names.
+/// Refuses a folder that raycl did not make. Also refuses the folder of a run without shards, since its files have
+/// the same names as those of a shard.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
