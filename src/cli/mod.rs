@@ -55,7 +55,7 @@ use colour::Colour;
   raycl strategies                           all strategies: axes and presets
   raycl kernel naive                         the source of one strategy
 
-`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files.
+`raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C.
 
 Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
 RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]

@@ -16,8 +16,8 @@ use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// A folder of results: `plan.json`, `records.jsonl`, `samples.jsonl`, `rounds.jsonl`, `anchors.jsonl`, `images/`, `environment.json`, and at the end
-/// `summary.md` and `summary.csv`. docs/format.md documents each.
+/// A folder of results: the plan, the journals, the pictures, the environment, and at the end the summaries, the
+/// report and the plots. docs/format.md documents each file.
 pub struct Results {
     folder: PathBuf,
     records: JsonLines<Record>,

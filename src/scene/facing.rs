@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// Number of samples across a picture; enough to tell whether most of a surface or little of it faces away.
 const ACROSS: usize = 48;
-/// A note is added if at least this fraction of the visible surface faces away.
+/// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
 /// The nearest surface at each sample: its distance as a multiple of the sample's direction, and whether it faces

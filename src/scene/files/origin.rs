@@ -11,8 +11,8 @@ use glam::{DVec3, Vec3};
 /// 24 bits.
 const FAR_RADII: f64 = 16.0;
 
-/// Returns the vector to be subtracted from the positions of a mesh with these bounds: its centre in whole
-/// numbers if it is far away, else zero.
+/// Returns the vector to be subtracted from the positions of a mesh with these bounds: its centre if it is far
+/// away (in whole numbers if the mesh is larger than one unit), else zero.
 pub(in crate::scene) fn origin_of(low: DVec3, high: DVec3) -> DVec3 {
     let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
     let far = centre.is_finite() && centre.length() > FAR_RADII * radius;
