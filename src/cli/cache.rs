@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices and compiled programs: one program for each combination of source, options, device, driver and values of the driver's variables. RAYCL_CACHE_MIB is its limit in MiB (default: 512); the least recently used entries are removed first. raycl can regenerate every entry, and does so if one is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices and compiled programs: one program for each combination of source, options, device, driver and values of the driver's environment variables. RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512); the least recently used entries are removed first. raycl can regenerate every entry, and does so if one is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -32,10 +32,10 @@ enum Action {
     Path,
 }
 
-/// The output of `show`.
+/// The output of `show --json` and `clear --json`. For `clear`, it counts the removed entries.
 #[derive(Serialize)]
 struct Shown {
-    /// Its folder; null if nothing is stored.
+    /// The cache's folder; null if raycl stores nothing between runs.
     folder: Option<String>,
     entries: usize,
     bytes: u64,

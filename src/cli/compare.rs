@@ -24,12 +24,12 @@ pub struct Args {
     /// Compare the times themselves instead of their ratios to the anchor or the baselines of the same run
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if the mean of all points, the mean of one strategy's points or a single point is
-    /// certainly slower by more than this, or if a point that did not fail before fails now. At most one in 50
-    /// comparisons of equal programs fails by chance
+    /// Exit with 1 if the mean of all points except baselines, the mean of one strategy's points or a single
+    /// point is certainly slower by more than this, or if a point that was measured before cannot be measured
+    /// now. At most one in 50 comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
-    /// Write compare.html, compare.md and plots here
+    /// Write compare.html, compare.md and plots to this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in DIR even if raycl did not write them or they have been changed since
@@ -63,8 +63,8 @@ pub fn run(args: Args) -> Result<()> {
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "two points correspond if their scenes, image sizes, strategy names and local sizes are equal; \
-             scenes are compared by content",
+            "two points correspond if their scenes, image sizes, devices, strategy names and local sizes are \
+             equal; scenes are compared by content, and devices only if a folder has several",
         ));
     }
     if let Some(out) = &mut out {
@@ -83,15 +83,16 @@ pub fn run(args: Args) -> Result<()> {
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
             Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))).with_help(
-                "measure both again, one after the other, to tell whether the programs differ or the machine \
-                 was busy",
+                "measure both programs again, one after the other, to find out whether the programs \
+                 differ or the machine was busy",
             ))
         }
         _ => Ok(()),
     }
 }
 
-/// Prints every point that changed, then the counts.
+/// Prints every point whose verdict is not "same", then the points that are not compared, the notes and the
+/// number of points per verdict.
 pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let [a, b] = &comparison.labels;
     let mut table =
@@ -120,7 +121,7 @@ pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     super::print(comparison.summary())
 }
 
-/// Returns the points that changed: the largest slowdown first, points without a ratio last.
+/// Returns the points whose verdict is not "same": the largest slowdown first, points without a ratio last.
 fn changed(comparison: &Comparison) -> Vec<&report::Pair> {
     let mut changed: Vec<_> = comparison.pairs.iter().filter(|pair| pair.verdict != Verdict::Same).collect();
     let change = |pair: &report::Pair| pair.change_percent().unwrap_or(f64::NEG_INFINITY);

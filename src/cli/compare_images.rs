@@ -49,14 +49,16 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel: a fraction of 255 for 8-bit pictures, and the difference itself for radiance.
+    /// The largest error of a channel. For 8-bit pictures it is a fraction of white (255), and for radiance the
+    /// difference itself.
     largest_error: f64,
+    /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
     largest_relative_difference: f64,
     output: Option<String>,
 }
 
-/// Compares two pictures. Different sizes and files that are not pictures are user errors.
+/// Compares two pictures. Pictures of different sizes, and files that are not pictures, are user errors.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
@@ -87,7 +89,7 @@ pub fn run(args: Args) -> Result<()> {
         (Some(limit), Some(psnr)) if psnr < limit || psnr.is_nan() => Err(Error::run(format!(
             "the peak signal-to-noise ratio is {psnr:.2} dB; --fail-below requires at least {limit} dB"
         ))
-        .with_help("`--output FILE.png` saves a picture of where they differ")),
+        .with_help("`--output FILE.png` saves a picture that shows where the pictures differ")),
         _ => Ok(()),
     }
 }
@@ -110,7 +112,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
         }
     }
-    // For 8-bit pictures the peak is white. For radiance it is the brightest channel, but at least white.
+    // For 8-bit pictures the peak is white. For radiance it is the brightest channel of the expected picture, but
+    // at least white.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;

@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 Each strategy gets a folder in DIR: microscope.html (a page: each source line beside its instructions, with counts by kind and memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
 
-The compiler's line table assigns instructions to lines; without one, they are counted for each part of the kernel. The instructions are PTX, or those of the CPU as objdump (package binutils) prints them. If ptxas and nvdisasm are on PATH, the page also has ptxas's SASS, which may differ from the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
+The compiler's line table assigns instructions to lines. If there is no line table, instructions are counted for each part of the kernel. They are PTX, or the CPU's instructions as objdump (package binutils) prints them. If ptxas and nvdisasm are on PATH, the page also has ptxas's SASS, which may differ from the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
 pub struct Args {
     /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
     scene: PathBuf,
@@ -62,14 +62,14 @@ struct Compilation {
     build_ms: f64,
     binary_is_ptx: bool,
     kernels: Vec<CompiledKernel>,
-    /// The instructions of each line; `None` unless the output contains them.
+    /// The instructions of each line; `None` if neither --out nor --json is given.
     microscope: Option<Microscope>,
 }
 
-/// Any size: the compiled code does not depend on it.
+/// The image size. The compiled code does not depend on it, so any size will do.
 const IMAGE_SIZE: [u32; 2] = [64, 64];
 
-/// Builds every strategy.
+/// Builds the program of every strategy.
 pub fn run(args: Args) -> Result<()> {
     disable_caches();
     let scene = load_scene(&args.scene)?.scene;
@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     }
     match &args.out {
-        Some(out) if !args.json => super::print(format!("Kept in {}", out.display())),
+        Some(out) if !args.json => super::print(format!("Written to {}", out.display())),
         _ => Ok(()),
     }
 }
@@ -110,7 +110,8 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Turns off compilers' caches, since a compiler prints the number of registers only when it compiles a program.
+/// Turns off the cache of NVIDIA's compiler unless the user has set its variable: the compiler prints the number of
+/// registers only when it compiles a program.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
         // SAFETY: the command has just begun: no driver is loaded and no other thread could read the
@@ -175,7 +176,7 @@ fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
 }
 
-/// Returns the name of a strategy's folder, for example for "deferred,width=4".
+/// Returns the name of a strategy's folder: "deferred-width-4" for "deferred,width=4".
 fn folder_name(strategy: &str) -> String {
     let kept = |c: char| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' };
     strategy.chars().map(kept).collect()

@@ -83,7 +83,7 @@ fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>
         text += &format!("\nThis platform has no device: {platform}.");
     }
     text + &match infos.iter().find(|info| Some(info.slug().as_str()) == default) {
-        Some(info) => format!("\nWithout --device, raycl casts on {}.", info.describe()),
+        Some(info) => format!("\nBy default, raycl casts on {}.", info.describe()),
         None => "\nNo device here can be used.".to_owned(),
     }
 }

@@ -23,7 +23,7 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without conditional lines and macros, and compiles to the program with which raycl casts. If a number had a name in the source, a comment beside the number states it. Some macros are defined by a device's compiler; they count as undefined unless --device names a device.")]
+The output is OpenCL C without #if conditions and macros, and compiles to the program with which raycl casts. If a number had a name in the source, a comment beside the number states the name. Some macros are defined by a device's compiler; they count as undefined unless --device names a device.")]
 pub struct Args {
     /// A preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
@@ -41,8 +41,8 @@ pub struct Args {
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only text that matters to the compiler, so that the output is the same for two sources that
-    /// compile to the same program
+    /// Print only text that matters to the compiler, so that the output is the same for two sources that differ
+    /// only in comments, blanks and macros
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernels of this folder instead of the built-in ones
@@ -80,7 +80,8 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("{head}{}{foot}", reading.text).trim_end())
 }
 
-/// Returns the program as the device's compiler sees it, if the device supports the strategy.
+/// Returns the program as the device's compiler sees it; an error if the device does not support the
+/// strategy.
 fn on_device(
     device: &Device,
     strategy: &Strategy,

@@ -17,7 +17,7 @@ pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the experiment to be measured
+    /// Change a value of the experiment that the command measures
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process is measuring on the device, end at once instead of waiting for it
@@ -37,7 +37,7 @@ const FILES: [(&str, &str); 2] = [
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
 ];
 
-/// Measures in a temporary folder.
+/// Measures the experiment in a temporary folder, and prints the noise of each device.
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
         Error::run(format!("cannot make a temporary folder: {error}"))

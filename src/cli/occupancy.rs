@@ -51,11 +51,11 @@ pub struct Args {
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
-    /// Predict the occupancy of a run's points from the numbers of registers in its records. DIR is a folder
-    /// of results, or its records.jsonl
+    /// Print the predicted occupancy and the measured time of a run's points, if the records contain the
+    /// kernels' registers. DIR is a folder of results, or its records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's table, and the occupancy that follows from its 63 registers per work-item
+    /// Print the paper's Figure 5, and the threads per multiprocessor that its 63 registers per work-item allow
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
   raycl run configs/beyond.toml --peak=h200-peak.json
   raycl peak --json | jq '.[0].fma_per_s.median'
 
-The figures are medians of repeats, with their quartiles. A latency is measured by one work-item that waits for each result. Latencies in cycles assume the highest clock that the driver reports, not the clock during the measurement.")]
+The figures are medians of repeats, with their quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles assume the highest clock that the driver reports, not the clock during the measurement.")]
 pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the most capable
     /// one]
@@ -90,8 +90,8 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Returns the peak rates from the file, or has a child process measure them, since a run itself starts
-    /// no driver.
+    /// Reads the peak rates from the file, or starts child processes that measure them, since the process of
+    /// `raycl run` starts no driver itself.
     pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         if self.given != "measure" {
             return Peak::read(Path::new(self.given));
@@ -115,7 +115,7 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows its error")
         };
         let mut command = own_program()?;
-        // Its messages go to the user: which process it waits for, or why it failed.
+        // The child's messages go to the user: they say which process it waits for, or why it failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));
         if let Some(folder) = self.cl_dir {
@@ -130,7 +130,7 @@ impl Wanted<'_> {
 }
 
 fn text(peak: &Peak) -> String {
-    let mut table = super::table(&["at most", "median", "quartiles", "unit", "cycles"], 1);
+    let mut table = super::table(&["rate or time", "median", "quartiles", "unit", "cycles"], 1);
     let mut row = |name: &str, figure: &Figure, scale: f64, unit: &str, cycles: Option<f64>| {
         let number = |value: f64| significant(value * scale, 3);
         let quartiles = format!("{} to {}", number(figure.q1), number(figure.q3));

@@ -1,4 +1,4 @@
-//! `raycl report`: a page made from records.
+//! `raycl report`: writes a page from stored records.
 
 use crate::error::Result;
 use crate::output::{Choice, OutFolder};
@@ -15,13 +15,13 @@ pub struct Args {
     /// Folders that `raycl run` wrote
     #[arg(required = true, value_name = "DIR")]
     folders: Vec<PathBuf>,
-    /// Where to write [default: the first folder]
+    /// The folder to write to [default: the first DIR]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in DIR even if raycl did not write them or they have been changed since
     #[arg(long, requires = "out")]
     force: bool,
-    /// Print one JSON object that lists the files written
+    /// Print one JSON object with the paths of the page and of the folders of plots and exports
     #[arg(long)]
     json: bool,
     /// Print nothing but errors
@@ -29,8 +29,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Writes the report and, for a single folder, regenerates its summaries. The command reads records and
-/// pictures, and uses no device.
+/// Writes the report. For a single folder without --out, also regenerates the folder's summaries. The command
+/// reads records and pictures, and uses no device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;

@@ -1,4 +1,4 @@
-//! `raycl reproduce`: measures the paper's experiments and makes a page that judges its claims.
+//! `raycl reproduce`: measures the paper's experiments and writes a page that judges the paper's claims.
 
 use super::choice::parse_assignment;
 use super::progress::{Stages, observer};
@@ -24,7 +24,7 @@ pub struct Args {
     /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the configs' own]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder to write to: a folder of results for each config, and the page
+    /// The folder to write to. It receives a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
     /// Write into DIR even if it contains files that raycl did not write. A file there with the name of a
@@ -67,7 +67,8 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Runs one config after the other; returns the names of those with failed points.
+/// Measures the configs one after another and writes their reports. Returns one line for each config with
+/// failed points.
 fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     unpack(out)?;
     let devices = find_devices(None)?;
@@ -96,15 +97,17 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     let taken = [args.resume, args.force];
     let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
     run.no_wait = args.no_wait;
-    // The device's peak rates are needed for the paper's latencies and to explain why a memory is fastest.
+    // The page needs the devices' peak rates, to check the latencies that the paper states and to explain why a
+    // memory is fastest.
     run.peak = (name == "figure-8").then(|| "measure".to_owned());
     run
 }
 
-/// Makes the page from the results measured before an interruption, and prints how to continue.
+/// Writes the page from the results that were measured before the error, and returns the error with a help line
+/// that says how to continue.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
-    let page = write_page(out).map_or(String::new(), |page| format!("so far: {}\n", page.display()));
+    let page = write_page(out).map_or(String::new(), |page| format!("the page so far: {}\n", page.display()));
     let help = format!("{page}to continue from here: {}", resuming(args));
     match error {
         Error::Interrupted { .. } => {

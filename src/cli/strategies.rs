@@ -17,7 +17,7 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
   raycl render scenes/teapot.toml --strategy naive
   raycl render scenes/teapot.toml --strategy deferred,width=4,layout=soup
 
-In a config: strategies = [\"naive\"], or [[strategy]] with a preset and axes, each a value or a list.")]
+A config lists presets in strategies = [\"naive\"]. A table [[strategy]] has a preset and axes; each axis has one value or a list of values.")]
 pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -53,13 +53,13 @@ fn preset_json(preset: &Preset) -> Value {
 }
 
 fn text() -> String {
-    let mut text = "A strategy is one value of every axis.\n\n".to_owned();
+    let mut text = "A strategy has one value on each axis.\n\n".to_owned();
     for axis in AXES {
         text += &axis_text(axis);
     }
     let Some((first, others)) = PRESETS.split_first() else { return text };
     text += &format!(
-        "Presets: named strategies. Each one except the first is shown only with the axes in which it differs from {}.\n\n",
+        "Presets are named strategies. Each preset except the first is shown with only those axes in which it differs from {}.\n\n",
         first.name
     );
     text += &preset_text(first, &spelled(&first.strategy.axes()));

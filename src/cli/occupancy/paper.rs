@@ -24,9 +24,9 @@ fn predicted(items: u32) -> u32 {
 struct Row {
     size: LocalSize,
     predicted: u32,
-    /// With the paper's 63 registers.
+    /// The occupancy with the paper's 63 registers per work-item.
     held: Occupancy,
-    /// With the paper's 63 registers and optimisation 1's vectors.
+    /// The occupancy with the paper's 63 registers, and with optimisation 1's vectors in `__local` memory.
     held_with_vectors: Occupancy,
 }
 
@@ -60,10 +60,10 @@ fn rows(sizes: &[LocalSize]) -> Result<Vec<Row>> {
 fn text(rows: &[Row]) -> String {
     let header = [
         "local size",
-        "threads per multiprocessor,\nFigure 5's caps",
-        "with its 63 registers\n(CC 2.0)",
-        "and optimisation 1's\n108 B per work-item",
-        "its registers",
+        "threads per multiprocessor,\nfrom Figure 5's two limits",
+        "with 63 registers\n(CC 2.0)",
+        "and with optimisation 1's\n108 B per work-item",
+        "63 registers and\nFigure 5",
     ];
     let mut table = crate::cli::table(&header, 1);
     for row in rows {
@@ -72,11 +72,11 @@ fn text(rows: &[Row]) -> String {
             row.predicted.to_string(),
             threads(&row.held),
             threads(&row.held_with_vectors),
-            if row.contradicted() { "contradict it" } else { "agree" }.to_owned(),
+            if row.contradicted() { "differ" } else { "agree" }.to_owned(),
         ]);
     }
     let mut text = format!(
-        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly considers the first two: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
+        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly takes the first two into account: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", row.size, contradiction(row));

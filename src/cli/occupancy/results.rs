@@ -7,8 +7,9 @@ use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
-/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. If a compute
-/// capability is given, the prediction is for that one and not for the device's own.
+/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. Points whose registers
+/// or occupancy are unknown are left out. If a compute capability is given, the prediction is for this capability
+/// and not for the device's own.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -33,8 +34,9 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// Returns the kernel that casts a point's primary rays, with its occupancy: predicted for the given compute
-/// capability, or else as recorded. `None` if its registers or its occupancy are unknown.
+/// Returns the kernel that casts a point's primary rays, with its occupancy. The occupancy is predicted for the
+/// given compute capability; if none is given, it is the recorded one. `None` if the kernel's registers or its
+/// occupancy are unknown.
 fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
     let kernel = record.main_kernel()?.clone();
     let items = record.local_size?.iter().product();
