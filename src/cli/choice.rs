@@ -50,7 +50,8 @@ impl TypedValueParser for StrategyText {
     }
 }
 
-/// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`.
+/// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`. Without a preset, the axes
+/// change `deferred`.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
     let name = match parts.peek() {

@@ -32,7 +32,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     CHOSEN.store(code, Ordering::Relaxed);
 }
 
-/// Returns the user's choice of always or never; `None` if it depends on the output.
+/// Returns whether the user chose always (true) or never (false); `None` if colours depend on the output.
 pub fn told() -> Option<bool> {
     match CHOSEN.load(Ordering::Relaxed) {
         1 => Some(true),
@@ -53,7 +53,7 @@ pub(super) fn of_clap() -> ColorChoice {
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 
-/// Returns the last `--color` of the command line, before the other arguments are parsed.
+/// Returns the last valid value of `--color` on the command line, before the other arguments are parsed.
 pub(super) fn typed(words: &[OsString]) -> Option<Colour> {
     let mut words =
         words.iter().map(|word| word.to_str().unwrap_or_default()).take_while(|word| *word != "--");

@@ -24,7 +24,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(script.trim_end())
 }
 
-/// Returns the command without hidden parts, which clap_complete would include.
+/// Returns raycl without its hidden subcommands, which clap_complete would include.
 fn shown() -> Command {
     let whole = super::Cli::command();
     let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();

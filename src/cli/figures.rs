@@ -1,4 +1,4 @@
-//! `raycl figures`, for contributors: updates the documents' figures from stored records.
+//! `raycl figures`, for contributors: updates the numbers in raycl's documents from stored records.
 
 use crate::documents::{Difference, Documents};
 use crate::error::{Error, Result};
@@ -15,7 +15,8 @@ pub struct Args {
     check: bool,
 }
 
-/// Updates or checks the figures. The command fails on differences that rewriting cannot remove.
+/// Updates or checks the numbers. A check fails on any difference, an update only on differences that rewriting cannot
+/// remove.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {
@@ -27,7 +28,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     match left.len() {
         0 => Ok(()),
-        count => Err(Error::run(format!("{count} numbers have no record:\n{}", listed(&left)))
+        count => Err(Error::run(format!("{count} places differ from the records:\n{}", listed(&left)))
             .with_help("CONTRIBUTING.md explains how a document says from which record a number comes")),
     }
 }

@@ -23,8 +23,8 @@ pub fn is_inside() -> bool {
 }
 
 /// Runs this process's command line in a child process, and ends as the child ends. A command that reads standard
-/// input cannot be run twice. A command that shows pictures gets an allocator with huge pages. A command that
-/// measures does not, since the workers of a run do not use huge pages either.
+/// input cannot be run twice. A command that shows pictures gets an allocator with huge pages. Commands that only
+/// measure do not, since the workers of a run do not use huge pages either.
 ///
 /// # Errors
 ///
@@ -76,7 +76,7 @@ fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
     command.status().map_err(failed)
 }
 
-/// Returns why a driver alone does not list its devices; `None` if it does.
+/// Returns why a driver does not list its devices when it is the only driver; `None` if it does.
 fn why_broken(driver: &Driver) -> Result<Option<String>> {
     let folder = tempfile::tempdir().map_err(failed)?;
     let alone = only(std::slice::from_ref(driver), folder.path()).map_err(failed)?;
@@ -107,8 +107,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process as another one ended: with its exit code, or with 128 plus the signal's number, as shells do. Nothing is dropped
-/// then, so the caller must have removed its temporary folders.
+/// Ends this process as another process ended: with that one's exit code, or with 128 plus the number of the signal
+/// that ended it, as shells do. Values are not dropped then, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     match status.code() {
         Some(0) => Ok(()),
@@ -125,7 +125,7 @@ pub fn ends_with_its_parent() {
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
 }
 
-/// Does nothing: on other systems the work continues to its end.
+/// Does nothing: on systems other than Linux, the work continues to its end.
 #[cfg(not(target_os = "linux"))]
 pub fn ends_with_its_parent() {}
 

@@ -60,7 +60,7 @@ use colour::Colour;
 Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
 RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
 pub struct Cli {
-    /// When to use colours: auto (on a terminal, unless NO_COLOR is set), always or never [default: auto]
+    /// When to use colours: auto (on a terminal), always or never [default: auto, or never if NO_COLOR is set]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
     color: Option<Colour>,
     #[command(subcommand)]
@@ -114,7 +114,7 @@ enum Command {
     Noise(noise::Args),
     /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
     Occupancy(occupancy::Args),
-    /// Update the documents' figures from stored records, for contributors
+    /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
     /// Compare `render`'s choices of a strategy with measurements, for contributors
@@ -131,8 +131,8 @@ enum Command {
 }
 
 impl Command {
-    /// Returns whether the command starts drivers in its own process. Commands that measure points leave that
-    /// to workers.
+    /// Returns whether the command starts drivers in its own process. Commands that measure the points of an experiment
+    /// leave that to workers.
     fn starts_drivers(&self) -> bool {
         match self {
             Self::Render(_)
@@ -147,7 +147,7 @@ impl Command {
         }
     }
 
-    /// Returns whether times are what the user asks the command for, and not a picture.
+    /// Returns whether the user asks the command for times, not for a picture.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Worker { .. } | Self::Peak(_) | Self::Noise(_) => true,
@@ -192,7 +192,7 @@ impl Cli {
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
-    /// Returns whether times are what the user asks the command for, and not a picture.
+    /// Returns whether the user asks the command for times, not for a picture.
     pub fn measures(&self) -> bool {
         self.command.measures()
     }
@@ -218,7 +218,7 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            // Printed on a new line, since a driver may have left an unfinished one.
+            // The list begins on a new line, since a driver may have printed an unfinished line.
             Command::Worker { list: true, cl_dir, .. } => {
                 let sources = Sources::of(cl_dir)?;
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))

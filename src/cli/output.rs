@@ -37,7 +37,7 @@ pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }
 
-/// Writes `text` to standard error, unless `quiet`, for commands that write a picture to standard output.
+/// Writes `text` to standard error, unless `quiet` is set, for commands that write a picture to standard output.
 pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
     // If standard error is closed, the picture is still complete.
     let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };

@@ -7,15 +7,16 @@ use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// A bar with the current step, the number of finished steps and the total, and the time left.
+/// A bar with the number of finished steps and the total, the time left, and the current work.
 pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's layout. The text is the last argument of `works_on`; it gets half of a line of 80 columns.
+/// The bar's layout. The text at its end is the latest argument of `works_on`; it has about half of a line of 80
+/// columns.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
-/// Writes the time left, which is unknown until the first point has finished.
+/// Writes the time left; `?` if no step has finished yet.
 fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
     // If the bar cannot be written, the run continues.
     let _ = match state.pos() {
@@ -63,7 +64,7 @@ impl Observer for Bar {
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Number of steps of all points, and of finished ones.
+    /// Number of steps of all points; `taken` is the number of finished steps.
     steps: usize,
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then.
@@ -73,8 +74,8 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Returns ", about 12 minutes left", estimated from the timed steps since the run began. Points that do not fit
-    /// on the device take no time; if their steps counted, the estimate would be too short.
+    /// Returns ", about 12m left", estimated from the steps that were timed since this run's first point began. Points
+    /// that do not fit on the device take no time; if their steps counted, the estimate would be too short.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
         let now_done = self.taken.saturating_sub(before + self.untimed);

@@ -11,7 +11,7 @@ const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// Returns the error with the new word if an old one was typed; otherwise unchanged.
+/// Returns the error, with the new word if an old one was typed.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
@@ -29,7 +29,7 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns whether the subcommand in the error's usage has an option.
+/// Returns whether the subcommand in the error's usage has this option.
 fn has_option(error: &clap::Error, option: &str) -> bool {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return false };
     let (usage, command) = (usage.to_string(), Cli::command());
@@ -55,7 +55,7 @@ mod tests {
             assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
             assert!(error.to_string().contains(new), "{error}");
         }
-        // Not suggested if the command does not have that option.
+        // `--peak` is not suggested if the command does not have this option.
         let other =
             explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
         assert!(!other.to_string().contains("--peak"), "{other}");

@@ -19,7 +19,8 @@ pub struct Args {
     json: bool,
 }
 
-/// Removes damaged lines from records, samples and rounds; a copy of each original file stays in the folder.
+/// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and records of
+/// control points. A copy of each changed file, as it was, stays in the folder.
 pub fn run(args: Args) -> Result<()> {
     if !args.folder.join("records.jsonl").is_file() {
         let error =

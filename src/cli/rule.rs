@@ -1,5 +1,5 @@
-//! `raycl rule`, for contributors: checks the rule by which `render` chooses a strategy against measurements, and
-//! computes the rule's constants from them.
+//! `raycl rule`, for contributors: compares the choices of the rule by which `render` chooses a strategy with
+//! measurements, and computes the rule's constants from measurements.
 
 use super::choice::one_device;
 use super::turn::hold;
@@ -12,7 +12,7 @@ use crate::rule::{Case, Measured, Sweep, cases, source};
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
-/// Number of rounds; the least time of each point is used.
+/// The default number of rounds. The least time of all rounds counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
@@ -37,7 +37,7 @@ pub struct Args {
     /// A note on the machine, stored beside the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
-    /// Store the sweep
+    /// Write the measurements (the sweep) to this file
     #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
     /// Compute the rule's constants from stored measurements, and print them as source code
@@ -55,7 +55,7 @@ impl Args {
     }
 }
 
-/// Measures the cases, shows the rule's choices for stored measurements (sweeps), or fits the rule to these.
+/// Measures the cases, shows the rule's choices for stored measurements (sweeps), or fits the rule to stored sweeps.
 pub fn run(args: Args) -> Result<()> {
     if !args.fit.is_empty() {
         let text = source(&read_all(&args.fit)?);
@@ -92,10 +92,10 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
     let all = cases(path)?;
     let wanted: Vec<Case> = all.iter().filter(|case| is_wanted(case, kind, word)).cloned().collect();
     if wanted.is_empty() {
-        let of = args.only.as_ref().map(|word| format!(" with '{word}' in its name")).unwrap_or_default();
+        let of = args.only.as_ref().map(|word| format!(" and has '{word}' in its name")).unwrap_or_default();
         let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
         return Err(Error::input(message)
-            .with_help("a case's `devices` are cpu, gpu or both; --only takes part of its name"));
+            .with_help("a case's `devices` are cpu, gpu or both; --only takes part of a case's name"));
     }
     let _held = hold(&[&device.info], false)?;
     let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
@@ -126,7 +126,7 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     Measured::of(case, scene, device, rounds)
 }
 
-/// Formats the choice of each case next to the best one.
+/// Formats a table with the rule's choice for each case next to the fastest candidate.
 fn text(sweep: &Sweep) -> Result<String> {
     let header = ["case", "triangles", "pixels", "chosen", "ms", "best", "ms", "ratio"];
     let mut table = super::table(&header, 1);

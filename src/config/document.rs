@@ -1,4 +1,4 @@
-//! The text of a config and the `--set` values merged into it; locates mistakes in them.
+//! The text of a config, with the `--set` values merged into it, and the locations of mistakes in both.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ pub struct Document {
 /// One `--set` option, as a line of TOML.
 struct Override {
     line: String,
-    /// The start of its spans: after the file and the earlier overrides.
+    /// The start of the line's spans, which lie after those of the file and of earlier overrides.
     start: usize,
 }
 
@@ -146,7 +146,8 @@ fn toml_line(key: &str, value: &str) -> Result<String> {
     }
 }
 
-/// Merges `above` into `below`: tables are merged, all other values replaced.
+/// Merges `above` into `below`: tables are merged, and all other values are replaced. [`merge`] also merges a table
+/// into an array if the table's keys are indices of the array.
 fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
     for (key, value) in above {
         match below.get_mut(key.get_ref().as_ref()) {

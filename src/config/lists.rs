@@ -1,4 +1,4 @@
-//! Checks lists: not empty, and without repetitions.
+//! Checks that lists are not empty, and removes repetitions from them.
 
 use toml::Spanned;
 

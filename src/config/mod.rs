@@ -1,5 +1,5 @@
-//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`], which
-//! contains no types of serde or TOML. Every mistake is reported with its line.
+//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`]. Its only types of
+//! TOML are the values to set in scenes. Every mistake is reported with its line.
 
 mod document;
 mod lists;
@@ -31,8 +31,8 @@ pub fn schema() -> serde_json::Value {
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
 /// A value that is valid TOML is read as such, any other value as a string. Arrays are replaced, tables are
-/// merged. Paths of scenes are relative to the file. Any mistake is an input error that names the file, the
-/// line and the remedy.
+/// merged. A key may contain the index of an element of an array: `strategy.0.width`. Paths of scenes are relative to
+/// the file. Any mistake is an input error that names the file or `--set`, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \
@@ -52,8 +52,8 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     parse(path, text, overrides)
 }
 
-/// Returns the experiment described by a config's `text`. `path` is its name in messages, and scenes are
-/// relative to it.
+/// Returns the experiment that the `text` of a config describes. `path` is the config's name in messages; paths of
+/// scenes are relative to its folder.
 pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
     let document = Document::new(path.display().to_string(), text, overrides)?;
     let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;

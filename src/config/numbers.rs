@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns a whole number that is in the range.
+/// Returns `value` if it is in the range. The message for any other value calls it `what`.
 pub fn whole(
     document: &Document,
     value: i64,
@@ -22,7 +22,7 @@ pub fn whole(
     }
 }
 
-/// Returns a number that is in the range, or `default` if the file has none.
+/// Returns the value if it is in the range, or `default` if the file has no value.
 pub fn real(
     document: &Document,
     value: &Option<Spanned<f64>>,

@@ -47,7 +47,7 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     })
 }
 
-/// Refuses a file that is not a scene, with a short message.
+/// Returns a short error for a file that is not a scene; `None` if it is one.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let filetype = Opened::at(path).ok()?.filetype;
     filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)
@@ -72,7 +72,8 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
     Ok(choices)
 }
 
-/// Returns a choice with one more value. The scene's suffix names the value by the last part of its key.
+/// Returns a copy of the choice with one more changed value. The copy's suffix names the value by the last part of its
+/// key.
 fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);

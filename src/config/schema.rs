@@ -1,4 +1,5 @@
-//! JSON schemas of the values that `wire` deserialises by hand: sizes, and names that are listed elsewhere.
+//! JSON schemas of the values that `wire` deserialises by hand (sizes and strategies), and of names that are listed
+//! elsewhere.
 
 use std::borrow::Cow;
 
@@ -46,12 +47,12 @@ fn strategy() -> Schema {
     );
     add(
         "name",
-        "Its name in results [default: the preset, and the axes that differ from it].",
+        "The strategy's name in results [default: the preset, and the axes that differ from it or vary].",
         json_schema!({ "type": "string" }),
     );
     let sizes = json_schema!({ "type": "array", "items": size() });
-    add("local_sizes", "Work-items of a work-group, instead of the experiment's.", sizes);
-    let about = "Measure the preset on devices that it is not meant for, too [default: false].";
+    add("local_sizes", "Work-items per work-group, instead of the experiment's local sizes.", sizes);
+    let about = "Also measure the preset on kinds of devices that it is not meant for [default: false].";
     add("any_kind", about, json_schema!({ "type": "boolean" }));
     for axis in AXES {
         add(
@@ -64,7 +65,7 @@ fn strategy() -> Schema {
 }
 
 /// Returns the schema of an axis's value or list of values. Numbers need no quotes. If an axis's values are
-/// files, the folder of --cl-dir may add more.
+/// files, the folder of --cl-dir may add more values.
 fn values(axis: &AxisInfo) -> Schema {
     let known = axis.values().into_iter().map(|(name, _)| Value::from(name));
     let numbers = axis.values().into_iter().filter_map(|(name, _)| name.parse::<i64>().ok()).map(Value::from);

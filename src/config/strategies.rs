@@ -16,7 +16,7 @@ use crate::strategy::{AXES, Preset, Strategy, preset};
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
-    /// The axes that are part of its name: those that differ from the preset or vary within the entry.
+    /// The axes that are part of the name, as `axis=value`: those that differ from the preset or vary within the entry.
     told: Vec<String>,
 }
 
@@ -74,7 +74,7 @@ fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKin
     }
 }
 
-/// Returns every combination of the entry's axes.
+/// Returns a strategy for every combination of the entry's values.
 fn product(
     document: &Document,
     config: &wire::Experiment,
@@ -170,8 +170,8 @@ fn named(
     })
 }
 
-/// Returns the entry's own name, followed by the axes that it gives as lists. If it has no name, returns the preset,
-/// followed by every axis that differs from it.
+/// Returns the entry's own name, followed by the axes for which the entry lists several values. If the entry has no
+/// name, returns the preset's, followed by these axes and by every axis that differs from the preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");

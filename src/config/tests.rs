@@ -80,7 +80,7 @@ fn every_config_of_the_repository_loads() {
         assert!(!experiment.strategies.is_empty());
         // Baselines test every triangle, so they would take too long on scenes that need trees.
         let trees = experiment.strategies.iter().any(|named| named.strategy.needs_tree());
-        // A config with a single strategy compares nothing: it makes pictures.
+        // A config with a single strategy makes pictures and compares nothing, so it needs no baseline.
         let alone = experiment.strategies.len() == 1;
         assert!(trees || alone || !experiment.baselines.is_empty());
         count += 1;

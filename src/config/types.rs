@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::scene::{Loaded, load_scene_named_in};
 use crate::strategy::Strategy;
 
-/// A question, and the product of axes that is measured to answer it.
+/// A question, and the scenes, devices, image sizes and strategies whose combinations are measured to answer it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
     /// The config's file stem.
@@ -89,7 +89,7 @@ pub struct NamedStrategy {
     /// Local sizes: work-items of a work-group, across and down.
     pub local_sizes: Vec<[u32; 2]>,
     /// The only kind of device that the strategy is measured on: its preset's, unless the config or the
-    /// command line asks for all.
+    /// command line asks for all kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -104,7 +104,7 @@ impl NamedStrategy {
 /// A caster on the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Baseline {
-    /// One core, single precision: the serial baseline the paper promised.
+    /// One core, single precision: the serial baseline that the paper promised.
     Serial,
     /// One core, double precision: the reference against which images are verified.
     SerialF64,
@@ -157,7 +157,7 @@ impl Emulate {
 }
 
 impl fmt::Display for Emulate {
-    /// Formats the limits for keys: `local_bytes=49152 constant_bytes=-`.
+    /// Formats the limits for a point's key: `local_bytes=49152 constant_bytes=-`; `-` means the device's own limit.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = |limit: Option<u64>| limit.map_or("-".to_string(), |bytes| bytes.to_string());
         write!(f, "local_bytes={} constant_bytes={}", text(self.local_bytes), text(self.constant_bytes))
@@ -167,7 +167,7 @@ impl fmt::Display for Emulate {
 /// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames cast before the first sample.
+    /// Number of frames cast before the first sample of a launch; fewer if they take over a tenth of the time limit.
     pub warmup: u32,
     /// Number of launches: worker processes that measure a group one after another and share its samples.
     /// With one launch, results are only preliminary.
@@ -176,7 +176,7 @@ pub struct Timing {
     pub min_samples: u32,
     /// Largest number of samples of a point; its group stops at this number.
     pub max_samples: u32,
-    /// Time for the samples of a point, averaged over its group.
+    /// Milliseconds for the samples of a point, averaged over its group.
     pub time_limit_ms: f64,
     /// Seed for the order of launches and rounds.
     pub seed: u64,
@@ -199,7 +199,7 @@ impl Default for Timing {
 }
 
 impl fmt::Display for Timing {
-    /// Formats all settings for keys, as `name=value`.
+    /// Formats all settings for a point's key, as `name=value`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { warmup, launches, min_samples, max_samples, time_limit_ms, seed, relative_sigma } = self;
         write!(

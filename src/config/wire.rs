@@ -34,7 +34,8 @@ pub struct Experiment {
     /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
     #[serde(default)]
     pub compare_scenes: bool,
-    /// Words of devices' names, platforms or vendors, or cpu, gpu, all [default: all].
+    /// Words that select devices: part of a name, platform or vendor, a kind (cpu, gpu, accelerator), or all
+    /// [default: the user's default device, else all].
     #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     /// Widths and heights in pixels: 512 for a square, or [800, 500].
@@ -55,7 +56,7 @@ pub struct Experiment {
     /// Also measure presets on kinds of devices that they are not meant for [default: false].
     #[serde(default)]
     pub any_kind: bool,
-    /// Casters on the host, measured in the same rounds.
+    /// Casters on the host, measured in the same rounds as the kernels.
     #[serde(default)]
     #[schemars(with = "Vec<BaselineName>")]
     pub baselines: Vec<Spanned<String>>,
@@ -74,13 +75,13 @@ pub struct SceneEntry {
     /// The scene file, relative to this file.
     #[schemars(with = "String")]
     pub file: Spanned<String>,
-    /// Values by their paths, such as "object.0.triangles"; a list makes one scene per value.
+    /// New values of keys of the scene file, such as "object.0.triangles"; a list makes one scene per value.
     #[serde(default)]
     #[schemars(with = "BTreeMap<String, Anything>")]
     pub set: BTreeMap<Spanned<String>, Spanned<SceneValues>>,
 }
 
-/// One value or a list of values. A value that is itself a list must be within a list.
+/// One value or a list of values. A value that is itself a list must be inside another list: `[[0, 1, 2]]`.
 #[derive(Deserialize)]
 #[serde(untagged)]
 pub enum SceneValues {
@@ -104,11 +105,12 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Number of frames cast before the first sample [default: 2].
+    /// Number of frames cast before the first sample of a launch; fewer if they take over a tenth of the time
+    /// limit [default: 2].
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Number of fresh processes, at different times, that share the samples of a point; with 1, intervals
-    /// are too narrow [default: 3].
+    /// Number of launches: new processes, at different times, that share the samples of a point. With 1, the 95%
+    /// intervals are too narrow [default: 3].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
     /// Smallest number of samples of a point, unless the time is up [default: 10].
