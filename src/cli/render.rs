@@ -49,7 +49,7 @@ use timeline::Timeline;
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
   raycl render scenes/gourd.toml --json --repeat 10 | jq .frame_rays_per_s
 
-`raycl strategies` lists presets and axes, `raycl devices` the devices.")]
+`raycl strategies` lists presets and axes; `raycl devices` lists devices.")]
 pub struct Args {
     #[command(flatten)]
     subject: Subject,
@@ -113,7 +113,7 @@ impl Args {
     }
 }
 
-/// Renders one picture, or with `--watch` one after every change.
+/// Renders one picture, with `--watch` another one after every change, or the frames of a moving picture.
 pub fn run(args: Args) -> Result<()> {
     if let Some(devices) = &args.devices {
         return split::run(&args, devices);
@@ -174,7 +174,7 @@ fn render(args: &Args) -> Result<()> {
     let judged = radiance.as_ref().map(|image| judged(args, &scene, image, (&strategy, &cast), &target));
     let verified = judged.transpose()?.flatten();
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    // While kernels are edited, storing their programs is not worth it.
+    // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     let keeping = keeping.then(|| KEEPING.to_owned());
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
@@ -230,7 +230,8 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report at the end.
+/// Prints the report; to standard error if the picture goes to standard output. Without `--watch`, it then ends the
+/// process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
         _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
@@ -271,14 +272,14 @@ fn hard(scene: &Scene, samples: u32, softer: &str) -> Option<String> {
 const KEEPING: &str =
     "another process is storing the compiled program, so that the next start need not compile it";
 
-/// The result of `work`, and its duration.
+/// Returns the result of `work`, and its duration in milliseconds.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();
     (result, ms_since(start))
 }
 
-/// Returns the picture's path; the default is the scene's name with `.png`.
+/// Returns the picture's path; the default is the scene's name with `.png`, or `picture.png` for standard input.
 fn target(args: &Args) -> Target {
     let scene = unpacked_name(&args.subject.scene);
     let stem = match scene.file_stem() {
@@ -290,7 +291,8 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// Returns the files of `--layers`, if requested. None of them replaces the picture.
+/// Returns the files of `--layers`, if requested. A .png of a layer must not replace the picture; an .exr may, since it
+/// also contains the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))
@@ -308,8 +310,8 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns whether a bare mesh gets a ground, soft light and a sky. With several devices it does not, since they take
-/// one sample per pixel.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices` it does not, since several
+/// devices cast only one sample per pixel.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && args.devices.is_none()
 }
@@ -323,7 +325,7 @@ fn sampling(args: &Args, dressed: bool) -> Sampling {
     }
 }
 
-/// The default for a bare mesh.
+/// The default samples per pixel of a bare mesh.
 const DRESSED_SAMPLES: Sampling = Sampling { first: 1, most: 6, half_light: 2 };
 /// The largest number of samples per pixel with `--adaptive`, if `--samples` is not given.
 const ADAPTIVE_SAMPLES: u32 = 16;

@@ -33,7 +33,7 @@ pub struct Subject {
     /// device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     pub strategy: Option<String>,
-    /// Work-items of a work-group
+    /// Local size: work-items per work-group, across and down
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub local_size: Option<[u32; 2]>,
     /// Change an axis of the strategy or a value of the scene
@@ -91,8 +91,8 @@ impl Subject {
         }
     }
 
-    /// Returns the values of the scene that options and `--set` change. Each value is read as TOML if it is
-    /// TOML, and otherwise as text.
+    /// Returns the values of the scene that options and `--set` change. A value of `--set` is read
+    /// as TOML if it is valid TOML, and otherwise as text.
     fn overrides(&self) -> Result<Vec<(String, toml::Value)>> {
         let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
         of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;

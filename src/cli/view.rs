@@ -78,7 +78,7 @@ struct Report {
     device: String,
     /// Every axis of the last strategy.
     strategy: String,
-    /// Work-items of a work-group across and down.
+    /// Work-items per work-group, across and down.
     local_size: [u32; 2],
     image_size: [u32; 2],
     /// The number of frames that were shown.
@@ -93,7 +93,7 @@ struct Report {
     rays_per_s: f64,
 }
 
-/// Shows a scene until the user ends it.
+/// Shows a scene until the user or a limit ends the view.
 pub fn run(args: Args) -> Result<()> {
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;

@@ -55,7 +55,7 @@ impl Cast {
 
     /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
     /// `per_hit` of them. Soft light at half resolution needs two additional pictures, each with a quarter of the
-    /// pixels; only one of these two has shadow rays.
+    /// pixels; of all three pictures, only one of the small ones has shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -138,7 +138,7 @@ fn read(caster: &Caster, shows: Option<&Shows<'_>>) -> std::result::Result<(Pict
     Ok((Picture::Radiance(image), hits))
 }
 
-/// Returns `None` if a pixel is not finite.
+/// Reads the last frame's image in 8 bits; returns `None` if a pixel is not finite.
 fn read_shown(
     caster: &Caster,
     Shows { display, target, program }: &Shows<'_>,
@@ -181,7 +181,8 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// Smaller than a frame, its triangles and its tree, so that each is transferred in several pieces.
+    /// The size of a piece. A frame, its triangles and its tree are each larger, so that each is transferred in several
+    /// pieces.
     const PIECE_BYTES: usize = 1000;
 
     /// Calls a function with a caster for a scene. With `is_apart`, the device, even if it is a CPU, is treated as a
@@ -215,8 +216,8 @@ mod tests {
 
     #[test]
     fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
-        // What these strategies transfer: triangles without a tree; a tree and its triangles; a tree, its triangles,
-        // and their surfaces in buffers of their own.
+        // The strategies transfer, in this order: triangles without a tree; a tree and its triangles; a tree, its
+        // triangles, and their surfaces in separate buffers.
         for strategy in ["deferred", "bvh", "tile"] {
             let [apart, shared] = [true, false]
                 .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));

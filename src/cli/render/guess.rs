@@ -1,6 +1,6 @@
 //! Guesses, before a scene is read, which program its picture needs, so that the program can be built early:
-//! the one used last time, or one that is likely for the size of the mesh's file. A wrong guess only costs
-//! time.
+//! the program that this scene needed last time, or one that is likely for the size of an OBJ file. A wrong guess
+//! only costs time.
 
 use super::{Args, is_dressed};
 use crate::cache::Cache;
@@ -13,14 +13,14 @@ use crate::strategy::{Strategy, Task, Workload, preset};
 use serde::{Deserialize, Serialize};
 use std::time::SystemTime;
 
-/// The name of its cache entries.
+/// The kind of cache entries that store guesses.
 const KIND: &str = "guess";
 /// Bytes per triangle of an OBJ file with positions only: the bunny has 35, the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
 /// Number of stack entries that most trees need.
 const USUAL_STACK: usize = 64;
 
-/// What determines a program and cannot be derived from the command's arguments alone.
+/// The facts that determine a program and cannot be derived from the command's arguments alone.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 struct Remembered {
     /// Each axis and its value.
@@ -29,7 +29,7 @@ struct Remembered {
     workload: Workload,
 }
 
-/// Returns the cache, unless kernels are being edited.
+/// Returns the user's cache, or no cache if kernels are probably being edited.
 pub fn cache(args: &Args) -> Cache {
     if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
@@ -70,7 +70,7 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
     Some((strategy, workload))
 }
 
-/// Returns the strategy for a bare mesh, whose number of triangles is estimated from the size of its file.
+/// Returns the strategy for an OBJ file, whose number of triangles is estimated from the file's size.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;
@@ -97,8 +97,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of samples per pixel. A bare mesh has its own default. The file's name decides whether it is a
-/// bare mesh, since the file has not been read yet.
+/// Returns the number of samples per pixel. A bare mesh has its own default. The name of the scene's file decides
+/// whether it is a bare mesh, since the file has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)

@@ -26,8 +26,8 @@ pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels that hit
 /// something. If the picture's soft light was cast in half pictures, `parts` contains the pictures from which the
-/// filter made the final one: they are compared with the reference, and the final picture is compared with what the
-/// filter yields from them.
+/// filter made the final one: these are compared with the reference, and the final picture is compared with the result
+/// of the same filter on the host.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -69,7 +69,7 @@ pub(super) fn check(
     Ok(Verified { max_difference: max_difference.max(filtered), ..whole })
 }
 
-/// Compares a picture with its reference; returns why it is wrong, if it is.
+/// Compares a picture with its reference; returns the reason if the picture is wrong.
 fn compare(
     scene: &Scene,
     (image, hits): (&Radiance, Option<usize>),
@@ -96,7 +96,7 @@ fn compare(
     }
 }
 
-/// Compares a picture with what the filter of soft light makes of its parts; returns the largest difference.
+/// Filters a picture's parts on the host and compares the picture with the result; returns the largest difference.
 fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::result::Result<f64, String> {
     let background = scene.background.as_dvec3();
     let expected = with_half_light(&parts.whole, &parts.hit_shares, &parts.halves(), background);

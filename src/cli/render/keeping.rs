@@ -1,4 +1,4 @@
-//! Stores a program in the cache if the driver needs a long time to return its binary. The picture does not
+//! Stores a program in the cache if the driver needs a long time to return the program's binary. The picture does not
 //! wait for this: a background process with low priority does it.
 
 use crate::cache::Cache;
@@ -13,7 +13,7 @@ use std::io::Write as _;
 use std::process::Stdio;
 use std::time::{Duration, SystemTime};
 
-/// The kind of cache entries that record when a process began to make a binary.
+/// The kind of cache entries that record when a process began to store a program.
 const KIND: &str = "order";
 /// A process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
@@ -27,7 +27,7 @@ struct Order {
     options: String,
 }
 
-/// Stores a program if that is worthwhile; returns whether a background process is doing it.
+/// Starts a background process that stores a program, if that is worthwhile. Returns whether it has started.
 pub fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
@@ -41,7 +41,8 @@ pub fn order(prepared: &Prepared, device: &Device) -> bool {
     begin(&cache, &prepared.spec) && start(&order).is_ok()
 }
 
-/// Records that this process will store the program; returns `false` if another one does so already.
+/// Records that a background process will store the program. Returns `false` if another process is storing it already,
+/// or if this cannot be recorded.
 fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);

@@ -42,7 +42,7 @@ pub struct Motion {
     /// Render only frames A to B, both included; the first frame is 1
     #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
-    /// Render only one of several equal parts, such as 3/16; auto takes both numbers from the launcher
+    /// Render only one of several parts of the frames: 3/16 is part 3 of 16; auto takes both numbers from the launcher
     /// (Slurm, MPI), auto/16 only the first
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
@@ -57,7 +57,7 @@ pub(super) const MOVING: &str = "moving";
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {
-    /// True if there are several frames.
+    /// True if frames are rendered instead of a single picture.
     pub fn moves(&self) -> bool {
         self.turns() || self.animates()
     }
@@ -77,7 +77,7 @@ impl Motion {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
-    /// Returns the frames that this process renders.
+    /// Returns the frames that this process renders; `None` if there are fewer frames than processes and it has none.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),
@@ -184,7 +184,7 @@ pub fn run(args: &Args) -> Result<()> {
     tell(args, &report)
 }
 
-/// Prints the report at the end.
+/// Prints the report; to standard error if the frames go to standard output.
 fn tell(args: &Args, report: &Report) -> Result<()> {
     let streams = args.output.as_ref().is_some_and(|output| output.as_os_str() == "-");
     match (args.json, args.quiet) {

@@ -42,8 +42,8 @@ impl Opened {
     }
 }
 
-/// Loads the scene while the driver starts (about 30 ms on one core), and builds the tree and the program early if
-/// possible.
+/// Loads the scene while the driver starts, which takes about 30 ms on one core. Builds the tree and the program early
+/// if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
@@ -57,7 +57,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         });
         let (opened, start_ms) = timed(|| -> Result<_> {
             let device = one_device(args.subject.device.as_deref(), sources)?;
-            // The loading thread may have failed already.
+            // If the loading thread has failed already, its error is returned below.
             let _ = found.send(device.info.clone());
             let queue = Queue::open(device.platform, device.device)?;
             Ok((device, queue))
@@ -77,7 +77,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 
 /// Builds the tree of the strategy with which the scene will be cast.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
-    // Verification needs more memory, and the session first checks whether there is enough.
+    // Verification needs more memory, so the session builds the tree after it has checked that there is enough.
     if args.verify.is_some() {
         return None;
     }
@@ -86,7 +86,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
-/// Builds the guessed program. If that fails, the right one is built later and reports its errors.
+/// Builds the guessed program. If that fails, the session builds the right program later and reports any errors.
 fn early(
     args: &Args,
     sources: &Sources,

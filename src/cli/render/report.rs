@@ -31,12 +31,12 @@ pub struct Report {
     pub local_size: [u32; 2],
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// The largest number of samples per pixel; device times are for all of them.
+    /// The largest number of samples per pixel; device times include all samples.
     pub samples: u32,
-    /// The mean number of samples per pixel, which is smaller if they are adaptive.
+    /// The mean number of samples per pixel, which is smaller than `samples` if sampling is adaptive.
     pub mean_samples: f64,
-    /// Number of samples of soft light per pixel of a picture of half the width and height; 0 if every sample casts soft
-    /// light.
+    /// Number of samples of soft light per pixel of a picture of half the width and height; 0 if every sample casts
+    /// soft light.
     pub half_light_samples: u32,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
@@ -89,15 +89,15 @@ pub struct Report {
     pub verified: Option<Verified>,
     /// The path of the picture.
     pub output: String,
-    /// Parts of the scene's file that were ignored or replaced by defaults, and whether raycl was built from
-    /// uncommitted sources.
+    /// Remarks for the user: parts of the scene's file that were ignored or replaced by defaults, lights with a radius
+    /// that were treated as points, a raycl built from uncommitted sources, and the like.
     pub notes: Vec<String>,
 }
 
 /// The result of verifying a correct picture.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all pixels that are not uncertain.
+    /// The largest relative difference from the reference, over all certain pixels.
     pub max_difference: f64,
     /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly.
     pub uncertain_pixels: usize,

@@ -30,7 +30,7 @@ struct Report {
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
-    /// The longest time that a device takes to send the image back.
+    /// The longest time that a device takes to send its rows back.
     read_ms: f64,
     /// Primary and shadow rays of the frame, divided by the longest device time.
     frame_rays_per_s: f64,
@@ -43,7 +43,8 @@ struct Report {
     total_ms: f64,
     verified: Option<Verified>,
     output: String,
-    /// Parts of the scene's file that were ignored or replaced by defaults.
+    /// Remarks for the user: parts of the scene's file that were ignored or replaced by defaults, lights with a radius
+    /// that were treated as points, and a raycl built from uncommitted sources.
     notes: Vec<String>,
 }
 

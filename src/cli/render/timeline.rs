@@ -10,7 +10,7 @@ use std::time::Instant;
 pub struct Part {
     /// Its name.
     pub part: &'static str,
-    /// Its duration by the wall clock.
+    /// Its duration by the wall clock; for `start`, see [`Timeline::of_process`].
     pub ms: f64,
 }
 
@@ -30,7 +30,7 @@ impl Timeline {
         timeline
     }
 
-    /// Starts now.
+    /// Returns a timeline that begins now.
     pub fn begin() -> Self {
         Self { last: Instant::now(), parts: Vec::new() }
     }
@@ -40,7 +40,7 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Ends a part, some of whose time belongs to the parts `others`.
+    /// Ends a part. `others` are parts to which some of this time belongs, with their durations in milliseconds.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

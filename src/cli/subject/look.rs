@@ -20,7 +20,8 @@ pub struct Look {
     /// 21]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
     elevation: Option<f64>,
-    /// Background: a display colour such as '#203040', black or white; or transparent, which gives a PNG or EXR an alpha channel
+    /// Background: a display colour such as '#203040', black or white; or transparent, which gives a PNG or EXR an
+    /// alpha channel
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
     /// For meshes without normals: keep an edge sharp if its faces meet at more than this angle [default for

@@ -56,7 +56,7 @@ impl Film {
         }
     }
 
-    /// Returns the scene of a frame. Consecutive ones share their mesh if it is the same.
+    /// Returns the scene of a frame. Consecutive scenes share their mesh if it is the same.
     pub fn scene(&mut self, number: u32) -> Result<Arc<Scene>> {
         match self {
             Self::Turntable { scene, orbit, count } => {
@@ -80,8 +80,8 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames: hashes of the scene's content, the strategy, the frame's number, raycl's version and the
-/// kernels of `--cl-dir`.
+/// Makes the keys of frames: hashes of the scene's content, the strategy, the picture's size, the samples, the frame's
+/// number, raycl's version and the kernels of `--cl-dir`.
 pub struct Keys {
     shared: String,
     /// The last mesh, and its hash.

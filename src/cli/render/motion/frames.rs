@@ -21,12 +21,12 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
     match (number(first), number(last)) {
         (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
-        _ => Err("expected the first and the last frame, such as 1..30; the first is 1".to_owned()),
+        _ => Err("expected the first and the last frame, such as 1..30; the first frame is 1".to_owned()),
     }
 }
 
 impl Frames {
-    /// Returns this range, or an error if there are fewer frames.
+    /// Returns this range, or an error if it does not end within the `count` frames that there are.
     pub fn within(self, count: u32) -> Result<Self> {
         if self.last <= count {
             return Ok(self);
@@ -38,7 +38,7 @@ impl Frames {
     }
 
     /// Returns the consecutive frames of one process, about as many as every other process has; `None` if
-    /// there are too few.
+    /// this process has none.
     pub fn of_shard(self, shard: Shard) -> Option<Self> {
         let before = |number: u32| (u64::from(self.len()) * u64::from(number) / u64::from(shard.of)) as u32;
         let (begin, end) = (before(shard.number - 1), before(shard.number));

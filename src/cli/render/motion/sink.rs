@@ -101,11 +101,11 @@ fn no_rate(rate: u16, target: &Target) -> Error {
 
 /// The largest number of pictures that are encoded at the same time; with more, a GPU casts no faster.
 const MOST_WRITERS: usize = 4;
-/// Cores for each of them. The encoder of one picture uses several, but not all the time.
+/// Number of cores per picture that is being encoded. An encoder uses several cores, but not all the time.
 const CORES_OF_WRITER: usize = 4;
 
-/// Returns how many pictures of a size are encoded at the same time. On a small machine one is enough, since casting needs
-/// the cores too.
+/// Returns how many pictures of a size are encoded at the same time. On a small machine one is enough, since casting
+/// needs the cores too.
 fn writers(size: [u32; 2]) -> usize {
     writers_on(std::thread::available_parallelism().map_or(1, usize::from), size)
 }
@@ -118,7 +118,7 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
 /// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 12 bytes.
 const MOST_PIXELS: u64 = 1 << 26;
 
-/// Tells the other threads to stop if one panics.
+/// Tells the other threads to stop if its own thread panics.
 struct StopsOthers<'a>(&'a AtomicBool);
 
 impl Drop for StopsOthers<'_> {
@@ -186,7 +186,7 @@ mod tests {
         let mut all = written.lock().unwrap().clone();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>());
-        // On a busy machine, the others may write many frames before the thread of frame 10 goes on.
+        // On a busy machine, the other threads may write many frames before the thread of frame 10 goes on.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
     }

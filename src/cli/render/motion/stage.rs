@@ -30,8 +30,8 @@ pub struct Stage<'a> {
 type Ready = (Prepared, Caster);
 
 impl Stage<'_> {
-    /// Casts the frame of a scene; returns its image and the device's time in milliseconds. Only what differs
-    /// from the last frame is replaced: a mesh and its tree, or the lights and the sky.
+    /// Casts the frame of a scene; returns its image and the device's time in milliseconds. Only the parts
+    /// that differ from the last frame are replaced: a mesh and its tree, or the lights and the sky.
     pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Radiance, f64), Refused> {
         let ready = match self.shown(scene)? {
             Some(ready) => ready,
@@ -44,8 +44,9 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. If the
-    /// buffers do not suit the scene, only the program is kept, so that there is room for new buffers.
+    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. Returns
+    /// `None` if the buffers do not suit the scene. Then only the program is kept, so that there is room for new
+    /// buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
         if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {
