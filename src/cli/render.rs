@@ -26,7 +26,7 @@ use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
 use crate::strategy::Strategy;
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
-use judge::{check, refuse_not_finite};
+use judge::{check, refuse_not_finite, saved_at};
 use motion::Motion;
 use opening::{Opened, open};
 use report::{Report, Verified};
@@ -208,7 +208,7 @@ fn judged(
     (strategy, cast): (&Strategy, &Cast),
     target: &Target,
 ) -> Result<Option<Verified>> {
-    refuse_not_finite(image, target.path())?;
+    refuse_not_finite(image, &saved_at(target.path()))?;
     let check = |some| {
         check(scene, (image, cast.hits), (strategy, cast.sampled()), cast.parts.as_ref(), target, some)
     };

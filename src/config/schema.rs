@@ -2,13 +2,14 @@
 //! elsewhere.
 
 use std::borrow::Cow;
+use std::ops::RangeInclusive;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
-use super::sizes::IMAGE_SIDE;
+use super::sizes::{IMAGE_SIDE, LOCAL_SIDE};
 use super::types::Baseline;
-use super::wire::{Size, StrategyEntry};
+use super::wire::StrategyEntry;
 use crate::schema::{names, schema_by_hand};
 use crate::strategy::{AXES, AxisInfo, PRESETS};
 
@@ -16,6 +17,10 @@ use crate::strategy::{AXES, AxisInfo, PRESETS};
 pub struct PresetName;
 /// The name of a caster on the host.
 pub struct BaselineName;
+/// The width and height of an image.
+pub struct ImageSize;
+/// The width and height of a work-group.
+pub struct LocalSize;
 /// Any value.
 pub struct Anything;
 
@@ -23,12 +28,13 @@ schema_by_hand! {
     PresetName => names(PRESETS.iter().map(|preset| preset.name));
     BaselineName => names(Baseline::ALL.iter().map(|baseline| baseline.name()));
     Anything => json_schema!({});
-    Size => size();
+    ImageSize => size(&IMAGE_SIDE);
+    LocalSize => size(&LOCAL_SIDE);
     StrategyEntry => strategy();
 }
 
-fn size() -> Schema {
-    let side = json!({ "type": "integer", "minimum": IMAGE_SIDE.start(), "maximum": IMAGE_SIDE.end() });
+fn size(side: &RangeInclusive<i64>) -> Schema {
+    let side = json!({ "type": "integer", "minimum": side.start(), "maximum": side.end() });
     json_schema!({ "anyOf": [side, { "type": "array", "items": side, "minItems": 2, "maxItems": 2 }] })
 }
 
@@ -50,7 +56,7 @@ fn strategy() -> Schema {
         "The strategy's name in results [default: the preset, and the axes that differ from it or vary].",
         json_schema!({ "type": "string" }),
     );
-    let sizes = json_schema!({ "type": "array", "items": size() });
+    let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE) });
     add("local_sizes", "Work-items per work-group, instead of the experiment's local sizes.", sizes);
     let about = "Also measure the preset on kinds of devices that it is not meant for [default: false].";
     add("any_kind", about, json_schema!({ "type": "boolean" }));

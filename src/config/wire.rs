@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::{self, Deserializer, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
-use super::schema::{Anything, BaselineName, PresetName};
+use super::schema::{Anything, BaselineName, ImageSize, LocalSize, PresetName};
 use super::validate::{MOST_LAUNCHES, MOST_SAMPLES};
 use crate::strategy::AXES;
 
@@ -39,11 +39,11 @@ pub struct Experiment {
     #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     /// Widths and heights in pixels: 512 for a square, or [800, 500].
-    #[schemars(with = "Vec<Size>", length(min = 1))]
+    #[schemars(with = "Vec<ImageSize>", length(min = 1))]
     pub image_sizes: Spanned<Vec<Spanned<Size>>>,
     /// Work-items per work-group: 8 for 8 x 8, or [64, 1].
     #[serde(default)]
-    #[schemars(with = "Vec<Size>")]
+    #[schemars(with = "Vec<LocalSize>")]
     pub local_sizes: Vec<Spanned<Size>>,
     /// Names of presets; `raycl strategies` lists them.
     #[serde(default)]

@@ -13,15 +13,20 @@ use crate::verify::{Verdict, verify};
 use std::path::Path;
 
 /// Returns an error if a value of the picture is infinite or not a number, even without `--verify`.
-pub(super) fn refuse_not_finite(image: &Radiance, saved: &Path) -> Result<()> {
+/// `fate` tells the user where the picture is.
+pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];
     let message =
         format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; the picture was saved for inspection: {}",
-        saved.display()
+        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; {fate}"
     )))
+}
+
+/// Tells the user where a picture with values that are not finite is.
+pub(super) fn saved_at(path: &Path) -> String {
+    format!("the picture was saved for inspection: {}", path.display())
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels that hit

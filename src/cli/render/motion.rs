@@ -18,7 +18,6 @@ use frames::Frames;
 use serde::Serialize;
 use sink::Sink;
 use stage::Stage;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
 use std::time::Instant;
@@ -203,7 +202,6 @@ fn cast_into(
     (film, keys): (&mut Film, &mut Keys),
     frames: &[u32],
 ) -> Result<Vec<f64>> {
-    let name = PathBuf::from(sink.name());
     let has_keys = matches!(sink, Sink::Numbered(_));
     let size = stage.args.subject.size();
     std::thread::scope(|scope| {
@@ -215,7 +213,7 @@ fn cast_into(
                 let scene = film.scene(number)?;
                 let cast = stage.cast(&scene);
                 let (image, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info.name))?;
-                refuse_not_finite(&image, &name)?;
+                refuse_not_finite(&image, &format!("frame {number} was not written"))?;
                 times.push(ms);
                 let key = if has_keys { keys.key(&scene, number) } else { String::new() };
                 // If the writer has ended, its error is returned below.

@@ -1,7 +1,7 @@
 //! `raycl render --devices`: renders one frame on several devices.
 
 use super::casting::medians;
-use super::judge::{check, refuse_not_finite};
+use super::judge::{check, refuse_not_finite, saved_at};
 use super::report::Verified;
 use super::{Args, last_notes, load, ms_since, target};
 use crate::cli::turn::hold;
@@ -117,7 +117,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let Whole { image, hits, shares, left_out } = split.cast(&castings)?;
     drop(held);
     save(&image, scene.display, &target)?;
-    refuse_not_finite(&image, target.path())?;
+    refuse_not_finite(&image, &saved_at(target.path()))?;
     let verified = args
         .verify
         .map(|some| {
