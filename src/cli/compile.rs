@@ -34,8 +34,8 @@ pub struct Args {
     /// Work-items per work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
     local_size: [u32; 2],
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the most capable
-    /// one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: that
+    /// of the settings, else the most capable one]
     #[arg(long)]
     device: Option<String>,
     /// Write the source, build log, binary, and the numbers of registers and instructions to this folder

@@ -23,8 +23,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 The figures are medians of repeats, with their quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles assume the highest clock that the driver reports, not the clock during the measurement.")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the most capable
-    /// one]
+    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: that
+    /// of the settings, else the most capable one]
     #[arg(long)]
     device: Option<String>,
     /// Store the peak rates in a file, for `raycl run --peak`

@@ -25,8 +25,8 @@ pub struct Subject {
     /// Pixels down
     #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the most capable
-    /// one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: that
+    /// of the settings, else the most capable one]
     #[arg(long)]
     pub device: Option<String>,
     /// A preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the fastest for the

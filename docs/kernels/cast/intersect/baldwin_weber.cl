@@ -15,7 +15,8 @@
 //     height  c.x c.y c.z w       z
 //                                 1
 //
-// Divided by the normal's largest component, which the matrix keeps no sign of: front and back look alike.
+// The matrix is divided by the largest component of the normal, so the normal's sign is lost: the test cannot tell the
+// front of a triangle from its back.
 
 typedef struct {
     varying t_min;
@@ -59,8 +60,8 @@ Row row_of(Corners corners) {
     return row;
 }
 
-// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and where. Returns 0 if there are none; otherwise
-// there may be some.
+// Finds the lanes whose ray hits the triangle at t_min < t < t_max, and the hit points. Returns 0 only if no lane hits;
+// a result of 1 does not promise a hit.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     const varying above = row.c.x * origin.x + row.c.y * origin.y + row.c.z * origin.z + row.w;
     const varying falls = row.c.x * direction.x + row.c.y * direction.y + row.c.z * direction.z;
