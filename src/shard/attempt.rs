@@ -1,6 +1,5 @@
 //! An attempt at a shard: one process, and the folder that it writes to. No other process writes there.
-//! Attempts therefore share no file and need no lock, and a first attempt that is still running during a
-//! second does no harm.
+//! Attempts therefore need no lock, and a first attempt that is still running during a second does no harm.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -9,31 +8,31 @@ use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The folder of attempts.
+/// The name of the folder that contains the folders of all attempts.
 const PARTS: &str = "parts";
 /// The file that describes an attempt, and the file that says how it ended.
 const ABOUT: &str = "attempt.json";
 const END: &str = "end.json";
 
-/// Describes an attempt.
+/// The description of an attempt.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct About {
     /// The shard's number, from 1.
     pub shard: u32,
     /// Number of shards.
     pub of: u32,
-    /// The machine.
+    /// The machine's name.
     pub host: String,
-    /// The job's number in the scheduler; "0" without one.
+    /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
-    /// The number of times that the scheduler has restarted the job, or a higher number if that one is in
-    /// use.
+    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1; 0 if none is set), or the next
+    /// free number if an attempt with this number exists.
     pub restart: u32,
     /// The process's ID.
     pub process: u32,
-    /// The time limit for one of its steps, in seconds.
+    /// The time limit for one step of the measurement, in seconds.
     pub hang_limit_s: f64,
-    /// The identities of the kinds of device that it measures on.
+    /// The identities of the kinds of device that the attempt measures on.
     pub devices: Vec<String>,
     /// The command line, starting with the program.
     pub command: Vec<String>,
@@ -47,9 +46,9 @@ pub enum End {
     Done,
     /// The user, or a signal of the scheduler, ended it.
     Interrupted,
-    /// The program that started it died.
+    /// Its launcher, or a process between the launcher and it, has ended. The text names this process.
     LauncherLost(String),
-    /// It failed.
+    /// It failed with this error.
     Failed(String),
 }
 
@@ -58,7 +57,7 @@ pub enum End {
 pub struct Attempt {
     /// Its path.
     pub folder: PathBuf,
-    /// Its name: shard, machine, job, restart.
+    /// Its name, which consists of the shard, the machine, the job and the restart.
     pub name: String,
 }
 
@@ -87,8 +86,8 @@ impl About {
 }
 
 impl Attempt {
-    /// Makes the folder of a new attempt. If the folder for its restart number exists, the next free number
-    /// is used.
+    /// Makes the folder of a new attempt. If the folder for its restart number exists, the attempt gets the next free
+    /// number.
     pub fn begin(out: &Path, about: &About) -> Result<Self> {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
@@ -134,17 +133,17 @@ impl Attempt {
         Self::all(out).into_iter().filter(same).map(|other| other.folder).collect()
     }
 
-    /// Returns its description; `None` if it was killed before it wrote one.
+    /// Returns the attempt's description; `None` if the attempt was killed before it wrote one.
     pub fn about(&self) -> Option<About> {
         self.read(ABOUT)
     }
 
-    /// Returns how it ended; `None` if it is still running or was killed.
+    /// Returns how the attempt ended; `None` if it is still running or was killed.
     pub fn end(&self) -> Option<End> {
         self.read(END)
     }
 
-    /// Writes how it ended.
+    /// Writes how the attempt ended.
     pub fn ended(&self, end: &End) -> Result<()> {
         self.write(END, end)
     }

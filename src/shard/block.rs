@@ -18,7 +18,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// Returns whether it measures the control point for comparison only, since the point belongs to another
+    /// Returns whether the block measures the control point only for comparison, since the point belongs to another
     /// block.
     pub fn borrows_control(&self) -> bool {
         self.control.is_some_and(|control| !self.points.contains(&control))
@@ -30,9 +30,9 @@ impl Block {
 pub struct Cost {
     /// Its index in the plan.
     pub point: usize,
-    /// Its expected time. The unit does not matter, as long as all points use the same one.
+    /// Its expected time in milliseconds. Only the ratios of the points' times affect the blocks.
     pub ms: f64,
-    /// True if it can be a control point: every device can measure it, as far as is known.
+    /// True if it is suitable as a control point: every device can measure it, as far as is known.
     pub may_control: bool,
 }
 
@@ -41,7 +41,8 @@ type Priced = (f64, Block);
 
 /// Sizes tried for the pieces of a group, largest first, as fractions of a shard's fair share of the work.
 const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
-/// Smaller pieces measure control points more often. They must shorten the longest shard by this fraction.
+/// With smaller pieces, control points are measured more often. Smaller pieces are therefore used only if they shorten
+/// the longest shard by more than this fraction.
 const WORTHWHILE: f64 = 0.05;
 
 /// Cuts groups of comparable points into blocks for this number of shards. Equal costs always result in equal
@@ -69,8 +70,8 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
 /// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // A slightly larger piece costs less than measuring a control point twice. A piece of a single point is
-    // not worth a control point either.
+    // A piece slightly larger than `most` costs less than measuring a control point twice. There are at most half as
+    // many pieces as points (rounded up), since a control point is not worthwhile for pieces of a single point.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
@@ -95,7 +96,7 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     pieces
 }
 
-/// Returns the fastest of the points that every device can measure.
+/// Returns the fastest of the points that every device can measure or, if there are none, the fastest of all points.
 fn control(group: &[Cost]) -> Option<&Cost> {
     let least = |one: &&Cost, other: &&Cost| one.ms.total_cmp(&other.ms);
     group.iter().filter(|cost| cost.may_control).min_by(least).or_else(|| group.iter().min_by(least))

@@ -1,5 +1,5 @@
 //! The kinds of device that take part in an experiment, with the keys and names of their points. Each kind
-//! has a file, written by its first shard.
+//! has a file, written by the first shard that measures on this kind.
 
 use crate::error::{Error, Result};
 use crate::record::{PlannedPoint, read_lines, write_new};
@@ -33,8 +33,8 @@ pub struct KindPoint {
 }
 
 impl Kind {
-    /// Returns the path of the file: it contains the device's name and a hash of everything that identifies
-    /// the kind, including the program.
+    /// Returns the path of a kind's file. The file's name consists of the device's name and a hash of everything that
+    /// identifies the kind, including the version of raycl.
     pub fn file(out: &Path, device: &str, identity: &str) -> PathBuf {
         let program = option_env!("RAYCL_GIT_REVISION").unwrap_or(env!("CARGO_PKG_VERSION"));
         let hash = blake3::hash(format!("{device}\n{identity}\n{program}").as_bytes()).to_hex();
@@ -43,7 +43,7 @@ impl Kind {
         out.join(FOLDER).join(format!("{}-{}.jsonl", words.join("-").to_lowercase(), &hash[..8]))
     }
 
-    /// Writes the file, unless another shard has done so.
+    /// Writes the kind's file, unless another shard has done so.
     pub fn write(&self, path: &Path) -> Result<()> {
         let failed =
             |error: &dyn std::fmt::Display| Error::run(format!("cannot write {}: {error}", path.display()));
@@ -53,8 +53,8 @@ impl Kind {
         write_new(path, &text).map(|_| ())
     }
 
-    /// Returns all kinds in a folder, sorted by file name, the host first. Of several kinds with the same points,
-    /// only the first is returned.
+    /// Returns all kinds in a folder, the host first, the others sorted by file name. Of several kinds with the same
+    /// points, only the first is returned.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let mut files: Vec<PathBuf> = std::fs::read_dir(out.join(FOLDER))
             .into_iter()
@@ -67,8 +67,8 @@ impl Kind {
         let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
-        // Two kinds measure the same points if they differ only in the build of the program or in the device's name
-        // on its machine.
+        // Two kinds have the same points if they differ only in the build of raycl or in the device's name on its
+        // machine.
         let mut seen = HashSet::new();
         kinds.retain(|kind| seen.insert(kind.keys()));
         Ok(kinds)
@@ -78,8 +78,8 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns what distinguishes kinds with the same name: the parts of their identities that differ. `None`
-    /// for a name that is unique.
+    /// Returns, for each kind, the parts of its identity that not all kinds of the same name have, or "another program"
+    /// if there are none; `None` if its name is unique.
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {

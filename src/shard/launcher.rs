@@ -5,7 +5,7 @@
 use super::Shard;
 use crate::error::{Error, Result};
 
-/// Reads a variable of the environment.
+/// A function that reads an environment variable.
 type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 
 /// The numbers that a launcher assigned.
@@ -13,10 +13,10 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Told {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0; and the number of processes, if the launcher sets it.
+    /// The process's number, from 0, and the number of processes, if the launcher sets it.
     place: u32,
     count: Option<u32>,
-    /// The element's own number in a Slurm array, which is used directly if the number of shards is given.
+    /// The element's number in a Slurm array, if the number of shards is given: it is then the shard's number.
     number: Option<u32>,
 }
 
@@ -27,7 +27,7 @@ struct Ranks {
     place: &'static str,
     count: Option<&'static str>,
     origin: u32,
-    /// A variable that must be set too.
+    /// A variable without which the launcher's other variables are ignored.
     only_with: Option<&'static str>,
 }
 
@@ -57,7 +57,8 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Launchers that number whole jobs, except Slurm's arrays. The user chooses the numbers of a HyperQueue array.
+/// Launchers that number whole jobs, except Slurm's arrays. The user chooses the numbers of a HyperQueue array;
+/// they must begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -143,9 +144,9 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     match place.filter(|place| whole && *place < count) {
         Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
         None => Err(Error::input(format!(
-            "element {task} of a Slurm array of {count} that has gaps: its shard cannot be determined"
+            "a Slurm array of {count} elements has gaps, so the shard of element {task} cannot be determined"
         ))
-        .with_help("--shard auto/16 uses the element's number as the shard's, from 1 to 16")),
+        .with_help("--shard auto/16 uses the element's number, from 1 to 16, as the shard's number")),
     }
 }
 
@@ -155,7 +156,7 @@ impl Told {
         if let (Some(of), Some(count)) = (of, self.count.filter(|count| Some(*count) != of)) {
             let message = format!("--shard auto/{of}, but {launcher} started {count} processes");
             return Err(
-                Error::input(message).with_help("start as many, or leave the count out: --shard auto")
+                Error::input(message).with_help("start a process per shard, or omit the count: --shard auto")
             );
         }
         let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
@@ -163,7 +164,7 @@ impl Told {
         let error = |_| {
             let from = self.number.map_or(self.place, |number| number);
             Error::input(format!("{launcher} says {from}, which is not one of {of} shards"))
-                .with_help(format!("number the tasks so that they are the shards 1 to {of}"))
+                .with_help(format!("number the tasks so that they match the shards 1 to {of}"))
         };
         Shard::new(number, of).map_err(error)
     }
@@ -180,7 +181,7 @@ fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
 
 fn no_count(launcher: &str) -> Error {
     Error::input(format!("{launcher} does not say how many processes there are"))
-        .with_help("say how many: --shard auto/16")
+        .with_help("state the number of shards: --shard auto/16")
 }
 
 fn twice(array: &Told, inner: &Told) -> Error {
@@ -200,7 +201,7 @@ fn twice(array: &Told, inner: &Told) -> Error {
         )
 }
 
-/// Returns an error for a batch script of several tasks that starts raycl without `srun`: it would run only
+/// Returns an error for a batch script of several tasks that starts raycl without `srun`: raycl would run only
 /// once, and `SLURM_PROCID` would not be the number of a task.
 fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let place = variable("SLURM_PROCID").filter(|_| variable("SLURM_STEP_ID").is_none())?;
@@ -224,7 +225,7 @@ fn nobody() -> Error {
 mod tests {
     use super::*;
 
-    /// Returns the number of the shard and that of all shards, or the beginning of the error's message.
+    /// Returns the shard's number and the number of shards, or the error's message.
     fn told(of: Option<u32>, variables: &str) -> std::result::Result<(u32, u32), String> {
         let variable = |name: &str| {
             variables.split(' ').find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))

@@ -20,15 +20,16 @@ pub struct Missing {
 /// The missing points of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
-    /// The kind.
+    /// The kind's name, with its differences from other kinds of the same name; for a kind that has not begun, the word
+    /// that selects it.
     pub device: String,
     /// Its points without a record, in a readable form.
     pub points: Vec<String>,
-    /// Number of points that the plan has for it.
+    /// The number of points that the plan has for the kind.
     pub of: usize,
     /// The shards that contain these points.
     pub shards: Vec<u32>,
-    /// The command that measures all of them.
+    /// The command that measures all these points.
     pub command: String,
 }
 
@@ -44,8 +45,8 @@ impl Missing {
     }
 }
 
-/// Returns the points of the plan that have no record, on each kind, and all points of selected kinds that have not
-/// begun. A caster on the host does not belong to a kind of device: it is not missing if a host of any kind measured
+/// Returns the points of the plan that have no record, for each kind, and all points of the selected kinds that have
+/// not begun, except those of casters on the host. A caster on the host is not missing if a host of any kind measured
 /// it.
 pub fn missing(
     plan: &ShardPlan,
@@ -88,7 +89,8 @@ pub fn missing(
     Missing { kinds: found, nothing_began: kinds.is_empty(), took_part: None }
 }
 
-/// Returns the points that are not casters on the host.
+/// Returns the points of the plan that no host among `kinds` has. These are the points that are not casters on the
+/// host, once a shard with such casters has begun.
 fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
     let hosts = kinds.iter().filter(|kind| kind.device == HOST).flat_map(|kind| &kind.points);
     let hosts: BTreeSet<usize> = hosts.map(|point| point.point).collect();
@@ -113,7 +115,7 @@ fn lacking(
     }
 }
 
-/// Returns the command line of an attempt on the kind, or else of any attempt, without the shard.
+/// Returns the command line of an attempt on the kind, or else of the first attempt, without the option for the shard.
 fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
@@ -133,7 +135,7 @@ fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String
     }
 }
 
-/// Returns a command line with the plain name of the program, and without the option for the shard.
+/// Returns a command line that begins with `raycl` and lacks the option for the shard.
 fn without_shard(command: &[String]) -> Vec<String> {
     let rest = command.iter().skip(1).cloned();
     without(&std::iter::once("raycl".to_owned()).chain(rest).collect::<Vec<_>>(), "--shard")

@@ -1,4 +1,4 @@
-//! The part of an experiment that a process measures, as set by the option: `3/16`, `auto`, `auto/16`.
+//! The part of an experiment that a process measures, as set by `--shard`: `3/16`, `auto` or `auto/16`.
 
 use super::launcher;
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ pub struct Shard {
     pub of: u32,
 }
 
-/// More shards than any scheduler starts; a larger number is probably a typing mistake.
+/// The largest number of shards. No scheduler starts so many; a larger number is probably a typing mistake.
 const MOST: u32 = 100_000;
 
 impl Shard {
@@ -40,7 +40,7 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The number comes from the launcher; so does the number of shards, unless it is set here.
+    /// The launcher sets the shard's number, and also the number of shards unless it is given here.
     Auto(Option<u32>),
 }
 

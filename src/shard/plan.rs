@@ -1,5 +1,5 @@
-//! `shards.json`: the data that all shards of an experiment share. The first shard writes it, the others read
-//! it.
+//! `shards.json`: the data that all shards of an experiment share. The first shard writes the file, and the others
+//! read it.
 
 use super::Block;
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// The file's name in the folder of results.
 pub const FILE: &str = "shards.json";
 
-/// The data that must be equal for all shards.
+/// The data that must be equal for all shards, except for the config's path.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
     /// Number of shards.
@@ -23,20 +23,20 @@ pub struct Header {
     pub overrides: Vec<String>,
     /// The hash of each scene's content, in the config's order.
     pub scenes: Vec<String>,
-    /// The hash of the kernels' files; null for the built-in ones.
+    /// The hash of the kernels' files, built-in or not; null if a file cannot be read.
     pub kernels: Option<String>,
 }
 
-/// The plan of an experiment in shards. It does not depend on devices: each kind that takes part measures all
-/// of it.
+/// The plan of an experiment in shards. Its points do not depend on the devices: each kind of device that takes part
+/// measures all points, except for casters on the host, which any host measures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShardPlan {
-    /// The data that must be the same for all shards.
+    /// The data that each shard compares with its own.
     #[serde(flatten)]
     pub header: Header,
     /// The points in a readable form: scene, size, strategy, local size.
     pub points: Vec<String>,
-    /// The number of each point's combination of scene and image size.
+    /// For each point, the number of its combination of scene and image size, from 0.
     pub cases: Vec<usize>,
     /// The points in blocks, and the shard that measures each block.
     pub blocks: Vec<Block>,
@@ -45,8 +45,8 @@ pub struct ShardPlan {
 }
 
 impl ShardPlan {
-    /// Reads the plan of a folder, or writes the one that `make` returns. If the folder has a different plan,
-    /// that is an error.
+    /// Reads the plan of a folder; if there is none, writes the one that `make` returns. Returns an error if the folder
+    /// has a plan with a different header.
     pub fn open(out: &Path, header: &Header, make: impl FnOnce() -> Result<Self>) -> Result<Self> {
         if let Some(plan) = Self::read(out)? {
             return plan.checked(header, out);
@@ -58,7 +58,7 @@ impl ShardPlan {
         if write_new(&out.join(FILE), &text)? {
             return Ok(plan);
         }
-        // Another shard was first. Its blocks are used, since they may be based on other times.
+        // Another shard wrote its plan first. This plan is used, since its blocks may be based on other expected times.
         let first =
             Self::read(out)?.ok_or_else(|| Error::run(format!("{FILE} in {} is gone", out.display())))?;
         first.checked(header, out)
@@ -102,7 +102,7 @@ impl ShardPlan {
             ),
             ("a scene", found.scenes != wanted.scenes, few(&found.scenes), few(&wanted.scenes)),
             (
-                "the kernels",
+                "the source of the kernels",
                 found.kernels != wanted.kernels,
                 format!("{:?}", found.kernels),
                 format!("{:?}", wanted.kernels),
@@ -171,7 +171,7 @@ mod tests {
                 "the config or a value set in it differs",
             ),
             (Header { scenes: vec!["b".into()], ..header() }, "a scene differs"),
-            (Header { kernels: Some("c".into()), ..header() }, "the kernels differs"),
+            (Header { kernels: Some("c".into()), ..header() }, "the source of the kernels differs"),
         ] {
             let error = open(&other, 1.0).unwrap_err();
             assert!(error.exit_code() == 2 && error.to_string().contains(what), "{error}");

@@ -1,4 +1,4 @@
-//! A counter in an attempt's folder that increases while its process is alive. With it, other processes can
+//! A counter in an attempt's folder that increases while the attempt's process is alive. With it, other processes can
 //! distinguish a running attempt from one that was killed, without comparing the clocks of two machines.
 
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ use std::time::Duration;
 
 /// The file's name.
 const FILE: &str = "pulse";
-/// Time between two counts.
+/// The time between two counts.
 pub const BEAT: Duration = Duration::from_secs(1);
 /// The time between two checks whether the attempt has ended.
 const LOOK_UP: Duration = Duration::from_millis(50);
@@ -26,12 +26,12 @@ pub struct Beat {
     pub beats: u64,
     /// Counts since the last step.
     pub quiet: u64,
-    /// Steps so far: checks begun, frames, points finished.
+    /// Steps so far: builds, checks and casts begun; launches and points finished.
     pub steps: u64,
 }
 
 impl Beat {
-    /// Reads the counter in an attempt's folder; `None` if it never started.
+    /// Reads the counter in an attempt's folder; `None` if there is none or it cannot be read.
     pub fn read(folder: &Path) -> Option<Self> {
         let text = std::fs::read_to_string(folder.join(FILE)).ok()?;
         let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
@@ -50,13 +50,13 @@ impl Beat {
     }
 }
 
-/// An observer that counts steps and passes every call on.
+/// An observer that counts steps and passes every call on to another observer.
 pub struct Steps<'a> {
     steps: Arc<AtomicU64>,
     listener: &'a mut dyn Observer,
 }
 
-/// Counts in a thread until dropped.
+/// A thread that counts until this value is dropped.
 pub struct Pulse {
     steps: Arc<AtomicU64>,
     ended: Arc<AtomicBool>,
@@ -88,7 +88,7 @@ impl Pulse {
         Ok(Self { steps, ended, thread: Some(thread) })
     }
 
-    /// Returns an observer that counts every call as a step.
+    /// Returns an observer that counts as a step each call that shows progress, and passes every call on to `listener`.
     pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
         Steps { steps: Arc::clone(&self.steps), listener }
     }

@@ -1,5 +1,5 @@
-//! Makes scripts for Slurm, which are printed and never submitted: the shards, the merge, and two lines that
-//! submit them.
+//! Makes a shell script that writes two Slurm scripts (the shards and the merge) and submits them. raycl only prints
+//! the shell script.
 
 use crate::report::quote;
 use std::fmt::Write as _;
@@ -16,17 +16,17 @@ pub struct Wishes {
     pub command: Vec<String>,
     /// The folder of results.
     pub out: String,
-    /// True if a shard needs a GPU, false if it needs processors; `None` if no device is known here.
+    /// True if a shard needs a GPU, false if it needs processors; `None` if this is unknown.
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if this time is based on earlier runs.
+    /// True if this time is based, at least in part, on earlier runs.
     pub is_known: bool,
 }
 
-/// Shards that take longer than this become elements of a job array. Slurm starts elements one after another, which
-/// takes a few seconds each, and can requeue each of them. Shorter shards become tasks of one job step, which all
-/// start at the same time.
+/// If the longest shard takes at least this long, or its time is a guess, the shards become elements of a job array.
+/// Slurm starts elements one after another, which takes a few seconds each, and can requeue each of them. Shorter
+/// shards become tasks of one job step, which all start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that writes the scripts of the shards and of the merge, and submits them.

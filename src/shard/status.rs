@@ -9,7 +9,7 @@ use std::time::Duration;
 /// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Its counter increases, and it makes progress.
+    /// Its counter increases, and it has made progress within the time limit of a step.
     Going,
     /// Its counter increases, but it has made no progress for longer than the time limit of a step. The value is the
     /// number of seconds without progress.
@@ -27,7 +27,7 @@ pub struct Status {
     pub name: String,
     /// Its state.
     pub state: State,
-    /// Its last count.
+    /// Its counter at the second reading.
     pub beat: Beat,
 }
 
@@ -37,7 +37,7 @@ pub fn status(out: &Path, between: Duration) -> Vec<Status> {
     read_twice(out, || std::thread::sleep(between))
 }
 
-/// Reads all attempts twice. In between it waits, unless all have ended.
+/// Reads all attempts twice. Calls `wait` between the two readings, unless all attempts have ended.
 fn read_twice(out: &Path, wait: impl FnOnce()) -> Vec<Status> {
     let attempts = Attempt::all(out);
     let first: Vec<Beat> = attempts.iter().map(beat).collect();

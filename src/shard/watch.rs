@@ -7,8 +7,8 @@ use std::time::Duration;
 
 /// The time between two checks of the launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
-/// Programs that start processes on a machine for a launcher. Between such a program and this process there
-/// may be shells.
+/// Launchers, and programs that start processes on a machine for a launcher. Between such a program and this process
+/// there may be shells.
 const LAUNCHERS: [&str; 12] = [
     "slurmstepd",
     "orted",
@@ -24,13 +24,14 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// Shells, whose end does not mean that the launcher was lost: a user may type in one, and a script may end
+/// Shells. The end of a shell need not mean that the launcher was lost: a user may type in it, and a script may end
 /// before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
-/// Checks in a thread for as long as the process runs. If the launcher is lost, that is recorded in the attempt's
-/// folder, and the process ends with exit code 1. Its workers end with it, and the current point stays unmeasured. If
-/// a shell started the process and the shard's number was given explicitly, the shell is not checked.
+/// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
+/// thread writes this to the attempt's folder and ends the process with exit code 1. The workers end with the process,
+/// and the current point stays unmeasured. If there is no known launcher, a shell is the parent, and the shard's number
+/// was given explicitly, nothing is checked.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
@@ -40,7 +41,7 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
         loop {
             std::thread::sleep(LOOK_UP);
             if let Some(lost) = chain.lost() {
-                // If not even that can be written, nobody can be told.
+                // If the folder cannot be written to, only the message below reports the loss.
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
                 eprintln_if_heard(&format!("launcher lost: {lost}"));
                 std::process::exit(1);
@@ -74,7 +75,7 @@ impl Chain {
         Self::from(parent(), asked, &read)
     }
 
-    /// Returns an empty chain if no process should be checked.
+    /// Returns the chain that begins at process `id`; it is empty if no process should be checked.
     fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
         let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
@@ -116,13 +117,14 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux. A process that has ended but was not waited for counts as ended. On other systems,
-/// returns `None`.
+/// Reads a process from Linux's `/proc`. Returns `None` if the process has ended, even if its parent has not waited for
+/// it yet, and on other systems.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }
 
-/// Parses `proc(5)`: ID, name in brackets, state, parent, ..., and in field 22 the start time.
+/// Parses `/proc/ID/stat`, described in `proc(5)`: ID, name in brackets, state, parent, ..., and in field 22 the start
+/// time.
 fn parse(id: u32, stat: &str) -> Option<Process> {
     let (before, after) = stat.rsplit_once(')')?;
     let name = before.split_once('(')?.1.to_owned();
