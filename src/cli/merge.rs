@@ -16,16 +16,17 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if one is missing or failed, 2 for a mistake in the arguments.")]
+Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if a point is missing or failed, 2 for a mistake in the arguments.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote (its --out)
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only devices whose names contain this: the results of others are left out, and a named device
-    /// without results counts as missing [default: all devices with results]
+    /// Merge only devices whose name, platform or driver contains this, and the casters on the host. The results of
+    /// other devices are left out. If no device with results matches, NAME counts as a missing device
+    /// [default: all devices with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that measured a shard: running, hung, lost, or how it
+    /// Merge nothing; print the state of each process that measured a shard: going (running), hung, lost, or how it
     /// ended
     #[arg(long)]
     status: bool,
@@ -33,27 +34,27 @@ pub struct Args {
     /// system may show old data for some time; choose an interval longer than that
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
-    /// Print one JSON object per point instead of tables; with --status, one per attempt
+    /// Print one JSON object per point instead of tables; with --status, one per process
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors. With --status, this option has no effect
     #[arg(short, long, conflicts_with = "json")]
     quiet: bool,
 }
 
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    let wrong = || format!("'{text}' is not a number of seconds up to 3600");
+    let wrong = || format!("'{text}' is not a number of seconds from 0 to 3600");
     text.parse().ok().filter(|seconds| (0.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
-/// Merges the existing results, then lists the missing ones.
+/// Merges the existing results. If points are missing, the error lists them.
 pub fn run(args: Args) -> Result<()> {
     if args.status {
         return tell(&args);
     }
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
-    // Each attempt knew the launches of its own points only.
+    // An interval depends on all launches, but each attempt knew only its own.
     renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
     let of_config = |key| folder.config(key).unwrap_or_default();
     folder.summarise(&of_config("question"), &of_config("expectation"))?;
@@ -85,7 +86,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")
-            .with_help("start them: raycl run CONFIG --shard 1/N --out OUT"));
+            .with_help("start the shards: raycl run CONFIG --shard 1/N --out OUT"));
     }
     if !missing.is_empty() {
         let said = missing.kinds.iter().map(|kind| {

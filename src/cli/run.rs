@@ -1,4 +1,4 @@
-//! `raycl run`: runs an experiment; writes a folder of results.
+//! `raycl run`: runs an experiment and writes a folder of results.
 
 mod earlier;
 mod environment;
@@ -35,7 +35,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// The exit code after Ctrl-C.
+/// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
 const INTERRUPTED: i32 = 130;
 
 /// The default time limit for one step of a point.
@@ -53,7 +53,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 Exit code: 0 if every point was measured or does not fit on its device, 1 if a point failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
-    /// The experiment
+    /// The experiment: a TOML file
     config: PathBuf,
     /// The folder of results [default: results/NAME, or results/NAME-2, ... if that exists]
     #[arg(long, value_name = "DIR")]
@@ -103,7 +103,8 @@ pub struct Args {
     /// folder is compared with the first in the same rounds
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With two folders of kernels: exit with 1 if the second is certainly slower by more than this
+    /// With two folders of kernels: exit with 1 if, with the second folder, the mean of all points, the mean of one
+    /// strategy's points or a single point is certainly slower by more than this, or a measured point fails
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure one of several parts of the experiment, such as 3/16. With auto, both numbers come from the
@@ -158,7 +159,7 @@ impl Args {
     }
 }
 
-/// Refuses paths that are not valid text, since workers, records and pages contain them as JSON and HTML.
+/// Refuses paths that are not UTF-8, since workers receive them as JSON, and records and pages contain them.
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
         Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
@@ -183,7 +184,7 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out)
 }
 
-/// Makes the run that the arguments describe. Devices that share points must be of one kind.
+/// Makes the run that the arguments describe. With `--spread`, the devices must be of one kind.
 fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,
@@ -209,7 +210,7 @@ fn run_of<'a>(
     })
 }
 
-/// Returns all devices.
+/// Returns all devices of this machine, or the stand-in device of `--asleep`.
 fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     match args.asleep {
         Some(frame_ms) => Ok(vec![asleep::device(frame_ms)]),
@@ -217,7 +218,7 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// Refuses a folder of shards, whose results are merged and not measured again.
+/// Refuses a folder of shards. Its results are merged from attempts, so a run must not write to it.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -301,8 +302,8 @@ fn chosen<'d>(
     found.map_err(|error| if named { error } else { settings::blame_device(error) })
 }
 
-/// Returns the words that select devices: from the arguments, else the config, else the user's settings;
-/// without any, all devices are used.
+/// Returns the words that select devices: from the arguments, else from the config, else from the user's settings,
+/// else `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -310,7 +311,7 @@ fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     }
 }
 
-/// Prints the plan of the run.
+/// Prints the plan of the run, for `--dry-run`.
 fn foresee(args: &Args) -> Result<()> {
     let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -342,7 +343,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Prints the results and their paths. If points failed, returns an error with exit code 1.
+/// Writes the report, then prints the results and their paths. If points failed, returns an error with exit code 1.
 fn report(args: &Args, out: &Path) -> Result<()> {
     let folder = Folder::read(out)?;
     let folders = std::slice::from_ref(&folder);
@@ -375,7 +376,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     Err(error.with_help(format!("{} gives the reason for each", out.join("summary.md").display())))
 }
 
-/// Returns whether no table is printed.
+/// Returns whether the tables are left out of the output.
 fn leaves_out_tables(args: &Args) -> bool {
     args.quiet || args.json
 }

@@ -19,7 +19,7 @@ const QUIET: Duration = Duration::from_millis(80);
 /// Files that are watched.
 pub struct Watched {
     changes: Receiver<()>,
-    /// The watcher, which ends when this is dropped.
+    /// The watcher. Files are watched until it is dropped.
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<(PathBuf, RecursiveMode)>,
@@ -46,8 +46,8 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        // The paths in events begin with these folders, and are compared with canonical paths; so the folders are
-        // made canonical.
+        // The paths in events begin with these folders and are compared with canonical paths, so the folders must be
+        // canonical.
         let resolved = |folder: &Path| folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let folders: Vec<_> = folders.iter().map(|(folder, depth)| (resolved(folder), *depth)).collect();
         for (folder, depth) in &folders {
@@ -63,7 +63,7 @@ impl Watched {
         self.changes.try_recv().is_ok() && quiet(&self.changes)
     }
 
-    /// Also watches the folders of files that have been read in the meantime.
+    /// Also watches the folders of files that have been read since the last call.
     fn follow(&mut self) {
         for folder in self.inputs.folders() {
             if !self.folders.iter().any(|watched| covers(watched, &folder)) {
@@ -75,7 +75,7 @@ impl Watched {
     }
 }
 
-/// Returns whether watching one folder also covers another.
+/// Returns whether watching the first folder, to its depth, also covers the second folder.
 fn covers((watched, depth): &(PathBuf, RecursiveMode), folder: &Path) -> bool {
     watched == folder || *depth == RecursiveMode::Recursive && folder.starts_with(watched)
 }
@@ -136,7 +136,7 @@ fn quiet(changes: &Receiver<()>) -> bool {
 mod tests {
     use super::*;
 
-    /// Only reached if the test hangs.
+    /// The longest wait for a change. A test reaches this limit only if it hangs.
     const LIMIT: Duration = Duration::from_secs(120);
 
     #[test]

@@ -5,8 +5,8 @@ use crate::experiment::{Expected, Run};
 use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
-/// Returns the expected duration of the run, from earlier runs of the same config. `done` are the records of the
-/// points that need not be measured again.
+/// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `done`
+/// contains this run's records so far. Their points are not measured again, except failed ones with `--retry-failed`.
 pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
     let done: Vec<String> = done
         .iter()
@@ -16,8 +16,8 @@ pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> 
     run.expected(&earlier(out), &done)
 }
 
-/// Returns the records in a folder of results and in its sibling folders, the latest last. Unreadable ones
-/// are ignored.
+/// Returns the records in a folder of results and in its sibling folders, those of the latest journal last.
+/// Unreadable journals are ignored.
 pub fn earlier(out: &Path) -> Vec<Record> {
     let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();

@@ -13,7 +13,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         build: env!("RAYCL_BUILD").to_owned(),
         variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
-        // Lossy, since an argument need not be UTF-8; `args` would panic if one is not.
+        // The conversion is lossy, since an argument need not be UTF-8; `args` would panic at such an argument.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
@@ -26,7 +26,7 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
     }
 }
 
-/// Returns the config and its scenes with their current hashes.
+/// Returns the files of the config and its scenes, with their current hashes.
 fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     let scenes = experiment.scenes.iter().map(|scene| Source::file("scene", &scene.path));
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)

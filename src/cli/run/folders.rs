@@ -3,7 +3,7 @@
 use crate::settings::results;
 use std::path::PathBuf;
 
-/// Returns the latest folder of this name if `resume` is true and there is one, otherwise a new one.
+/// Returns the latest folder of this name if `resume` is true and there is one, otherwise the path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let free = free_folder(name);
     let latest =
@@ -31,7 +31,7 @@ mod tests {
     #[test]
     fn the_latest_folder_is_gone_on_with_and_a_new_run_takes_the_next_name() {
         let place = tempfile::tempdir().unwrap();
-        // An absolute path as a name is used as it is, not within the folder of results.
+        // If the name is an absolute path, the folder of results is not put before it.
         let name = place.path().join("quick").display().to_string();
         let numbered = |ending: &str| PathBuf::from(format!("{name}{ending}"));
         let found = || [true, false].map(|resume| default_folder(&name, resume));

@@ -1,4 +1,4 @@
-//! The processes of a run: workers that measure, and builders that compile programs ahead.
+//! The processes of a run: workers that measure, and builders that compile programs before workers need them.
 
 use super::Args;
 use crate::cache::Cache;
@@ -10,13 +10,13 @@ use crate::record::Record;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// The largest number of builders, the processes that build programs.
+/// The largest number of builders.
 const MOST_BUILDERS: usize = 16;
-/// Device memory per builder: a driver needs some hundreds of megabytes for each process that opens the
+/// Device memory per builder, in bytes: a driver needs some hundreds of megabytes for each process that opens the
 /// device.
 const BYTES_PER_BUILDER: u64 = 1 << 30;
 
-/// Measures the missing results; workers write their pictures into `folder`.
+/// Measures the missing points; workers write their pictures into `folder`.
 pub fn execute(
     args: &Args,
     run: Run<'_>,
@@ -48,7 +48,7 @@ pub fn execute(
     measured
 }
 
-/// Returns the builders: one per core, but no more than the devices' memory allows.
+/// Returns the builders: one per core, but at most `MOST_BUILDERS`, and no more than each device's memory allows.
 fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
@@ -61,7 +61,7 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..cores.min(most)).map(builder).collect()
 }
 
-/// Returns the stored programs of each worker's device, in the order of [`Run::jobs`].
+/// Returns the cache of stored programs for each worker's device, in the order of [`Run::jobs`].
 fn kept(run: &Run<'_>) -> Vec<Kept> {
     let of = |device: &&DeviceInfo| Kept::of(Cache::of_user(), device);
     let own: Vec<Kept> = run.devices.iter().map(of).collect();

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::report::quote;
 use std::path::Path;
 
-/// Adds to an error that all measurements are stored, and how to continue.
+/// Adds the command that continues the run to an error's help. A mistake in the input is returned unchanged.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = format!("to continue from here: {}", resuming(args, out));
     match &error {
@@ -28,7 +28,8 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns the options that a resumed run needs in order to measure the same.
+/// Returns the options that another run needs in order to measure the same: devices, changed values of the config,
+/// folders of kernels, and the time limit.
 pub fn choices(args: &Args) -> Vec<String> {
     let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);
     let set = args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]);

@@ -1,4 +1,4 @@
-//! `raycl run --sbatch N`: prints scripts for Slurm and submits nothing.
+//! `raycl run --sbatch N`: prints scripts for Slurm and submits no job.
 
 use super::{Args, chosen, default_folder, listed, shard, two_kernels};
 use crate::cli::print;
@@ -14,7 +14,7 @@ use std::time::Duration;
 /// Words that select CPUs.
 const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon"];
 
-/// Prints the scripts for this number of shards. The login node need not have the devices.
+/// Prints the scripts for this number of shards. This machine, such as a login node, need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
     let sources = two_kernels::sources(&args.cl_dir, true)?;
     let experiment = config::load(&args.config, &args.set)?;
@@ -46,14 +46,15 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// Guesses whether any word selects a GPU, for devices that this machine does not have: a word that names no CPU
-/// counts as a GPU. `None` if there is no word other than `all`.
+/// Guesses from the words of `--device` whether any selects a GPU, if this machine does not have the devices: a word
+/// that names no CPU counts as a GPU. `None` if there is no word other than `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");
     words.map(|word| is_gpu(&word)).reduce(|one, other| one || other)
 }
 
+/// Returns the command that each shard runs, without `--shard`.
 fn command(args: &Args, out: &Path) -> Vec<String> {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
     words.extend(["--out".to_owned(), out.display().to_string()]);

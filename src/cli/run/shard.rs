@@ -19,7 +19,7 @@ use crate::shard::{
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// Measures one shard in its own folder.
+/// Measures one shard in a folder of its own.
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
     let out = args.out.clone().ok_or_else(|| {
@@ -48,15 +48,15 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     part.report(&records)
 }
 
-/// Refuses a folder that raycl did not make. Also refuses the folder of a run without shards, since its files have
-/// the same names as those of a shard.
+/// Refuses a folder that raycl did not make. Also refuses the folder of a run without shards, since `raycl merge`
+/// writes files with the same names. Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
             .with_help("name another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // Checked again, since another shard may have begun in the folder meanwhile.
+    // The plan is looked for last, since another shard may have begun in the folder meanwhile.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
@@ -73,7 +73,7 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
     })
 }
 
-/// Makes the plan. It is cut into parts of equal expected time.
+/// Makes the plan, and cuts it into shards of about equal expected time.
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
@@ -94,7 +94,7 @@ pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     Ok(ShardPlan { header, points, cases, blocks, expected_ms })
 }
 
-/// A shard that is to be measured.
+/// The shard that this process measures.
 struct Part<'a> {
     args: &'a Args,
     out: PathBuf,
@@ -146,8 +146,8 @@ impl Part<'_> {
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
 
-    /// Stores the keys of the points for the kinds of device that this shard measures on, unless another
-    /// shard has done so.
+    /// Writes a file with the points' keys for each kind of device that this shard measures on, unless another
+    /// shard has written it. `own` contains this shard's points, as indices into the plan.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let has_host = own.iter().any(|place| self.run.is_on_host(*place));
         let kinds = self
@@ -196,7 +196,7 @@ impl Part<'_> {
     }
 }
 
-/// Returns what identifies a kind of device, as used in keys.
+/// Returns the identity of a device's kind, as used in keys.
 fn identity(device: &DeviceInfo) -> String {
     format!("{} | {}", device.identity(), device.state())
 }

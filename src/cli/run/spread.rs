@@ -21,9 +21,9 @@ struct Spread {
     blocks: Vec<Block>,
 }
 
-/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session,
-/// even if points took other times than expected; otherwise the points of one group would have different
-/// control points.
+/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session, even if
+/// the expected times of points have changed; with new blocks, the points of one group could have different control
+/// points.
 pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     let devices = run.devices.len();
     let plan = Plan::new(run.experiment, devices.min(1));

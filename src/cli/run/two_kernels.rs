@@ -10,8 +10,9 @@ use std::path::PathBuf;
 /// Changes that are certainly smaller than this fraction count as equal.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the points of the second folder compare with the first one's. A point that is certainly slower by
-/// more than `limit_percent` is an error: exit code 1.
+/// Prints how the points of the second folder compare with those of the first. Returns an error with exit code 1 if,
+/// with the second folder, the mean of all points, the mean of one strategy's points or a single point is certainly
+/// slower by more than `limit_percent`, or a point fails that the first folder measured.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {
@@ -26,7 +27,8 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
     }
 }
 
-/// Returns the folders of kernels, or the built-in kernels if there is none.
+/// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several
+/// devices or machines measure; two folders of kernels cannot be compared then.
 pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
     if folders.len() > 2 {
         return Err(Error::input(format!("{} folders of kernels", folders.len()))
@@ -34,7 +36,7 @@ pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
     }
     if folders.len() == 2 && spread {
         return Err(Error::input("two folders of kernels can only be compared on one device")
-            .with_help("leave out --spread, and name the device with --device"));
+            .with_help("leave out --spread or --sbatch, and name the device with --device"));
     }
     match folders {
         [] => Ok(vec![Sources::of(None)?]),

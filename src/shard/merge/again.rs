@@ -1,12 +1,12 @@
-//! Reports shards that were attempted more than once, as after a requeue, since the first attempt may still
-//! have been running during the second.
+//! Reports shards that were attempted more than once, for example after a requeue. The first attempt may still
+//! have been running during the second, and may have changed its times.
 
 use super::choice::few;
 use crate::shard::Attempt;
 use std::collections::BTreeMap;
 
-/// Returns a note with the attempts at each of these shards. Attempts on different devices are not counted as
-/// repeated.
+/// Returns a note that names the attempts at each shard with several attempts on the same devices; `None` if there
+/// is no such shard.
 pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
     let mut of_shards: BTreeMap<(u32, Vec<String>), Vec<&str>> = BTreeMap::new();
     for attempt in attempts {

@@ -1,4 +1,4 @@
-//! Chooses which attempt's record of a point is used.
+//! Chooses one record of each point, if several attempts have a record of it.
 
 use super::{Measured, lines};
 use crate::error::Result;
@@ -7,17 +7,20 @@ use crate::record::{Outcome, Record};
 use crate::shard::Attempt;
 use std::collections::{BTreeMap, HashMap};
 
-/// The chosen records by key, and the other attempts' outcomes for the same points.
+/// The chosen record of each point, and all outcomes of points with several records.
 #[derive(Debug, Default)]
 pub struct Chosen {
+    /// For each point, by its key: the chosen record.
     best: HashMap<String, Measured>,
-    /// For each point with several records: the attempts that have one, with its outcome.
+    /// For each point with several records, by its key: the index of each attempt that has a record, and the outcome
+    /// of that record.
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records. A record with a wrong image takes precedence over all others, and a record
-/// with a time over one without. Then more samples are preferred, then the attempt whose name sorts first;
-/// clocks are never compared. Within an attempt the later record is used, as in any journal.
+/// Reads the attempts' records and chooses one of each point. A record with a wrong image takes precedence over all
+/// others, and a record with a time over one without. Among records without a time, `rank` orders the outcomes.
+/// Next, the record with more samples takes precedence, then that of the attempt whose name sorts first. Times of day
+/// are never compared. Within an attempt the later record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {
@@ -30,7 +33,7 @@ pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     Ok(chosen)
 }
 
-/// Returns a rank; the lowest is chosen.
+/// Returns a record's rank. The record with the lowest rank is chosen.
 fn rank(record: &Record) -> (u8, usize) {
     let kind = match record.outcome {
         Outcome::WrongImage => 0,
@@ -45,8 +48,8 @@ fn rank(record: &Record) -> (u8, usize) {
 }
 
 impl Chosen {
-    /// Adds an attempt's record. Attempts are added in the order of their names, so an equal rank changes
-    /// nothing.
+    /// Adds an attempt's record. It replaces the chosen one only if its rank is lower. Attempts are added in the order
+    /// of their names, so of equal ranks the first name's record is chosen.
     fn offer(&mut self, attempt: usize, record: Record) {
         let Some((known, held)) = self.best.get_mut(&record.key) else {
             self.best.insert(record.key.clone(), (attempt, record));
@@ -64,7 +67,7 @@ impl Chosen {
         self.best.contains_key(key)
     }
 
-    /// Returns the records of some points, in their order.
+    /// Returns the chosen records of the points with these keys, in the order of the keys.
     pub fn of_keys<'a>(mut self, keys: impl Iterator<Item = &'a str>) -> Vec<Measured> {
         keys.filter_map(|key| self.best.remove(key)).collect()
     }
@@ -113,7 +116,7 @@ fn is_wrong_and_right(found: &[(usize, Outcome)]) -> bool {
     found.iter().any(|(_, outcome)| wrong(outcome)) && !found.iter().all(|(_, outcome)| wrong(outcome))
 }
 
-/// Joins some names; of many, only the first four.
+/// Joins names with commas. Of more than four names, only the first four are listed and the others are counted.
 pub fn few(names: &[&str]) -> String {
     let more = names.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     names.iter().take(4).map(|name| (*name).to_owned()).chain(more).collect::<Vec<_>>().join(", ")

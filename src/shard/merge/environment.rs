@@ -1,4 +1,4 @@
-//! The environment of a merged folder: that of the first attempt, with every machine that took part.
+//! The environment of a merged folder: the first attempt's environment, and a list of all machines that took part.
 
 use crate::error::{Error, Result};
 use crate::record::write_whole;
@@ -6,7 +6,7 @@ use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes `environment.json`; nothing if no attempt has written one.
+/// Writes `environment.json`, unless no attempt has written such a file.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let read = |attempt: &Attempt| -> Option<(String, Value)> {
         let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;
@@ -52,7 +52,7 @@ mod tests {
             });
             std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
         }
-        // An attempt that was killed before it wrote anything.
+        // This attempt was killed before it wrote its environment.
         Attempt::begin(place.path(), &About { shard: 4, of: 4, ..About::default() }).unwrap();
         write(place.path(), &Attempt::all(place.path())).unwrap();
         let text = std::fs::read(place.path().join("environment.json")).unwrap();

@@ -1,15 +1,15 @@
-//! Renumbers launches, since each attempt counts its own from 0.
+//! Renumbers launches, since each attempt numbers its own launches from 0.
 
 use super::Measured;
 use crate::record::Record;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// The new numbers of the launches that records use, in the order of attempts.
+/// The new number of each launch that a record uses, by the attempt's index and the launch's number in that attempt.
 #[derive(Clone, Debug, Default)]
 pub struct Launches(BTreeMap<(usize, u32), u32>);
 
 impl Launches {
-    /// Numbers the launches that these records use.
+    /// Numbers the launches that these records use from 0, in the order of the attempts.
     pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
         let used = |(attempt, record): &Measured| {
             let attempt = *attempt;
@@ -32,7 +32,8 @@ impl Launches {
     }
 }
 
-/// Returns the samples that records use: attempt, launch and key of each.
+/// Identifies the samples that records use: returns the attempt's index, the launch's number in that attempt and the
+/// point's key.
 pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
     let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
     let mut counted = HashSet::new();

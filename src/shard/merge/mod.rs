@@ -1,5 +1,5 @@
-//! Merges attempts into one folder of results, like that of a single run. It uses neither a device nor a
-//! clock: the same attempts always result in the same folder. The attempts' folders are not changed.
+//! Merges attempts into one folder of results, like that of a single run. A merge uses neither a device nor a
+//! clock: the same attempts always result in the same folder. A merge does not change the attempts' folders.
 
 mod again;
 mod choice;
@@ -30,7 +30,7 @@ pub struct Merged {
     pub attempts: usize,
     /// Number of the plan's points that have a record, on all kinds of device.
     pub records: usize,
-    /// Number of samples that were merged, and of those that were not.
+    /// Number of samples that were merged, and of samples that were not.
     pub samples: [usize; 2],
     /// Notes to be shown with the results.
     pub notes: Vec<String>,
@@ -41,8 +41,8 @@ pub struct Merged {
 /// A record, and the index of the attempt that measured it.
 type Measured = (usize, Record);
 
-/// Merges the attempts of a folder, and writes all files except summary and pages. `meant` contains words
-/// that select kinds of device; without any, all kinds that took part are used.
+/// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains words
+/// that select kinds of device; if it is empty, all kinds that took part are used.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
@@ -57,7 +57,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
-    // Written first, so that the folder is recognised as one that a merge wrote.
+    // This file marks a folder that a merge wrote, so it is written first: a merge may be killed and repeated.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
@@ -80,10 +80,10 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 pub fn no_shards(out: &Path) -> Error {
     let what = if out.is_dir() { "holds no experiment in shards" } else { "is not a folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("name the folder that `raycl run --shard` had as --out")
+        .with_help("name the folder that `raycl run --shard` wrote (its --out)")
 }
 
-/// Refuses a folder with the results of a run, which are not merged from attempts.
+/// Refuses a folder with the results of a run without shards, which a merge would overwrite.
 fn refuse_other_results(out: &Path) -> Result<()> {
     match out.join(RECORDS).exists() && !out.join(MERGE).exists() {
         true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
@@ -92,8 +92,8 @@ fn refuse_other_results(out: &Path) -> Result<()> {
     }
 }
 
-/// Returns the selected kinds among those that took part, always including the host's, and the words that match no
-/// kind.
+/// Returns the kinds that took part and are selected, and the words that match no kind. The host's kinds are always
+/// selected.
 fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
     let all = Kind::all(out)?;
     let has = |kind: &Kind, word: &String| {
@@ -106,18 +106,20 @@ fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)>
     Ok((all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun))
 }
 
+/// Returns the names of all kinds that took part.
 fn took_part(out: &Path) -> Result<String> {
     let mut names: Vec<String> = Kind::all(out)?.into_iter().map(|kind| kind.device).collect();
     names.dedup();
     Ok(names.join(", "))
 }
 
-/// Returns a note on attempts that did not end by themselves.
+/// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
+/// finished.
 fn ended_early(attempts: &[Attempt]) -> Option<String> {
     let ends: Vec<Option<End>> = attempts.iter().map(Attempt::end).collect();
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
-        (count(&|end| end.is_none()), "were killed, or are still running"),
+        (count(&|end| end.is_none()), "were killed or are still running"),
         (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
         (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
         (count(&|end| matches!(end, Some(End::Failed(_)))), "ended with an error"),
@@ -127,9 +129,10 @@ fn ended_early(attempts: &[Attempt]) -> Option<String> {
         .filter(|(count, _)| *count > 0)
         .map(|(count, words)| format!("{count} {words}"))
         .collect();
-    (!words.is_empty()).then(|| format!("Of {} attempts {}.", attempts.len(), words.join(", ")))
+    (!words.is_empty()).then(|| format!("Of {} attempts, {}.", attempts.len(), words.join(", ")))
 }
 
+/// Returns all attempts' records of control points that belong to other blocks.
 fn controls(attempts: &[Attempt]) -> Result<Vec<Measured>> {
     let mut controls = Vec::new();
     for (place, attempt) in attempts.iter().enumerate() {
@@ -148,8 +151,8 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
     write_whole(&out.join(MERGE), &text)
 }
 
-/// Writes the samples of the chosen records with the launches' new numbers. Returns how many there are, and
-/// how many were left out.
+/// Writes the samples of the chosen records with the launches' new numbers. Returns the number of these samples, and
+/// the number of samples that were left out.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
@@ -174,7 +177,8 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Writes the attempts' lines about launches that records use, with the launches' new numbers.
+/// Joins the attempts' journals of this name: writes the lines about launches that records use, with the launches'
+/// new numbers.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,
@@ -195,8 +199,8 @@ fn write_renumbered<T: Serialize + DeserializeOwned>(
     })
 }
 
-/// Writes the peak rates that attempts measured. If several attempts measured those of one device, the first
-/// is used.
+/// Writes the devices' peak rates that attempts stored. If several attempts have rates of the same device, those of
+/// the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
     for attempt in attempts {
@@ -224,7 +228,7 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
     file.write_all(&text)
 }
 
-/// Reads a journal; an attempt that was killed early does not have one.
+/// Reads the lines of a journal. A missing journal counts as empty, since an attempt that was killed early has none.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }

@@ -4,8 +4,8 @@ use crate::error::{Error, Result};
 use crate::record::{Record, own_folder, write_page};
 use std::path::{Component, Path, PathBuf};
 
-/// Copies a record's pictures from its attempt's folder. An identical file is kept. If a different file has
-/// the name, the copy's name gets a hash of its bytes.
+/// Copies a record's pictures from its attempt's folder. If a file of the same name exists and is identical, it is
+/// kept. If it is different, a hash of the picture's bytes is added to the copy's name, also in the record.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     let pictures = [
         &mut record.image,
@@ -19,7 +19,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
         if !stays_inside(name) {
             continue;
         }
-        // A picture that was lost with its machine is no reason to lose the times.
+        // A picture may be lost with its machine; the record's times are still used.
         let Ok(bytes) = std::fs::read(attempt.join(&name)) else { continue };
         let (mut target, mut place) = (name.clone(), out.join(&name));
         if std::fs::read(&place).is_ok_and(|there| there != bytes) {
@@ -37,7 +37,7 @@ pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     Ok(())
 }
 
-/// Returns whether a path stays within the folder.
+/// Returns whether a path in a record leads to a file inside the record's folder.
 fn stays_inside(name: &str) -> bool {
     Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
 }

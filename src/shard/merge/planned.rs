@@ -6,9 +6,10 @@ use std::collections::{HashMap, HashSet};
 
 /// The points of a merge.
 pub struct Planned {
-    /// The points, each once: by scene, by image size, then by kind of device.
+    /// The points, each once, sorted by scene and image size, then by kind of device.
     pub points: Vec<PlannedPoint>,
-    /// For each caster on the host, by its key: the words that distinguish its kind of host from others.
+    /// For each caster on the host, by its key: the words that distinguish its kind of host from others. Empty if
+    /// there is only one kind of host.
     hosts: HashMap<String, String>,
 }
 
