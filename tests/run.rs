@@ -161,6 +161,8 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
     assert!(records.iter().all(|record| record["sample_launches"] == serde_json::json!([0, 0, 0, 0, 0])));
     let message = place.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);
     has(&message, &["3 folders of kernels", "once, or twice"]);
+    let one = ["--cl-dir", &new, "--fail-on-regression", "9999"];
+    has(&place.mistake(&arguments(&device, &one), 2), &["two folders of kernels", "--cl-dir twice"]);
 }
 
 #[test]

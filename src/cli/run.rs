@@ -236,7 +236,7 @@ fn refuse_shards(out: &Path) -> Result<()> {
 
 /// Measures the missing points. Returns the folder of results and the records of all points.
 pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
-    let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
+    let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
@@ -313,7 +313,7 @@ fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
 
 /// Prints the plan of the run, for `--dry-run`.
 fn foresee(args: &Args) -> Result<()> {
-    let sources = two_kernels::sources(&args.cl_dir, args.spread)?;
+    let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let devices = find_devices(args.cl_dir.first().map(PathBuf::as_path))?;
     let infos = chosen(args, &experiment, &devices)?;

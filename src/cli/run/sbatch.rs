@@ -16,7 +16,7 @@ const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon
 
 /// Prints the scripts for this number of shards. This machine, such as a login node, need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
-    let sources = two_kernels::sources(&args.cl_dir, true)?;
+    let sources = two_kernels::sources(args, true)?;
     let experiment = config::load(&args.config, &args.set)?;
     let devices = listed(args).unwrap_or_default();
     let here = chosen(args, &experiment, &devices).ok().filter(|chosen| !chosen.is_empty());

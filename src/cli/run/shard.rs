@@ -32,7 +32,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
         )
         .with_help("leave out --shard, or use only one --cl-dir"));
     }
-    let sources = two_kernels::sources(&args.cl_dir, false)?;
+    let sources = two_kernels::sources(args, false)?;
     let experiment = config::load(&args.config, &args.set)?;
     let header = header(&experiment, &sources[0], shard.of)?;
     refuse_others(&out, args.force)?;

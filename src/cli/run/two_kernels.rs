@@ -1,11 +1,11 @@
 //! Compares two folders of kernels within one run.
 
+use super::Args;
 use crate::cli::compare::print_table;
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Folder;
 use crate::report::Comparison;
-use std::path::PathBuf;
 
 /// Changes that are certainly smaller than this fraction count as equal.
 const THRESHOLD: f64 = 0.02;
@@ -29,7 +29,12 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several
 /// devices or machines measure; two folders of kernels cannot be compared then.
-pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
+pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
+    let folders = &args.cl_dir;
+    if folders.len() == 1 && args.fail_on_regression.is_some() {
+        return Err(Error::input("--fail-on-regression compares two folders of kernels, but only one is named")
+            .with_help("expected --cl-dir twice: first the kernels to compare with, then the new ones"));
+    }
     if folders.len() > 2 {
         return Err(Error::input(format!("{} folders of kernels", folders.len()))
             .with_help("expected --cl-dir once, or twice to compare the second with the first"));
@@ -38,7 +43,7 @@ pub fn sources(folders: &[PathBuf], spread: bool) -> Result<Vec<Sources>> {
         return Err(Error::input("two folders of kernels can only be compared on one device")
             .with_help("leave out --spread or --sbatch, and name the device with --device"));
     }
-    match folders {
+    match folders.as_slice() {
         [] => Ok(vec![Sources::of(None)?]),
         folders => folders.iter().map(|folder| Sources::of(Some(folder.clone()))).collect(),
     }

@@ -59,6 +59,9 @@ mod tests {
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [1, 1]).error - 0.03 * 2.0_f64.sqrt()).abs() < 1e-12);
         // The own factors of nine points average out to a third.
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [9, 9]).error - 0.01 * 2.0_f64.sqrt()).abs() < 1e-12);
+        for points in [[1, 9], [9, 1]] {
+            assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, points).error - 0.01 * 10.0_f64.sqrt()).abs() < 1e-12);
+        }
     }
 
     #[test]
