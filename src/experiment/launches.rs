@@ -95,4 +95,21 @@ mod tests {
         let taken = || waiting.take(Some(0)).map(|group| group.points()[0].point);
         assert_eq!([taken(), taken(), taken()], [Some(0), Some(2), None]);
     }
+
+    #[test]
+    fn a_device_takes_no_group_of_another_device() {
+        for seed in 0..8 {
+            let group = |(point, device): (usize, usize)| {
+                let pending = PendingPoint::new([point, 0, 0], String::new(), Record::default());
+                let mut group = OpenGroup::visited(1, vec![pending]);
+                group.settle(device);
+                group
+            };
+            let waiting = Waiting::new([(0, 1), (1, 0), (2, 1), (3, 0)].map(group).into(), seed);
+            let taken = |device| waiting.take(Some(device)).map(|group| group.points()[0].point);
+            let mut of_first: Vec<usize> = std::iter::from_fn(|| taken(0)).collect();
+            of_first.sort_unstable();
+            assert_eq!((of_first, waiting.locked().len()), (vec![1, 3], 2), "seed {seed}");
+        }
+    }
 }
