@@ -106,8 +106,8 @@ impl Anchor {
 }
 
 fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the anchor, a fixed kernel that is timed beside others, failed: {error}")).with_help(
-        "results are correct without it, but a later run can be compared with them only through baselines",
+    Error::run(format!("the anchor, a kernel that is timed with the points, failed: {error}")).with_help(
+        "results without it are correct, but can be compared with those of a later run only through baselines",
     )
 }
 

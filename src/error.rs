@@ -128,8 +128,8 @@ impl Error {
     /// the command line nor in the folder of the file that names it, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
-            "the file's text is not shown, since the file is outside the folder of the file that names it; to see the \
-             text, render this file itself with `raycl render`",
+            "the file's text is not shown, since the file is outside the folder of the file that names it; open \
+             the file to see the line",
         )
     }
 

@@ -193,7 +193,7 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     let sampled = ["render", "scene.toml", "--strategy", "naive", "--verify=100", "--device", &device];
     has(&place.mistake(&[&sampled[..], &wrong].concat(), 1), &["the picture is wrong: "]);
     let message = place.mistake(&[&arguments[..], &wrong].concat(), 1);
-    has(&message, &["the picture is wrong: ", "it was saved for inspection: wrong.png"]);
+    has(&message, &["the picture is wrong: ", "the picture was saved for inspection: wrong.png"]);
     assert!(place.path("wrong.png").exists());
 }
 

@@ -150,9 +150,9 @@ impl WideBvh {
         }
         if wide.nodes.len() / stride > Self::MAX_INDEX {
             return Err(Error::run(
-                "the tree has more than 33,554,432 nodes; a node's reference to a child cannot index more",
+                "the tree has more than 33,554,432 nodes; references to child nodes cannot index more",
             )
-            .with_help("choose a larger leaf size or a wider node"));
+            .with_help("choose a larger leaf size, or more children per node"));
         }
         Ok(wide)
     }

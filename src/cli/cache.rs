@@ -54,7 +54,7 @@ pub fn run(args: Args) -> Result<()> {
 
 fn folder(cache: &Cache) -> Result<String> {
     let folder = cache.folder().map(|folder| folder.display().to_string());
-    folder.ok_or_else(|| Error::run("nothing is stored between runs").with_help(why_none(cache)))
+    folder.ok_or_else(|| Error::run("the cache is off: nothing is stored").with_help(why_none(cache)))
 }
 
 fn why_none(cache: &Cache) -> String {

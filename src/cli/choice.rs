@@ -61,8 +61,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let mut strategy = preset(name)?.strategy;
     for part in parts {
         let (axis, value) = part.split_once('=').ok_or_else(|| {
-            Error::input(format!("'{part}' in --strategy is not axis=value"))
-                .with_help("one preset comes first, then axes: --strategy deferred,width=4")
+            Error::input(format!("'{part}' in --strategy does not have the form axis=value"))
+                .with_help("name a preset first, then axes with their values: --strategy deferred,width=4")
         })?;
         strategy.set(axis.trim(), value.trim())?;
     }
@@ -122,7 +122,7 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
         (None, None) => Ok(default_place(infos)),
     };
     pick_one(&Cache::of_user(), sources, choose)?.ok_or_else(|| {
-        Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each")
+        Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each device")
     })
 }
 

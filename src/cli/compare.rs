@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
             "two points correspond if their scenes, image sizes, devices, strategy names and local sizes are \
-             equal; scenes are compared by content, and devices only if a folder has several",
+             equal; scenes are compared by content, and devices only if a folder has several devices",
         ));
     }
     if let Some(out) = &mut out {

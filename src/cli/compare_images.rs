@@ -74,7 +74,7 @@ pub fn run(args: Args) -> Result<()> {
             expected.width,
             expected.height
         ))
-        .with_help("render both with the same --width and --height"));
+        .with_help("render both pictures with the same --width and --height"));
     }
     if let Some(target) = &target {
         save_rgb8(&difference_image(&found, &expected), target)?;

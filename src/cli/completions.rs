@@ -20,7 +20,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut shown(), "raycl", &mut script);
     let script = String::from_utf8(script)
-        .map_err(|error| Error::fault(format!("the script is not text: {error}")))?;
+        .map_err(|error| Error::fault(format!("the completion script is not UTF-8: {error}")))?;
     super::print(script.trim_end())
 }
 

@@ -29,7 +29,7 @@ pub fn run(args: Args) -> Result<()> {
     match left.len() {
         0 => Ok(()),
         count => Err(Error::run(format!("{count} places differ from the records:\n{}", listed(&left)))
-            .with_help("CONTRIBUTING.md explains how a document says from which record a number comes")),
+            .with_help("CONTRIBUTING.md explains how a document names the record of each number")),
     }
 }
 

@@ -50,7 +50,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
     }
     if broken.is_empty() {
         return Err(Error::run(format!("{cause}, although each driver alone lists its devices without failing")).with_help(
-            "try another device (`raycl devices` lists them, --device names one), another --strategy or a smaller --local-size",
+            "try another device (`raycl devices` lists all devices, --device chooses one), another --strategy or a smaller --local-size",
         ));
     }
     for (driver, why) in &broken {
@@ -58,14 +58,14 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
     }
     if reads_standard_input {
         return Err(Error::run(format!("{cause}, and standard input cannot be read again"))
-            .with_help("name a file instead of `-`: raycl then continues without those drivers"));
+            .with_help("name a file instead of `-`: raycl then runs again without the drivers that fail"));
     }
     let folder = tempfile::tempdir().map_err(failed)?;
     let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
     match drivers_doing(status) {
         None => Ok(status),
-        Some(cause) => Err(Error::run(format!("{cause}, even without those drivers"))
-            .with_help("remove or update the drivers that are named above")),
+        Some(cause) => Err(Error::run(format!("{cause}, even without the drivers that were left out"))
+            .with_help("another driver fails too: try another device with --device, or update the driver")),
     }
 }
 
@@ -130,7 +130,7 @@ pub fn ends_with_its_parent() {
 pub fn ends_with_its_parent() {}
 
 fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the process that does the work could not be started: {error}")).with_help(
+    Error::run(format!("the child process that runs the command could not be started: {error}")).with_help(
         "check that raycl's executable can be read and run, and that the temporary folder is writable",
     )
 }

@@ -115,7 +115,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
         0 => Ok(()),
         failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
-            .with_help(format!("{} gives the reason for each", out.join("summary.md").display()))),
+            .with_help(format!("{} gives the reason for each point", out.join("summary.md").display()))),
     }
 }
 

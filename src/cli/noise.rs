@@ -40,8 +40,8 @@ const FILES: [(&str, &str); 2] = [
 /// Measures the experiment in a temporary folder, and prints the noise of each device.
 pub fn run(args: Args) -> Result<()> {
     let failed = |error: std::io::Error| {
-        Error::run(format!("cannot make a temporary folder: {error}"))
-            .with_help("free up space in the folder of temporary files, or name another folder in TMPDIR")
+        Error::run(format!("cannot create a temporary folder: {error}"))
+            .with_help("free up space in the folder for temporary files, or set TMPDIR to another folder")
     };
     let folder = tempfile::tempdir().map_err(failed)?;
     unpack(folder.path()).map_err(failed)?;

@@ -132,7 +132,7 @@ pub fn run(args: Args) -> Result<()> {
     let sm = multiprocessor(args.compute_capability.as_deref().unwrap_or("8.6"))?;
     if args.registers == 0 {
         return Err(Error::input("--registers 0: a work-item needs at least 1 register")
-            .with_help("use the number that the compiler prints, such as --registers 32"));
+            .with_help("give the number of registers that the compiler prints, as in --registers 32"));
     }
     let Args { registers, local_bytes, local_bytes_per_item, .. } = args;
     let question = Question { sm, registers, local_bytes, local_bytes_per_item };

@@ -25,7 +25,7 @@ fn write(text: &str) -> Result<()> {
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Error::run(format!("standard output could not be written: {error}"))
-                .with_help("free up space on the disk to which it is redirected"))
+                .with_help("if standard output is redirected to a file, free up space on the file's disk"))
         }
         _ => Ok(()),
     }

@@ -112,7 +112,7 @@ impl Wanted<'_> {
     fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
-                .with_help("`raycl peak --device NAME` measures a single device and shows its error")
+                .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
         // The child's messages go to the user: they say which process it waits for, or why it failed.

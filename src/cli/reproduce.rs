@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
     match failed.as_slice() {
         [] => Ok(()),
         some => Err(Error::run(some.join("; "))
-            .with_help("the page was written; each folder's summary.md gives the reasons")),
+            .with_help("the page was written nevertheless; each folder's summary.md gives the reasons")),
     }
 }
 

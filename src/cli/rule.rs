@@ -77,7 +77,7 @@ fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
     let read = |path: &PathBuf| {
         let wrong = |why: &dyn std::fmt::Display| {
             Error::input(format!("cannot read the sweep '{}': {why}", path.display()))
-                .with_help("`raycl rule CASES -o FILE` writes one")
+                .with_help("`raycl rule CASES -o FILE` measures a sweep and writes it to a file")
         };
         let text = reader::text(path, reader::Kind::Results).map_err(|error| wrong(&error))?;
         serde_json::from_str(&text).map_err(|error| wrong(&error))
@@ -95,7 +95,7 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
         let of = args.only.as_ref().map(|word| format!(" and has '{word}' in its name")).unwrap_or_default();
         let message = format!("none of the {} cases of '{}' is for a {kind}{of}", all.len(), path.display());
         return Err(Error::input(message)
-            .with_help("a case's `devices` are cpu, gpu or both; --only takes part of a case's name"));
+            .with_help("a case's `devices` are cpu, gpu or both; --only takes a part of a case's name"));
     }
     let _held = hold(&[&device.info], false)?;
     let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
@@ -120,7 +120,7 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     let task = case.task(&scene);
     if !case.is_of_its_kinds(&task) {
         let message = format!("the kinds of the case '{}' do not match its scene: {task:?}", case.name);
-        return Err(Error::input(message).with_help("its `kinds` may be few, inside, watertight and dense"));
+        return Err(Error::input(message).with_help("`kinds` may list few, inside, watertight and dense"));
     }
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)

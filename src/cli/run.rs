@@ -162,8 +162,8 @@ impl Args {
 /// Refuses paths that are not UTF-8, since workers receive them as JSON, and records and pages contain them.
 fn named_in_text<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.find(|path| path.to_str().is_none()) {
-        Some(path) => Err(Error::input(format!("the name {} is not UTF-8", path.display()))
-            .with_help("rename it, or use a link whose name is UTF-8")),
+        Some(path) => Err(Error::input(format!("the path {} is not UTF-8", path.display()))
+            .with_help("rename the file or folder, or use a symbolic link whose path is UTF-8")),
         None => Ok(()),
     }
 }
@@ -227,7 +227,7 @@ fn refuse_shards(out: &Path) -> Result<()> {
             plan.header.shards
         ))
         .with_help(
-            "`--shard N/OF` measures one of them, `raycl merge` merges them; or choose another \
+            "measure one shard with `--shard N/OF`, merge all shards with `raycl merge`, or choose another \
                 folder with --out",
         )),
         None => Ok(()),
@@ -338,7 +338,7 @@ fn interrupt_flag() -> Result<Arc<AtomicBool>> {
         // The order matters: a signal first shuts raycl down if the flag is already set, and only then sets the flag.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
-            .map_err(|error| Error::fault(format!("cannot listen for Ctrl-C: {error}")))?;
+            .map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))?;
     }
     Ok(interrupted)
 }
@@ -373,7 +373,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
         return Ok(());
     }
     let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
-    Err(error.with_help(format!("{} gives the reason for each", out.join("summary.md").display())))
+    Err(error.with_help(format!("{} gives the reason for each point", out.join("summary.md").display())))
 }
 
 /// Returns whether the tables are left out of the output.

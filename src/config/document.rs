@@ -137,7 +137,7 @@ impl Document {
 fn toml_line(key: &str, value: &str) -> Result<String> {
     if toml::from_str::<toml::Table>(&format!("{key} = 0")).is_err() || key.contains(['=', '\n', '#']) {
         return Err(Error::input(format!("--set {key}={value}: '{key}' is not a key"))
-            .with_help("a key is a name, or names joined by dots: timing.seed"));
+            .with_help("a key is a name, or several names joined by dots, such as timing.seed"));
     }
     let plain = format!("{key} = {value}");
     match toml::from_str::<toml::Table>(&plain) {

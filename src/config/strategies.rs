@@ -32,7 +32,7 @@ pub fn expand(
             if all.iter().any(|other| other.name == strategy.name) {
                 let message = format!("two strategies have the name '{}'", strategy.name);
                 let error = document.error(span, message, "the second is here");
-                return Err(error.with_help("give one of them another name = \"...\", or remove it"));
+                return Err(error.with_help("rename one of the two with name = \"...\", or remove one"));
             }
             if strategy.local_sizes.is_empty() {
                 let message = format!("strategy '{}' has no local sizes", strategy.name);
@@ -88,7 +88,7 @@ fn product(
     }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
-        return Err(error.with_help("name the preset that the entry changes; `raycl strategies` lists them"));
+        return Err(error.with_help("name the preset to change; `raycl strategies` lists all presets"));
     };
     let preset = find(document, name)?;
     let sizes = match &entry.local_sizes {
@@ -158,7 +158,7 @@ fn named(
         let what = [&[format!("preset={}", preset.name)], draft.told.as_slice()].concat().join(" ");
         let message = format!("this combination of axes is not allowed: {reason}");
         return Err(document.error(span, message, format!("asks for {what}")).with_help(
-            "change one of the axes in the message; if only some combinations of a list are allowed, write each of them as a [[strategy]] entry of its own",
+            "change one of the axes that the message names; if lists give combinations that are not allowed, write a [[strategy]] entry for each allowed combination instead",
         ));
     }
     Ok(NamedStrategy {

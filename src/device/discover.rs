@@ -109,7 +109,7 @@ const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
 fn no_platform() -> Error {
-    Error::run("no OpenCL platform was found: no driver is installed, or the loader does not find it")
+    Error::run("no OpenCL platform was found: no driver is installed, or the loader does not find any")
         .with_help(HOW_TO_GET_ONE)
 }
 

@@ -75,7 +75,7 @@ impl Folder {
     pub fn unusable(&self, error: &IoError) -> Error {
         let message = format!("cannot create the locks of devices in {}: {error}", self.path.display());
         Error::run(message).with_help(format!(
-            "set {VARIABLE} to another folder; all processes that measure on this machine must use the same one"
+            "set {VARIABLE} to another folder; all processes that measure on this machine must use the same folder"
         ))
     }
 

@@ -80,7 +80,7 @@ impl Locks {
             }
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
-                    "run the command again when the other process has ended; with --no-wait, it ends immediately instead of waiting",
+                    "run the command again when the other process has ended; with --no-wait, raycl ends immediately instead of waiting",
                 ));
             }
             std::thread::sleep(LOOK_UP);
@@ -129,7 +129,7 @@ enum Attempt {
 
 fn refused(holder: &Holder, device: &LockName) -> Error {
     Error::run(format!("{holder} is measuring on {device}")).with_help(
-        "without --no-wait, raycl waits until that process has ended; two measurements at the same time would disturb each other",
+        "without --no-wait, raycl waits until the other process has ended; two measurements at the same time would disturb each other",
     )
 }
 

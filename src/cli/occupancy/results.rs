@@ -22,7 +22,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .collect();
     if points.is_empty() {
         return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
-            "OpenCL does not report a kernel's registers; they are only known if the compiler prints them into its build log",
+            "OpenCL does not report how many registers a kernel has; raycl knows this only if the compiler prints it to the build log",
         ));
     }
     if as_json {

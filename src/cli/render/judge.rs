@@ -20,7 +20,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let message =
         format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may lie too close to a surface there: move or weaken it, or set shadow_bias; {fate}"
+        "a light may be too close to a surface there: move or dim the light, or set shadow_bias; {fate}"
     )))
 }
 
@@ -47,7 +47,7 @@ pub(super) fn check(
         let message = format!(
             "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
         );
-        return Err(Error::run(message).with_help("this is a fault of raycl or of the driver"));
+        return Err(Error::run(message).with_help("this is a bug in raycl or in the driver"));
     }
     let compare =
         |scene: &Scene, image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {
@@ -120,7 +120,7 @@ fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::res
 
 fn wrong(reason: &str, saved: &Target) -> Error {
     let error = Error::run(format!("the picture is wrong: {reason}"));
-    error.with_help(format!("it was saved for inspection: {}", saved.path().display()))
+    error.with_help(format!("the picture was saved for inspection: {}", saved.path().display()))
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ fn start(order: &Order) -> std::io::Result<()> {
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order: Order = serde_json::from_reader(std::io::stdin())
-        .map_err(|error| Error::fault(format!("no program to store: {error}")))?;
+        .map_err(|error| Error::fault(format!("the program to store could not be read: {error}")))?;
     let cache = Cache::of_user();
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, place)?;

@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let shard = asked.resolve(&|name| std::env::var(name).ok())?;
     let out = args.out.clone().ok_or_else(|| {
-        Error::input("--shard needs --out: the folder to which all shards write")
+        Error::input("--shard needs --out, the folder to which all shards write")
             .with_help("name a folder that every machine can reach, such as --out results/sweep")
     })?;
     if args.cl_dir.len() > 1 {
@@ -190,7 +190,7 @@ impl Part<'_> {
             0 => Ok(()),
             failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
                 .with_help(
-                    "`raycl merge` gives the reason for each; --resume --retry-failed tries them again",
+                    "`raycl merge` gives the reason for each point; --resume --retry-failed measures these points again",
                 )),
         }
     }

@@ -21,7 +21,7 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
     match limit_percent.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
             Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
-                .with_help("the second --cl-dir is slower than the first"))
+                .with_help("kernels of the second --cl-dir are slower than those of the first"))
         }
         _ => Ok(()),
     }
@@ -32,16 +32,16 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
 pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     let folders = &args.cl_dir;
     if folders.len() == 1 && args.fail_on_regression.is_some() {
-        return Err(Error::input("--fail-on-regression compares two folders of kernels, but only one is named")
-            .with_help("expected --cl-dir twice: first the kernels to compare with, then the new ones"));
+        return Err(Error::input("--fail-on-regression needs two folders of kernels, but only one is named")
+            .with_help("give --cl-dir twice: first for the old kernels, then for the new ones"));
     }
     if folders.len() > 2 {
         return Err(Error::input(format!("{} folders of kernels", folders.len()))
-            .with_help("expected --cl-dir once, or twice to compare the second with the first"));
+            .with_help("give --cl-dir once, or twice to compare two folders"));
     }
     if folders.len() == 2 && spread {
         return Err(Error::input("two folders of kernels can only be compared on one device")
-            .with_help("leave out --spread or --sbatch, and name the device with --device"));
+            .with_help("leave out --spread or --sbatch, and choose one device with --device"));
     }
     match folders.as_slice() {
         [] => Ok(vec![Sources::of(None)?]),

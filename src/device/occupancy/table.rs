@@ -78,7 +78,7 @@ pub fn multiprocessor(compute_capability: &str) -> Result<&'static Multiprocesso
     ));
     Err(match nearest_capability(compute_capability) {
         Some(name) => error.with_help(format!("the nearest is {name}")),
-        None => error.with_help("write it as MAJOR.MINOR, as in 8.6"),
+        None => error.with_help("write the compute capability as MAJOR.MINOR, such as 8.6"),
     })
 }
 

@@ -26,7 +26,7 @@ impl Film {
         let Some(animation) = loaded.animation else {
             let message = format!("{} has no [animation]", args.subject.scene.display());
             return Err(Error::input(message).with_help(
-                "docs/scenes.md explains how values of a scene change over time; --turntable 120 turns any scene",
+                "docs/scenes.md explains how to animate a scene; --turntable 120 turns any scene once, in 120 frames",
             ));
         };
         Ok(Self::Animation { animation: Box::new(animation), last: scene })

@@ -34,7 +34,7 @@ impl Frames {
         let are = if count == 1 { "is" } else { "are" };
         let there = counted(count as usize, "frame");
         let message = format!("--frames {}..{}, but there {are} {there}", self.first, self.last);
-        Err(Error::input(message).with_help(format!("expected frames from 1 to {count}")))
+        Err(Error::input(message).with_help(format!("expected frame numbers from 1 to {count}")))
     }
 
     /// Returns the consecutive frames of one process, about as many as every other process has; `None` if

@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// The names of moving pictures.
 const NAMES: &str =
-    "NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture, `-o -` a y4m stream";
+    "`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture, `-o -` a y4m stream";
 
 /// The output for frames.
 pub enum Sink {
@@ -32,7 +32,7 @@ impl Sink {
             return Err(Error::input(
                 "--shard needs numbered pictures, since two processes cannot write to one file",
             )
-            .with_help("name them NAME.png, which writes NAME-0001.png and so on; encoders read these"));
+            .with_help("`-o NAME.png` writes NAME-0001.png and so on, which video encoders can read"));
         }
         if target.is_standard_output() {
             return Ok(());
@@ -78,7 +78,7 @@ impl Sink {
         }
         let message = "a y4m stream has no alpha channel, which a transparent background needs";
         Err(Error::input(message)
-            .with_help("NAME.png writes NAME-0001.png and so on, NAME.apng one animated picture"))
+            .with_help("`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture"))
     }
 
     /// Writes frames as they come, until the last.
@@ -96,7 +96,7 @@ impl Sink {
 fn no_rate(rate: u16, target: &Target) -> Error {
     let name = target.path().display();
     Error::input(format!("--rate {rate} has no effect: '{name}' is written as numbered pictures"))
-        .with_help("leave out --rate; an .apng and a y4m stream (`-o -`) have a rate")
+        .with_help("leave out --rate, or write an .apng or a y4m stream (`-o -`): only these have a rate")
 }
 
 /// The largest number of pictures that are encoded at the same time; with more, a GPU casts no faster.
