@@ -21,7 +21,7 @@ fn file() -> Result<PathBuf> {
         return Ok(running);
     }
     std::env::current_exe().map_err(|error| {
-        Error::run(format!("cannot find raycl's own program: {error}"))
+        Error::run(format!("cannot find raycl's own executable file: {error}"))
             .with_help("start raycl by its full path")
     })
 }

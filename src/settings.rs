@@ -76,7 +76,7 @@ fn read(path: &Path) -> Result<Settings> {
         if value.get_ref().trim().is_empty() {
             return Err(settings
                 .error(value, "this is empty".to_owned())
-                .with_help("give it a value, or remove the line"));
+                .with_help("set a value, or remove the line"));
         }
     }
     Ok(settings)

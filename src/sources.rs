@@ -126,7 +126,7 @@ impl Chain {
     pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");
-            return Err(Error::input(format!("kernel files include themselves: {chain}"))
+            return Err(Error::input(format!("a kernel file includes itself: {chain}"))
                 .with_help("remove one of these #include lines"));
         }
         if length > LONGEST_PROGRAM_MIB << 20 {
@@ -155,9 +155,7 @@ pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&
         Some(directive) if file.is_none() && directive.starts_with("include") => Err(Error::input(format!(
             "cl/{name}, line {number}: raycl does not support this form of #include"
         ))
-        .with_help(
-            "write it as #include \"FOLDER/FILE.cl\", from the start of the line; names are relative to cl/",
-        )),
+        .with_help("write #include \"FOLDER/FILE.cl\" at the start of the line; paths are relative to cl/")),
         _ => Ok(file),
     }
 }

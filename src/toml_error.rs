@@ -28,7 +28,7 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
             let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
             let label = format!("not a {one} here");
             Error::in_file(name, text, span, format!("unknown {one} `{key}`{suggestion}"), label)
-                .with_help(format!("the {all} here are {}", known.join(", ")))
+                .with_help(format!("the valid {all} here are {}", known.join(", ")))
         }
         _ => Error::in_file(name, text, span, in_plain_words(&message), "here").with_help(help),
     }

@@ -326,7 +326,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
                 "path = \"camera.position.1\"\nvalues = [1, 2]\n[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 1, 3]]",
             ),
             "`camera.position` replaces the value of the track `camera.position.1`",
-            "put this track first, then the tracks of its parts",
+            "put this track before the tracks of its parts",
         ),
         // The first two tracks together make a valid light, so the third one is the mistake.
         (

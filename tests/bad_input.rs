@@ -43,7 +43,7 @@ fn a_misspelt_key_of_a_scene() {
     let message = scene_mistake(&TRIANGLE.replace("z_near", "z_naer"));
     has(&message, &["scene.toml:4", "z_naer", "did you mean `z_near`"]);
     let message = scene_mistake(&TRIANGLE.replace("[[light]]", "[[lamp]]"));
-    has(&message, &["scene.toml:6", "`lamp`", "the keys here are", "light"]);
+    has(&message, &["scene.toml:6", "`lamp`", "the valid keys here are", "light"]);
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn unknown_names_are_answered_with_the_nearest() {
     let message = argument_mistake(&["--strategy", "naive,vectros=local"]);
     has(&message, &["'vectros' is not an axis", "did you mean 'vectors'"]);
     let message = argument_mistake(&["--strategy", "naive,vectors=lokal"]);
-    has(&message, &["'lokal' is not a value of 'vectors'", "did you mean 'local'"]);
+    has(&message, &["'lokal' is not a value of the axis 'vectors'", "did you mean 'local'"]);
     has(&argument_mistake(&["--set", "wdith=4"]), &["'wdith' is neither", "did you mean 'width'"]);
     has(&argument_mistake(&["--set", "camera.positoin=1"]), &["`positoin`", "did you mean `position`"]);
     let message = argument_mistake(&["--device", "portabel"]);
@@ -204,7 +204,7 @@ fn an_output_that_cannot_be_written_is_refused_before_any_work() {
 fn an_image_larger_than_memory_is_refused_with_arithmetic() {
     let message =
         argument_mistake(&["--width", "65536", "--height", "65536", "--device", &crate::binary::device()]);
-    has(&message, &["cannot hold this frame: largest buffer: image 16 B x 4294967296 pixels", " B > "]);
+    has(&message, &["cannot cast this frame: largest buffer: image 16 B x 4294967296 pixels", " B > "]);
 }
 
 #[test]

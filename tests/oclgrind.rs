@@ -64,7 +64,7 @@ impl Simulation<'_> {
         let output = crate::binary::run(&mut self.command(folder.path()));
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         let is_refused =
-            ["cannot hold this frame", "cannot cast the scene"].iter().any(|part| said.contains(part));
+            ["cannot cast this frame", "cannot cast the scene"].iter().any(|part| said.contains(part));
         let does_not_fit = output.status.code() == Some(2) && is_refused;
         // tests/kernels.rs reports programs that no compiler accepts.
         if does_not_fit || said.contains("the build failed") {

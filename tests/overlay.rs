@@ -146,7 +146,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
         &said,
         &[
             "My test.cl: a value is named after its file",
-            "rename it, for example to cast/intersect/my_test.cl",
+            "rename the file, for example to cast/intersect/my_test.cl",
         ],
     );
 

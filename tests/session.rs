@@ -42,7 +42,7 @@ fn frames_of_one_session_share_the_devices_memory() {
     let said = refused.reason();
     assert!(said.starts_with("global memory") && said.contains("B that other points hold"), "{said}");
     let error = refused.into_error("the device").to_string();
-    assert!(error.starts_with("the device cannot hold this frame: global memory"), "{error}");
+    assert!(error.starts_with("the device cannot cast this frame: global memory"), "{error}");
     drop(caster);
     prepare(&mut session, &deferred()).expect("room again");
 }

@@ -223,7 +223,7 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
     has(
         &refused(&["run", "test.toml", "--out", "whole", "--asleep", "1", "--shard", "1/2"]),
-        &["holds results of a run that had no shards"],
+        &["holds the results of a run without shards"],
     );
 }
 

@@ -24,7 +24,7 @@ fn write(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Error::run(format!("standard output could not be written: {error}"))
+            Err(Error::run(format!("cannot write to standard output: {error}"))
                 .with_help("if standard output is redirected to a file, free up space on the file's disk"))
         }
         _ => Ok(()),

@@ -25,7 +25,9 @@ pub fn run(args: Args) -> Result<()> {
     if !args.folder.join("records.jsonl").is_file() {
         let error =
             Error::input(format!("{} holds no results: records.jsonl is missing", args.folder.display()));
-        return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
+        return Err(
+            error.with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
+        );
     }
     let _lock = Lock::take(&args.folder)?;
     let repaired = repair(&args.folder)?;

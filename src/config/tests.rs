@@ -227,7 +227,7 @@ fn unknown_names_are_refused_with_the_nearest() {
         &["'naïv' is not a preset", "6:15", "did you mean 'naive'?"],
     );
     let text = format!("{GOOD}[[strategy]]\npreset = \"naive\"\nvectors = [\"local\", \"privat\"]\n");
-    refuses(&text, &["'privat' is not a value of 'vectors'", "9:21", "did you mean 'private'?"]);
+    refuses(&text, &["'privat' is not a value of the axis 'vectors'", "9:21", "did you mean 'private'?"]);
     refuses(
         &format!("baselines = [\"seriel\"]\n{GOOD}"),
         &["'seriel' is not a baseline", "1:14", "'serial'?"],

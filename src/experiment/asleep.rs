@@ -89,7 +89,7 @@ impl<'a> Asleep<'a> {
     }
 
     fn check(&mut self, number: usize) -> Result<Reply> {
-        let gone = || Error::run("a worker received a request for a point that it does not have");
+        let gone = || Error::run("a worker process received a request for an unknown point");
         let point: Point = *self.plan.points.get(number).ok_or_else(gone)?;
         if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(gone)?;

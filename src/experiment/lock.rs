@@ -49,7 +49,7 @@ fn taken(folder: &Path, mut file: File) -> Error {
     let _ = file.read_to_string(&mut holder);
     let who = if holder.is_empty() { String::new() } else { format!(" (process {})", holder.trim()) };
     Error::input(format!("another run{who} is writing to {}", folder.display()))
-        .with_help("wait for it, or name another folder with --out")
+        .with_help("wait until that run ends, or choose another folder with --out")
 }
 
 #[cfg(test)]

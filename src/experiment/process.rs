@@ -45,7 +45,7 @@ impl Spawner for Processes {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         let failed = |error: std::io::Error| {
             Error::run(format!("cannot start a worker process: {error}")).with_help(
-                "check that memory is free and more processes are allowed (`ulimit -u`), then repeat the \
+                "check that enough memory is free and that `ulimit -u` allows more processes, then repeat the \
                  command with --resume",
             )
         };

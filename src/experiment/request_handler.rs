@@ -190,7 +190,7 @@ fn warm_up(
 }
 
 fn no_such_point() -> Error {
-    Error::fault("a worker received a request for a point that it does not have")
+    Error::fault("a worker process received a request for an unknown point")
 }
 
 fn changed(device: Option<&DeviceInfo>) -> Error {

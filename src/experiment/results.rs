@@ -65,7 +65,9 @@ impl Results {
     pub fn create(folder: &Path, environment: &Environment) -> Result<Self> {
         if folder.join("records.jsonl").exists() {
             let error = Error::input(format!("{} already holds results", folder.display()));
-            return Err(error.with_help("--resume continues the run; or choose another folder with --out"));
+            return Err(
+                error.with_help("continue the run with --resume, or choose another folder with --out")
+            );
         }
         Self::open(folder, environment)
     }

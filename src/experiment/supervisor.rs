@@ -268,7 +268,7 @@ impl<'a> Supervisor<'a> {
         };
         let error = Error::run(format!("a worker process could not start: it {why}"));
         Err(error.with_help(
-            "`raycl devices` shows whether the device still answers; finished measurements are kept",
+            "`raycl devices` shows whether the device still responds; finished measurements are saved",
         ))
     }
 
@@ -342,6 +342,6 @@ impl Death {
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),
-        _ => Error::fault("a worker's reply does not match its request"),
+        _ => Error::fault("a worker process sent a reply that does not match the request"),
     }
 }

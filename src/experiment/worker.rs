@@ -87,8 +87,8 @@ fn input_lines() -> Receiver<String> {
 
 fn find(identity: &str, sources: &Sources) -> Result<Device> {
     let gone = || {
-        Error::run("the device is gone: its driver no longer lists it")
-            .with_help("`raycl devices` lists the available devices; finished measurements are kept")
+        Error::run("the device has disappeared: its driver no longer lists it")
+            .with_help("`raycl devices` lists the available devices; finished measurements are saved")
     };
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
     pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)
@@ -96,13 +96,14 @@ fn find(identity: &str, sources: &Sources) -> Result<Device> {
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
     serde_json::from_str(line)
-        .map_err(|error| Error::fault(format!("a worker received an invalid request: {error}")))
+        .map_err(|error| Error::fault(format!("a worker process received an invalid request: {error}")))
 }
 
 /// Writes a reply on a new line, since a driver may have left an unfinished one.
 fn reply(reply: &Reply) -> Result<()> {
-    let unwritable =
-        |error: &dyn std::fmt::Display| Error::fault(format!("a reply could not be sent: {error}"));
+    let unwritable = |error: &dyn std::fmt::Display| {
+        Error::fault(format!("a worker process could not send its reply: {error}"))
+    };
     let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))

@@ -135,11 +135,11 @@ impl FileType {
             }
             (Self::Utf16, _) => Some(
                 Error::input(format!("{name}:1: UTF-16 text, which raycl does not read; expected UTF-8"))
-                    .with_help("save it as UTF-8"),
+                    .with_help("save the file as UTF-8"),
             ),
             (Self::Mesh(format), Wanted::Experiment) => refused(
                 &format!("{}, not an experiment", format.name()),
-                &format!("`raycl render {name}` makes a picture of it; {}", wanted.read()),
+                &format!("`raycl render {name}` renders this mesh; {}", wanted.read()),
             ),
             (Self::Toml, Wanted::Mesh) => refused("a TOML file, not a mesh", wanted.read()),
             _ => None,

@@ -15,7 +15,7 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
     let (name, file) = (path.display(), path.file_name().unwrap_or_default().display());
     has_only(text, &SCENE_KEYS, &EXPERIMENT_KEYS).then(|| {
         Error::input(format!("{name} is a scene, not an experiment")).with_help(format!(
-            "`raycl render {name}` makes a picture of it; an experiment refers to it by scenes = [\"{file}\"]"
+            "`raycl render {name}` renders this scene; an experiment lists it as scenes = [\"{file}\"]"
         ))
     })
 }
@@ -24,8 +24,9 @@ pub fn scene_instead(path: &Path, text: &str) -> Option<Error> {
 pub fn experiment_instead(path: &Path, text: &str) -> Option<Error> {
     let name = path.display();
     has_only(text, &EXPERIMENT_KEYS, &SCENE_KEYS).then(|| {
-        Error::input(format!("{name} is an experiment, not a scene"))
-            .with_help(format!("`raycl run {name}` runs it; `raycl render` takes one of its scenes"))
+        Error::input(format!("{name} is an experiment, not a scene")).with_help(format!(
+            "`raycl run {name}` runs this experiment; `raycl render` needs one of its scenes"
+        ))
     })
 }
 

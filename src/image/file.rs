@@ -54,7 +54,7 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
             "cannot write '{name}': {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} in each direction"
         );
         let png = target.path().with_extension("png");
-        return Err(Error::input(message).with_help(format!("name it '{}'", png.display())));
+        return Err(Error::input(message).with_help(format!("name the file '{}'", png.display())));
     }
     target.check()
 }
@@ -70,7 +70,7 @@ pub fn check_alpha(target: &Target) -> Result<()> {
     let message =
         format!("cannot write '{name}': {what} has no alpha channel, which a transparent background needs");
     let [png, exr] = ["png", "exr"].map(|ending| target.path().with_extension(ending));
-    Err(Error::input(message).with_help(format!("name it '{}' or '{}'", png.display(), exr.display())))
+    Err(Error::input(message).with_help(format!("name the file '{}' or '{}'", png.display(), exr.display())))
 }
 
 /// Returns the format that a file's extension names. Standard output has no extension and gets PNG.
@@ -84,7 +84,7 @@ fn format_of(target: &Target) -> Result<Format> {
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
-            .with_help("pictures are .png, .jpg, .exr or .hdr")
+            .with_help("raycl reads .png, .jpg, .exr and .hdr pictures")
     };
     let bytes = reader::bytes(path, reader::Kind::Picture).map_err(|error| unreadable(&error))?;
     let mut picture = image::ImageReader::new(std::io::Cursor::new(bytes));
@@ -113,8 +113,11 @@ pub fn frame_key(path: &Path) -> Option<String> {
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
-        let error = Error::input(format!("cannot write '{name}': a picture of differences must be a .png"));
-        return Err(error.with_help(format!("name it '{}'", target.path().with_extension("png").display())));
+        let error =
+            Error::input(format!("cannot write '{name}': a picture of differences must be a .png file"));
+        return Err(
+            error.with_help(format!("name the file '{}'", target.path().with_extension("png").display()))
+        );
     }
     target.check()
 }
@@ -143,14 +146,14 @@ fn format(path: &Path) -> Result<Format> {
         let names = EXTENSIONS.map(|(name, _)| name);
         let choices = names.map(|name| format!(".{name}")).join(", ");
         let error = Error::input(format!(
-            "cannot tell from '{}' what kind of picture to write: its name must end in one of {choices}",
+            "cannot write '{}': the name of a picture must end in one of {choices}",
             path.display()
         ));
         match nearest(&extension, names) {
             Some(meant) => {
                 error.with_help(format!("did you mean '{}'?", path.with_extension(meant).display()))
             }
-            None => error.with_help(format!("name it '{}'", path.with_extension("png").display())),
+            None => error.with_help(format!("name the file '{}'", path.with_extension("png").display())),
         }
     })
 }

@@ -28,8 +28,9 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
         layers.to_vec()
     } else {
         let message = format!("'{}' is not a valid name for layers", path.display());
-        return Err(Error::input(message)
-            .with_help("NAME.exr holds all layers; NAME.png writes NAME-depth.png and so on"));
+        return Err(Error::input(message).with_help(
+            "NAME.exr holds all layers; NAME.png writes a file per layer, such as NAME-depth.png",
+        ));
     };
     targets.iter().try_for_each(Target::check)?;
     Ok(targets)
@@ -42,7 +43,7 @@ fn refuse_picture(layer: &Target, picture: &Target) -> Result<()> {
     }
     let message = format!("'{}' is both the picture and a layer; expected two files", layer.path().display());
     Err(Error::input(message).with_help(
-        "`-o FILE` writes the picture elsewhere, `--layers FILE` the layers; one .exr may hold both",
+        "choose another `-o FILE` or `--layers FILE`; one .exr file may hold the picture and all layers",
     ))
 }
 

@@ -61,7 +61,7 @@ impl Movie {
                     // The encoder has closed its input because it needs no more frames.
                     Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
                     other => other.map_err(|error| {
-                        crate::Error::run(format!("standard output could not be written: {error}"))
+                        crate::Error::run(format!("cannot write to standard output: {error}"))
                     }),
                 }
             }

@@ -23,8 +23,8 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
             return Ok(text);
         }
         let answers = ask(queue, &spec.options, &asked).map_err(|message| {
-            Error::run(format!("the device's compiler could not be asked for its macros: {message}"))
-                .with_help("without --device, these macros count as undefined")
+            Error::run(format!("cannot query the macros that the device's compiler defines: {message}"))
+                .with_help("without --device, raycl treats these macros as undefined")
         })?;
         for (name, answer) in asked.into_iter().zip(answers) {
             match answer {

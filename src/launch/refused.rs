@@ -52,7 +52,7 @@ impl Refused {
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
         let too_large =
-            |what: &str| Error::input(format!("{what} cannot hold this frame: {reason}")).with_help(SMALLER);
+            |what: &str| Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(SMALLER);
         match self {
             Self::Mistake(error) => error,
             Self::Device(Infeasible { is_lacking: true, .. }) => {
@@ -91,7 +91,7 @@ mod tests {
         assert_eq!(message, "this strategy cannot cast the scene: traversal = raster does not support a sky");
         assert_eq!(remedy, ANOTHER);
         let (message, remedy) = told(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
-        assert_eq!(message, "the device cannot hold this frame: global memory: 2 B > 1 B");
+        assert_eq!(message, "the device cannot cast this frame: global memory: 2 B > 1 B");
         assert_eq!(remedy, SMALLER);
     }
 }

@@ -124,5 +124,5 @@ pub(super) fn folder_of(path: &Path) -> Result<&Path> {
         return Ok(folder);
     }
     let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
-    Err(Error::input(message).with_help(format!("make it first: mkdir -p '{}'", folder.display())))
+    Err(Error::input(message).with_help(format!("create this folder first: mkdir -p '{}'", folder.display())))
 }

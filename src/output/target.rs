@@ -102,7 +102,7 @@ fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<(
         out.flush()
     };
     written().map_err(|error| {
-        Error::run(format!("standard output could not be written: {error}"))
+        Error::run(format!("cannot write to standard output: {error}"))
             .with_help("write to a file with `-o FILE`")
     })
 }

@@ -29,7 +29,7 @@ const MOST_LOOPS: i32 = 1 << 24;
 /// Returns the error for a measurement that failed.
 pub fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the device's peak rates could not be measured: {error}"))
-        .with_help("name another device with --device; `raycl devices` lists all devices")
+        .with_help("choose another device with --device; `raycl devices` lists all devices")
 }
 
 impl<'a> Rig<'a> {

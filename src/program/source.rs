@@ -67,13 +67,13 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((axis, after)) = rest.split_once('}') else {
         let message = format!("kernel include \"{path}\" has a brace that is not closed");
         return Err(Error::input(message).with_help(
-            "close it: {AXIS} in a path is replaced by the file name of the strategy's value on that axis",
+            "close the brace: {AXIS} in a path stands for the file name of the strategy's value on that axis",
         ));
     };
     let axes = strategy.axes();
     let value = axes.iter().find(|(name, _)| *name == axis).map(|(_, value)| *value).ok_or_else(|| {
         let meant = nearest(axis, axes.iter().map(|(name, _)| *name)).unwrap_or("vectors");
-        Error::input(format!("kernel include \"{path}\" names no axis"))
+        Error::input(format!("kernel include \"{path}\": the name in braces is not an axis"))
             .with_help(format!("did you mean {{{meant}}}?"))
     })?;
     Ok(format!("{before}{}{after}", value.replace('-', "_")))

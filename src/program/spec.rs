@@ -33,7 +33,7 @@ impl ProgramSpec {
             let value = value_of(name, strategy, workload, builtins);
             value
                 .map(|value| (name, value))
-                .ok_or_else(|| Error::fault(format!("no value for the define {name}")))
+                .ok_or_else(|| Error::fault(format!("no value for the kernels' macro {name}")))
         };
         let defines = names.map(value).collect::<Result<Vec<_>>>()?;
         let mut joiner = Joiner {

@@ -55,7 +55,9 @@ impl Folder {
         };
         if !journal.is_file() {
             let error = Error::input(format!("{} holds no results: {RECORDS} is missing", path.display()));
-            return Err(error.with_help("name a folder that `raycl run` wrote, such as results/quick"));
+            return Err(
+                error.with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
+            );
         }
         let lines = read_lines::<Record>(&journal)?;
         let lines_damage = lines.damage(RECORDS);

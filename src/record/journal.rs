@@ -82,7 +82,7 @@ impl<T> Lines<T> {
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     let unreadable = |error| {
         Error::input(format!("cannot read {}: {error}", path.display()))
-            .with_help("name a folder that `raycl run` wrote, such as results/quick")
+            .with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
     };
     let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);
     let mut read = Lines { lines: Vec::new(), torn: false, damaged: Vec::new() };
@@ -112,7 +112,7 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
                 path.display()
             );
             Err(Error::input(message)
-                .with_help("name a folder that `raycl run` wrote, such as results/quick"))
+                .with_help("give the path of a folder that `raycl run` wrote, such as results/quick"))
         }
         _ => Ok(read),
     }

@@ -77,8 +77,8 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "`raycl run --resume` rewrites it; without this file, the latest record of each point is \
-                 shown",
+                "`raycl run --resume` writes this file again; if it does not exist, the latest record of each \
+                 point is shown",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;

@@ -43,7 +43,7 @@ fn repair_file(path: &Path, is_whole: fn(&[u8]) -> bool) -> Result<Option<Repair
     }
     let failed = |error| {
         Error::input(format!("cannot repair {}: {error}", path.display()))
-            .with_help("name a folder that `raycl run` wrote, with its original files")
+            .with_help("give the path of a folder that `raycl run` wrote; its files must not be links")
     };
     own_file(path).and_then(|()| ordinary(path)).map_err(failed)?;
     let bytes = std::fs::read(path).map_err(failed)?;

@@ -165,7 +165,7 @@ fn stem(path: &Path) -> String {
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
     let file = file.ok_or_else(|| {
-        Error::input(format!("{}: the name is not UTF-8", path.display())).with_help("rename the file")
+        Error::input(format!("{}: the file's name is not UTF-8", path.display())).with_help("rename the file")
     })?;
     Ok(format!("crease = {BARE_CREASE_DEGREES}\n\n[[object]]\nmesh = {}\n", Value::from(file)))
 }
@@ -180,8 +180,11 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let line =
             1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-        Error::input(format!("{}:{line}: not UTF-8; a scene is a TOML file or a mesh", path.display()))
-            .with_help("save it as UTF-8")
+        Error::input(format!(
+            "{}:{line}: not UTF-8 text; a scene must be a TOML file or a mesh",
+            path.display()
+        ))
+        .with_help("save the file as UTF-8")
     })
 }
 

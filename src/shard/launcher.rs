@@ -118,8 +118,8 @@ impl Ranks {
         let Some(place) = number(self.place, variable)? else { return Ok(None) };
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let place = place.checked_sub(self.origin).ok_or_else(|| {
-            Error::input(format!("{} is {place}, but it counts from {}", self.place, self.origin))
-                .with_help("number the tasks from 1, or name the shard: --shard 3/16")
+            Error::input(format!("{} is {place}, but its values start at {}", self.place, self.origin))
+                .with_help("number the tasks from 1, or give the shard's number: --shard 3/16")
         })?;
         Ok(Some(Told { launcher: self.launcher, place, count, number: None }))
     }
@@ -144,9 +144,9 @@ fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     match place.filter(|place| whole && *place < count) {
         Some(place) => Ok(Some(Told { launcher, place, count: Some(count), number: None })),
         None => Err(Error::input(format!(
-            "a Slurm array of {count} elements has gaps, so the shard of element {task} cannot be determined"
+            "a Slurm array of {count} elements has gaps, so raycl cannot determine the shard of element {task}"
         ))
-        .with_help("--shard auto/16 uses the element's number, from 1 to 16, as the shard's number")),
+        .with_help("with --shard auto/16, each element's number is its shard's number and must be 1 to 16")),
     }
 }
 
@@ -155,16 +155,17 @@ impl Told {
         let launcher = self.launcher;
         if let (Some(of), Some(count)) = (of, self.count.filter(|count| Some(*count) != of)) {
             let message = format!("--shard auto/{of}, but {launcher} started {count} processes");
-            return Err(
-                Error::input(message).with_help("start a process per shard, or omit the count: --shard auto")
-            );
+            return Err(Error::input(message)
+                .with_help("start one process per shard, or omit the count: --shard auto"));
         }
         let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
         let number = self.number.unwrap_or(self.place.saturating_add(1));
         let error = |_| {
             let from = self.number.map_or(self.place, |number| number);
-            Error::input(format!("{launcher} says {from}, which is not one of {of} shards"))
-                .with_help(format!("number the tasks so that they match the shards 1 to {of}"))
+            Error::input(format!("{launcher} gives the number {from}, which matches none of {of} shards"))
+                .with_help(format!(
+                    "number the tasks so that each of them matches one of the shards 1 to {of}"
+                ))
         };
         Shard::new(number, of).map_err(error)
     }
@@ -175,7 +176,7 @@ fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {
         Error::input(format!("{name} is '{text}', which is not a number"))
-            .with_help("name the shard: --shard 3/16")
+            .with_help("give the shard's number: --shard 3/16")
     })
 }
 
@@ -186,9 +187,9 @@ fn no_count(launcher: &str) -> Error {
 
 fn twice(array: &Told, inner: &Told) -> Error {
     let told = |told: &Told| match told.number {
-        Some(number) => format!("{} is element {number}", told.launcher),
+        Some(number) => format!("{} calls it element {number}", told.launcher),
         None => format!(
-            "{} is {} of {}",
+            "{} calls it {} of {}",
             told.launcher,
             told.place,
             told.count.map_or("?".to_owned(), |n| n.to_string())
@@ -196,8 +197,8 @@ fn twice(array: &Told, inner: &Told) -> Error {
     };
     Error::input(format!("two launchers number this process: {}, and {}", told(array), told(inner)))
         .with_help(
-            "let each element of the array start one process, or leave out the array; or name the \
-            shard: --shard 3/16",
+            "let each element of the array start one process, or omit the array; or give the \
+            shard's number: --shard 3/16",
         )
 }
 
@@ -208,9 +209,9 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
-            "SLURM_PROCID is {place} of {tasks} tasks, but srun did not start raycl: it runs only once here"
+            "SLURM_PROCID is {place} of {tasks} tasks, but srun did not start raycl, so raycl runs only once"
         ))
-        .with_help("start it with srun: srun raycl run ... --shard auto"),
+        .with_help("start raycl with srun: srun raycl run ... --shard auto"),
     )
 }
 
@@ -218,7 +219,7 @@ fn nobody() -> Error {
     let known = INNER.iter().map(|ranks| ranks.launcher).chain(["a Slurm array (SLURM_ARRAY_TASK_ID)"]);
     let known: Vec<_> = known.chain(OUTER.iter().map(|ranks| ranks.launcher)).collect();
     Error::input("--shard auto needs a launcher that numbers its processes, but none was found")
-        .with_help(format!("name the shard: --shard 3/16. Known launchers: {}", known.join(", ")))
+        .with_help(format!("give the shard's number: --shard 3/16. Known launchers: {}", known.join(", ")))
 }
 
 #[cfg(test)]
@@ -285,7 +286,7 @@ mod tests {
             (
                 Some(4),
                 format!("SLURM_ARRAY_TASK_ID=2 {step}"),
-                "is element 2, and a step of Slurm (SLURM_PROCID) is 1 of 4",
+                "calls it element 2, and a step of Slurm (SLURM_PROCID) calls it 1 of 4",
             ),
             (
                 None,
@@ -303,9 +304,13 @@ mod tests {
             (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
-            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "says 8, which is not one of 8 shards"),
-            (Some(8), "HQ_TASK_ID=0".to_owned(), "counts from 1"),
-            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "says 0, which is not one of 8"),
+            (
+                Some(8),
+                "JOB_COMPLETION_INDEX=8".to_owned(),
+                "gives the number 8, which matches none of 8 shards",
+            ),
+            (Some(8), "HQ_TASK_ID=0".to_owned(), "start at 1"),
+            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "gives the number 0, which matches none of 8"),
             (Some(8), "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), "started 4 processes"),
             (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is not a number"),
         ];

@@ -23,7 +23,7 @@ impl Shard {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
             false => Err(Error::input(format!("there is no shard {number} of {of}"))
-                .with_help(format!("shards are numbered from 1 to their count, at most {MOST}"))),
+                .with_help(format!("the first shard has the number 1; at most {MOST} shards are allowed"))),
         }
     }
 }

@@ -59,8 +59,8 @@ impl ShardPlan {
             return Ok(plan);
         }
         // Another shard wrote its plan first. This plan is used, since its blocks may be based on other expected times.
-        let first =
-            Self::read(out)?.ok_or_else(|| Error::run(format!("{FILE} in {} is gone", out.display())))?;
+        let first = Self::read(out)?
+            .ok_or_else(|| Error::run(format!("{FILE} was deleted from {}", out.display())))?;
         first.checked(header, out)
     }
 
@@ -72,7 +72,7 @@ impl ShardPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "name a folder that `raycl run --shard` wrote, or start the run in another folder with --out",
+                "give the path of a folder that `raycl run --shard` wrote, or choose another folder with --out",
             )
         };
         let text = ordinary(&path).and_then(|()| std::fs::read(&path)).map_err(|error| unreadable(&error))?;
@@ -109,7 +109,7 @@ impl ShardPlan {
         let message =
             format!("{} has a different plan: {what} differs, {there} there and {here} here", out.display());
         Err(Error::input(message)
-            .with_help("start every shard with the same command, or name another folder with --out"))
+            .with_help("start every shard with the same command, or choose another folder with --out"))
     }
 }
 

@@ -41,7 +41,7 @@ pub trait Axis: Sized + Copy + Eq + 'static {
         Self::all().into_iter().find(|value| value.name() == name).ok_or_else(|| {
             let names: Vec<_> = Self::all().into_iter().map(Self::name).collect();
             let error = Error::input(format!(
-                "'{name}' is not a value of '{}'; expected one of {}",
+                "'{name}' is not a value of the axis '{}'; expected one of {}",
                 Self::INFO.name,
                 names.join(", ")
             ));

@@ -95,9 +95,11 @@ impl Reader<'_> {
             }
         }
         let lacks = |key: &str, what: &str| {
-            Error::input(format!("{}, line 1: its header has no '{key}': {what}", self.path)).with_help(
-                format!("begin the file with {}; docs/own-kernels.md describes headers", self.example()),
-            )
+            Error::input(format!("{}, line 1: the file's header has no '{key}': {what}", self.path))
+                .with_help(format!(
+                    "begin the file with {}; docs/own-kernels.md describes headers",
+                    self.example()
+                ))
         };
         let meaning = found.meaning.take().map(|(_, meaning)| meaning);
         let meaning = meaning.ok_or_else(|| lacks("meaning", "the value's meaning, in a line"))?;

@@ -135,9 +135,8 @@ fn refuse_names(sources: &Sources) -> Result<()> {
                 "{path}: a value is named after its file, with only lower-case letters, digits and '_'"
             );
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
-            return Err(
-                Error::input(message).with_help(format!("rename it, for example to {folder}{plain}.cl"))
-            );
+            return Err(Error::input(message)
+                .with_help(format!("rename the file, for example to {folder}{plain}.cl")));
         }
     }
     Ok(())

@@ -214,7 +214,7 @@ impl Live {
         }
         Err(match last {
             Some(refused) => refused.into_error(&self.device.info.name),
-            None => Error::input("there is no other choice"),
+            None => Error::input("no other value is available"),
         })
     }
 
@@ -230,7 +230,7 @@ impl Live {
         let place = found.iter().position(same).map_or(0, |place| place + 1);
         match found.get(place % found.len().max(1)) {
             Some(device) if !same(device) => self.move_to(device.clone()),
-            _ => Err(Error::input(format!("{} is the only device", self.device.info.name))),
+            _ => Err(Error::input(format!("{} is the only usable device", self.device.info.name))),
         }
     }
 

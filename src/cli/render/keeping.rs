@@ -66,7 +66,8 @@ pub fn serve() -> Result<()> {
     let cache = Cache::of_user();
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
     let device = pick_one(&cache, &Sources::Embedded, place)?;
-    let device = device.ok_or_else(|| Error::run("the device is gone: its driver no longer lists it"))?;
+    let device =
+        device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
     let queue = Queue::open(device.platform, device.device)?;
     let spec = ProgramSpec { source: order.source, options: order.options, files: Vec::new() };
     let kept = Kept::of(cache, &device.info);

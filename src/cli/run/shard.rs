@@ -52,8 +52,8 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
 /// writes files with the same names. Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
-        true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
-            .with_help("name another folder with --out")),
+        true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
+            .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
     // The plan is looked for last, since another shard may have begun in the folder meanwhile.

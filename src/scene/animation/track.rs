@@ -60,8 +60,7 @@ impl Track {
             Some("") => Err(refused(format!("a second track for `{path}`"), "this path has a track already")),
             Some(rest) if rest.starts_with('.') => {
                 let message = format!("`{path}` replaces the value of the track `{other}`");
-                Err(refused(message, "this path")
-                    .with_help("put this track first, then the tracks of its parts"))
+                Err(refused(message, "this path").with_help("put this track before the tracks of its parts"))
             }
             _ => Ok(()),
         }

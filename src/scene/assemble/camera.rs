@@ -77,7 +77,7 @@ fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, 
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
         (Some(_), Some(second)) => Err(document
             .error(second.span(), "both fov_x_degrees and fov_y_degrees", "the second field of view")
-            .with_help("set only one: the other follows from the image's shape")),
+            .with_help("set only one of them: the other follows from the image's aspect ratio")),
         (Some(fov), None) => Ok(Some((tangent(fov.get_ref().0), false))),
         (None, Some(fov)) => Ok(Some((tangent(fov.get_ref().0), true))),
         (None, None) => Ok(None),
@@ -96,5 +96,5 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);
     document
         .error(at([0, 1, 2]), message, "no upward direction")
-        .with_help("choose an `up` that is not parallel to the view, such as [0, 0, 1]")
+        .with_help("choose an `up` that is not parallel to the view direction, such as [0, 0, 1]")
 }

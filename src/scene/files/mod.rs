@@ -107,7 +107,10 @@ fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<Me
     let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
     let outside =
         "the file's text is not shown, since the file is outside the folder of the file that names it";
-    let mistake = || Error::input(format!("{name}: damaged, or not {}", format.name())).with_help(outside);
+    let mistake = || {
+        Error::input(format!("{name}: the file is damaged, or it is not {}", format.name()))
+            .with_help(outside)
+    };
     file.map(told).map_err(|_| mistake())
 }
 

@@ -64,8 +64,8 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let starts = faces::starts(&points, &coordinates);
     let total = starts[points.len()];
     if total.positions.max(total.normals) >= i32::MAX as usize {
-        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can name"))
-            .with_help("cut the mesh into several files"));
+        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can address"))
+            .with_help("split the mesh into several files"));
     }
     let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
     mesh.positions.reserve_exact(total.positions);

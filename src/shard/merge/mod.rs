@@ -80,14 +80,14 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 pub fn no_shards(out: &Path) -> Error {
     let what = if out.is_dir() { "holds no experiment in shards" } else { "is not a folder" };
     Error::input(format!("{} {what}", out.display()))
-        .with_help("name the folder that `raycl run --shard` wrote (its --out)")
+        .with_help("give the path of the folder that `raycl run --shard` wrote (its --out)")
 }
 
 /// Refuses a folder with the results of a run without shards, which a merge would overwrite.
 fn refuse_other_results(out: &Path) -> Result<()> {
     match out.join(RECORDS).exists() && !out.join(MERGE).exists() {
-        true => Err(Error::input(format!("{} holds results of a run that had no shards", out.display()))
-            .with_help("let the shards write to another folder with --out")),
+        true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
+            .with_help("choose another folder for the shards with --out")),
         false => Ok(()),
     }
 }

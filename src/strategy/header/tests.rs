@@ -53,13 +53,13 @@ fn mistake(line: &str, by: &str, said: &str, help: &str) {
 
 #[test]
 fn what_is_missing_is_told_with_what_to_write() {
-    mistake("// meaning: mine\n", "", "line 1: its header has no 'meaning'", "`// meaning: ...`");
-    mistake("// record_floats: 9\n", "", "line 1: its header has no 'record_floats'", "1 to 64");
+    mistake("// meaning: mine\n", "", "line 1: the file's header has no 'meaning'", "`// meaning: ...`");
+    mistake("// record_floats: 9\n", "", "line 1: the file's header has no 'record_floats'", "1 to 64");
     mistake("// prepared_for: any-ray\n", "", "has no 'prepared_for'", "any-ray or origin or pixels or tile");
     mistake(
         "// A test of mine: see below.\n",
         "int x;\n",
-        "line 1: its header has no 'meaning'",
+        "line 1: the file's header has no 'meaning'",
         "docs/own-kernels.md",
     );
 }

@@ -125,7 +125,7 @@ fn sixels(picture: &RgbImage) -> Result<String> {
 
 fn failed(error: &dyn std::error::Error) -> Error {
     Error::run(format!("the picture cannot be encoded for the terminal: {error}"))
-        .with_help("--terminal=blocks draws it in half blocks")
+        .with_help("--terminal=blocks draws the picture with half-block characters")
 }
 
 #[cfg(test)]

@@ -156,7 +156,7 @@ fn sizes() -> ([u16; 2], Option<[u32; 2]>) {
 
 fn failed(error: std::io::Error) -> Error {
     Error::run(format!("the terminal cannot be used: {error}"))
-        .with_help("without --terminal a window is opened")
+        .with_help("without --terminal, raycl opens a window instead")
 }
 
 /// Returns the key that a code of the terminal means.

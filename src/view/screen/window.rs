@@ -8,8 +8,8 @@ use minifb::{InputCallback, MouseButton, MouseMode, ScaleMode, WindowOptions};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-const REMEDY: &str = "--terminal shows the scene in this terminal instead, `raycl render` writes it to a file; \
-    on another machine, `ssh -X` forwards the window";
+const REMEDY: &str = "--terminal shows the scene in this terminal instead; `raycl render` writes a picture to a \
+    file; on another machine, `ssh -X` forwards the window";
 
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
@@ -42,7 +42,7 @@ impl Window {
         let [width, height] = size.map(|side| side as usize);
         let mut window = minifb::Window::new(title, width, height, options).map_err(|error| {
             Error::input(format!("the window cannot be opened: {error}")).with_help(format!(
-                "it needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
+                "a window needs a display, and on Debian the packages libx11-6 and libxcursor1; {REMEDY}"
             ))
         })?;
         let (sender, keys) = channel();

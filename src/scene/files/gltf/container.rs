@@ -33,8 +33,8 @@ pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
 }
 
 fn other_version(name: &str, version: u32) -> Error {
-    Error::input(format!("{name}: binary glTF of version {version} is not read; expected 2"))
-        .with_help("export it as glTF 2.0")
+    Error::input(format!("{name}: raycl does not read binary glTF of version {version}; expected version 2"))
+        .with_help("export the file as glTF 2.0")
 }
 
 /// Returns the contents of the first chunk of the type `BIN` at or after the offset `at`, if there is one.
@@ -109,6 +109,6 @@ mod tests {
         assert!(told(&whole[..34]).contains("the chunk at byte 24 has 4 bytes, of which the file holds 2"));
         assert!(told(&file(0, &[(b"BIN\0", b"abcd")])).contains("is not JSON"));
         let older = [b"glTF\x01\0\0\0", &whole[8..]].concat();
-        assert!(told(&older).contains("binary glTF of version 1 is not read; expected 2"));
+        assert!(told(&older).contains("raycl does not read binary glTF of version 1; expected version 2"));
     }
 }

@@ -43,7 +43,7 @@ pub(super) fn refuse(name: &str, root: &Root) -> Result<()> {
         _ => "the extensions",
     };
     Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
-        .with_help("export it without compression, with `gltf-transform copy` or Blender for example"))
+        .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
 /// Returns whether a primitive has its vertices in compressed form only.

@@ -76,10 +76,11 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
         _ => None,
     });
     match version {
-        Some(version) if !version.starts_with('2') => {
-            Error::input(format!("{name}: glTF {} is not read; expected 2.0", quoted(version.as_bytes())))
-                .with_help("export it as glTF 2.0")
-        }
+        Some(version) if !version.starts_with('2') => Error::input(format!(
+            "{name}: raycl does not read glTF of version {}; expected version 2.0",
+            quoted(version.as_bytes())
+        ))
+        .with_help("export the file as glTF 2.0"),
         _ => {
             let message = error.to_string();
             // The line number is printed before the message.
