@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices and compiled programs: one program for each combination of source, options, device, driver and values of the driver's environment variables. RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512); the least recently used entries are removed first. raycl can regenerate every entry, and does so if one is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of devices and compiled programs: one program for each combination of source, options, device, driver and values of the driver's environment variables. RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512); the least recently used entries are removed first. raycl can regenerate every entry, and does so if an entry is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -24,11 +24,11 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, clap::Subcommand)]
 enum Action {
-    /// Show the cache's folder, entries and size [default]
+    /// Show the cache's folder, number of entries and size [default]
     Show,
     /// Remove every entry
     Clear,
-    /// Print the cache's folder
+    /// Print the path of the cache's folder
     Path,
 }
 

@@ -18,21 +18,22 @@ pub struct Args {
     before: PathBuf,
     /// The folder of the newer results
     after: PathBuf,
-    /// Report changes that are certainly smaller than this as "same"
+    /// Report a change as "same" if it is certainly smaller than PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare the times themselves instead of their ratios to the anchor or the baselines of the same run
+    /// Compare the times as they were measured. Without this option, each time is first divided by a time from the same
+    /// run that shows the machine's speed, such as that of the anchor kernel
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if the mean of all points except baselines, the mean of one strategy's points or a single
-    /// point is certainly slower by more than this, or if a point that was measured before cannot be measured
-    /// now. At most one in 50 comparisons of equal programs fails by chance
+    /// Exit with 1 if a single point, one strategy's points on average, or all points except baselines on average are
+    /// certainly slower by more than PERCENT, or if a point was measured in BEFORE but could not be measured in
+    /// AFTER. At most one in 50 comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they have been changed since
+    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long, requires = "out")]
     force: bool,
     /// Print Markdown instead of a table

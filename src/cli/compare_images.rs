@@ -13,17 +13,17 @@ use std::path::PathBuf;
   raycl compare-images teapot.exr reference.exr --output difference.png
   raycl compare-images teapot.png reference.png --fail-below 40")]
 pub struct Args {
-    /// A picture: .png, .jpg, .exr or .hdr
+    /// The picture to check: .png, .jpg, .exr or .hdr
     found: PathBuf,
-    /// The picture to compare it with
+    /// The picture to compare FOUND with
     expected: PathBuf,
-    /// Save the differences as a false-colour picture
+    /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
-    /// Replace FILE.png even if raycl did not write it or it has been changed since
+    /// Replace FILE.png even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "output")]
     force: bool,
-    /// Exit with 1 if the peak signal-to-noise ratio is lower than this
+    /// Exit with 1 if the peak signal-to-noise ratio is below DB decibels
     #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
     /// Print one JSON object

@@ -22,32 +22,32 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: microscope.html (a page: each source line beside its instructions, with counts by kind and memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
+Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with counts by kind and memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
 
-The compiler's line table assigns instructions to lines. If there is no line table, instructions are counted for each part of the kernel. They are PTX, or the CPU's instructions as objdump (package binutils) prints them. If ptxas and nvdisasm are on PATH, the page also has ptxas's SASS, which may differ from the driver's. Only some compilers print the number of registers, and memory instructions are only counted in PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If ptxas and nvdisasm are on PATH, the page also shows the SASS of ptxas, which may differ from the driver's SASS. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
 pub struct Args {
-    /// A scene TOML or a mesh, which determines the sizes of __local arrays and stacks
+    /// The scene, a TOML file or a mesh. The sizes of __local arrays and stacks depend on the scene
     scene: PathBuf,
-    /// A preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
+    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
     /// Work-items per work-group
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
     local_size: [u32; 2],
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: that
-    /// of the settings, else the most capable one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
+    /// else the most capable device]
     #[arg(long)]
     device: Option<String>,
-    /// Write the source, build log, binary, and the numbers of registers and instructions to this folder
+    /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they have been changed since
+    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object per strategy
     #[arg(long)]
     json: bool,
-    /// Use the kernels of this folder instead of the built-in ones
+    /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

@@ -12,7 +12,7 @@ use crate::sources::Sources;
   raycl devices
   raycl devices --json | jq '.devices[].limits.local_bytes'
 
-Any part of a listed name selects a device: `raycl render SCENE --device pocl`.")]
+To select a device, give any part of a name in this list: `raycl render SCENE --device pocl`.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]

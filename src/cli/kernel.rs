@@ -23,29 +23,30 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without #if conditions and macros, and compiles to the program with which raycl casts. If a number had a name in the source, a comment beside the number states the name. Some macros are defined by a device's compiler; they count as undefined unless --device names a device.")]
+The output is OpenCL C without #if conditions and macros. It compiles to the same program that raycl runs. If a number has a name in the source, a comment beside the number states the name. A device's compiler defines some macros; without --device, these macros are treated as undefined.")]
 pub struct Args {
-    /// A preset (naive), values of axes (width=4), or both (deferred,width=4)
+    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Work-items per work-group [default: 8x8; 32 across if work-items share a tile]
+    /// Local size: work-items per work-group, across and down [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device for whose compiler the program is printed: part of its name, platform or vendor, or its
-    /// kind (cpu, gpu) [default: any device]
+    /// Print the program for this device's compiler: part of the device's name, platform or vendor, or its kind (cpu,
+    /// gpu) [default: no particular device]
     #[arg(long)]
     device: Option<String>,
-    /// A scene TOML or a mesh, for the sizes of __local arrays and stacks [default: a small scene]
+    /// The scene, a TOML file or a mesh. The sizes of __local arrays and stacks depend on the scene [default: a small
+    /// scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only text that matters to the compiler, so that the output is the same for two sources that differ
-    /// only in comments, blanks and macros
+    /// Print only the text that affects compilation, so that two sources that differ only in comments, blanks and
+    /// macros give the same output
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
-    /// Use the kernels of this folder instead of the built-in ones
+    /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

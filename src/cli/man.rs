@@ -21,7 +21,7 @@ pub struct Args {
     /// Write the pages of all commands to this folder instead: raycl.1, raycl-render.1, ...
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if raycl did not write them or they have been changed since
+    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long, requires = "out")]
     force: bool,
 }

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if a point is missing or failed, 2 for a mistake in the arguments.")]
 pub struct Args {
-    /// The folder that `raycl run --shard` wrote (its --out)
+    /// The folder that `raycl run --shard` wrote, as given there with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Merge only devices whose name, platform or driver contains this, and the casters on the host. The results of
@@ -26,12 +26,12 @@ pub struct Args {
     /// [default: all devices with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that measured a shard: going (running), hung, lost, or how it
-    /// ended
+    /// Merge nothing; print the state of each process that was started to measure a shard: going (running), hung, lost,
+    /// or how the process ended
     #[arg(long)]
     status: bool,
-    /// With --status, seconds between two readings of the counter that each running process increases. A network file
-    /// system may show old data for some time; choose an interval longer than that
+    /// With --status, the number of seconds between two readings of the counter that each running process increases. A
+    /// network file system may show old data for some time; choose more SECONDS than that time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one per process

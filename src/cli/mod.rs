@@ -71,17 +71,17 @@ pub struct Cli {
 enum Command {
     /// Render pictures of a scene or a mesh
     Render(render::Args),
-    /// Look at a scene from all around, in a window
+    /// Look at a scene from all sides, in a window
     View(view::Args),
     /// Run an experiment: verify, time and record every point of a config
     Run(run::Args),
     /// Merge the shards of an experiment into one folder of results
     Merge(merge::Args),
-    /// Make a page, plots and exports from results
+    /// Generate a page, plots and exports from results
     Report(report::Args),
-    /// Run the paper's experiments and judge its claims
+    /// Run the paper's experiments and judge the paper's claims
     Reproduce(reproduce::Args),
-    /// Compare two folders of results: which points are faster, slower, the same or unclear
+    /// Compare two folders of results, and report which points are faster, slower, the same or unclear
     Compare(compare::Args),
     /// Remove damaged lines from a folder of results, and keep copies of the original files
     Repair(repair::Args),
@@ -106,13 +106,13 @@ enum Command {
     },
     /// Print a strategy's kernels as the compiler sees them
     Kernel(kernel::Args),
-    /// Build kernels and report the compiler's output: registers, bytes, memory instructions, the binary
+    /// Compile kernels, and report their registers, bytes of memory, memory instructions and binary
     Compile(compile::Args),
     /// Measure a device's peak rates: multiply-adds, copies, local memory, launches, latencies
     Peak(peak::Args),
-    /// Measure the smallest difference in time that runs on this machine can show, and the noise behind it
+    /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
-    /// Predict how many work-groups an NVIDIA multiprocessor holds: the paper's Figure 5
+    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in the paper's Figure 5
     Occupancy(occupancy::Args),
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]
@@ -120,7 +120,7 @@ enum Command {
     /// Compare `render`'s choices of a strategy with measurements, for contributors
     #[command(hide = true)]
     Rule(rule::Args),
-    /// Show or clear the cache: compiled programs, lists of devices
+    /// Show or clear the cache of compiled programs and lists of devices
     Cache(cache::Args),
     /// Print completions for a shell
     Completions(completions::Args),

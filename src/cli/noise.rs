@@ -14,7 +14,8 @@ use std::path::Path;
   raycl noise --device nvidia
   raycl noise --device cpu --set timing.time_limit_ms=2000 --json")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: all]
+    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the devices in your
+    /// settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that the command measures
@@ -26,7 +27,7 @@ pub struct Args {
     /// Print one JSON object per device
     #[arg(long)]
     json: bool,
-    /// Print no progress
+    /// Do not print the progress
     #[arg(short, long)]
     quiet: bool,
 }

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
   raycl occupancy --results results/figure-8
   raycl occupancy --compute-capability 2.0 --registers 63 --local-bytes-per-item 108 --local-sizes 8x8,16x16")]
 pub struct Args {
-    /// Compute capability, 2.0 to 9.0 [default: 8.6; with --results each device's own]
+    /// The device's compute capability, 2.0 to 9.0 [default: 8.6; with --results, that of each device]
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper")]
     compute_capability: Option<String>,
     /// Registers per work-item
@@ -39,7 +39,7 @@ pub struct Args {
         conflicts_with = "paper"
     )]
     local_bytes: u32,
-    /// __local bytes per work-item, added to those per work-group (the paper's optimisation 1 takes 108)
+    /// __local bytes per work-item, added to the __local bytes per work-group (the paper's optimisation 1 uses 108)
     #[arg(
         long,
         value_name = "N",
@@ -51,11 +51,11 @@ pub struct Args {
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
-    /// Print the predicted occupancy and the measured time of a run's points, if the records contain the
-    /// kernels' registers. DIR is a folder of results, or its records.jsonl
+    /// Print the predicted occupancy and the measured time of each point of a run whose record contains the kernels'
+    /// numbers of registers. DIR is a folder of results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's Figure 5, and the threads per multiprocessor that its 63 registers per work-item allow
+    /// Print the paper's Figure 5, and how many threads per multiprocessor the paper's 63 registers per work-item allow
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table

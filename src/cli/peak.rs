@@ -21,16 +21,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
   raycl run configs/beyond.toml --peak=h200-peak.json
   raycl peak --json | jq '.[0].fma_per_s.median'
 
-The figures are medians of repeats, with their quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles assume the highest clock that the driver reports, not the clock during the measurement.")]
+The numbers are medians of repeated measurements, with quartiles. A latency is measured by one work-item, which waits for each result before its next step. Latencies in cycles are computed from the highest clock rate that the driver reports, not from the clock rate during the measurement.")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: that
-    /// of the settings, else the most capable one]
+    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the device in your
+    /// settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
-    /// Store the peak rates in a file, for `raycl run --peak`
+    /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace FILE even if raycl did not write it or it has been changed since
+    /// Replace FILE even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "out")]
     force: bool,
     /// If another process is measuring on the device, end at once instead of waiting for it
@@ -39,7 +39,7 @@ pub struct Args {
     /// Print a JSON list with one object per device
     #[arg(long)]
     json: bool,
-    /// Use the kernels of this folder instead of the built-in ones
+    /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

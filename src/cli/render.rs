@@ -49,7 +49,7 @@ use timeline::Timeline;
   raycl render dragon.obj --width 16384 --height 16384 --devices nvidia --repeat 10
   raycl render scenes/gourd.toml --json --repeat 10 | jq .frame_rays_per_s
 
-`raycl strategies` lists presets and axes; `raycl devices` lists devices.")]
+`raycl strategies` lists the presets and axes; `raycl devices` lists the devices.")]
 pub struct Args {
     #[command(flatten)]
     subject: Subject,
@@ -57,40 +57,43 @@ pub struct Args {
     /// scene's name with .png]
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Also write depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes per
-    /// pixel: one .exr with all, or a .png of each
+    /// Also write layers: depth, normals, triangle and object numbers, and the numbers of triangle tests and tree nodes
+    /// per pixel. An .exr contains all layers; with .png, each layer gets a file of its own
     #[arg(long, value_name = "FILE", conflicts_with_all = ["devices", motion::MOVING])]
     layers: Option<PathBuf>,
-    /// Replace a file even if raycl did not write it or it has been changed since
+    /// Replace existing files even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long)]
     force: bool,
-    /// Cast the frame on all matching devices, a band of rows on each: all, gpu, or part of their names
+    /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
+    /// vendor; a kind (cpu, gpu); or all
     #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "samples", "watch"])]
     devices: Option<String>,
-    /// With --devices: also use devices that slow the frame down
+    /// With --devices: use all selected devices, even if the frame takes longer because of one of them
     #[arg(long, requires = "devices")]
     every_device: bool,
     #[command(flatten)]
     motion: Motion,
-    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long. They are
-    /// weighted by a Blackman-Harris filter, 1.5 pixels wide [default: 1; a bare mesh gets 6 where neighbouring
+    /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
+    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1; a bare mesh gets 6 where neighbouring
     /// pixels differ, and soft light at half resolution]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
-    /// Cast the first sixteenth of the samples of every pixel, and the others only where neighbouring pixels differ
+    /// Cast one sixteenth of the samples for every pixel, and the other samples only where neighbouring pixels differ
     /// [default number of samples: 16]
     #[arg(long, conflicts_with = "devices")]
     adaptive: bool,
-    /// Cast the frame this many times and report medians
+    /// Cast the frame this many times, and report the median times
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     repeat: u32,
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
     #[arg(long, requires = "repeat")]
     no_wait: bool,
-    /// Compare the picture with the serial reference; exit with 1 if it is wrong. With =N, compare only N random pixels
+    /// Compare the picture with that of the serial reference, and exit with 1 if the picture is wrong. With =N, compare
+    /// only N random pixels
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
     verify: Option<Option<u32>>,
-    /// Render again whenever a file of the scene, or a kernel of --cl-dir, changes; Ctrl-C ends it
+    /// Render the picture again whenever a file of the scene or a kernel file of --cl-dir changes; Ctrl-C ends the
+    /// command
     #[arg(long, conflicts_with = "json")]
     watch: bool,
     /// Print one JSON object

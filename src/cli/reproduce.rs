@@ -21,17 +21,18 @@ use std::path::{Path, PathBuf};
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor, a kind (cpu, gpu), or all [default: the configs' own]
+    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the devices in your
+    /// settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder to write to. It receives a folder of results for each config, and the page
+    /// The folder in which to write a folder of results for each config, and the page
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if it contains files that raycl did not write. A file there with the name of a
-    /// page or plot is replaced; existing results are kept
+    /// Write into DIR even if DIR contains files that raycl did not write. Files in DIR with the name of a page or plot
+    /// are replaced; existing results are kept
     #[arg(long)]
     force: bool,
-    /// Change a value of every config
+    /// Change a value in every config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
@@ -43,7 +44,7 @@ pub struct Args {
     /// Measure nothing; generate the page from existing results
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
-    /// Print no progress and no paths
+    /// Print neither the progress nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
     /// Print a line for every finished point, instead of a progress bar

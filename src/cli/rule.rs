@@ -22,19 +22,19 @@ const ROUNDS: u32 = 5;
   raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
-    /// A file of cases, which are scenes with sizes to measure, such as docs/rule.toml
+    /// A file of cases, such as docs/rule.toml. A case is a scene and a picture size to measure
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
     #[arg(long, conflicts_with_all = ["fit", "show"])]
     device: Option<String>,
-    /// Measure only cases whose name contains this
+    /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds; the least time of all rounds counts
+    /// Number of rounds. The time of each candidate is the shortest of all rounds
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
-    /// A note on the machine, stored beside the times
+    /// A note about the machine, stored with the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
     /// Write the measurements (the sweep) to this file

@@ -55,13 +55,15 @@ Exit code: 0 if every point was measured or does not fit on its device, 1 if a p
 pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
-    /// The folder of results [default: results/NAME, or results/NAME-2, ... if that exists]
+    /// The folder of results [default: results/NAME, where NAME is the config's name, or results/NAME-2, ... if that
+    /// folder exists]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into DIR even if it holds files that raycl did not write. Existing results are kept
+    /// Write into DIR even if DIR contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     force: bool,
-    /// The devices, instead of the config's: part of a name, platform or vendor, a kind (cpu, gpu), or all
+    /// The devices to use instead of the config's devices: part of a name, platform or vendor; a kind (cpu, gpu); or
+    /// all
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Continue an interrupted run: keep its measurements and measure the missing points
@@ -74,41 +76,43 @@ pub struct Args {
     /// image, or casting one later frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
-    /// Distribute the points over devices of one kind, instead of measuring every point on every device
+    /// Distribute the points over several devices of the same model, instead of measuring every point on every device
     #[arg(long)]
     spread: bool,
-    /// Also report speed as a share of the device's peak; the peak is read from a file of `raycl peak`, or
-    /// measured now
+    /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
+    /// `raycl peak --out`, or without FILE measures them first
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
     /// If another process is measuring on the device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
-    /// Print every point and its memory needs; measure nothing
+    /// Measure nothing; print every point and the memory that it needs
     #[arg(long)]
     dry_run: bool,
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object per point instead of tables; with --dry-run, each point's memory needs
+    /// Print one JSON object per point instead of tables; with --dry-run, the object contains the memory that the point
+    /// needs
     #[arg(long)]
     json: bool,
-    /// Print no progress and no tables
+    /// Print neither the progress, nor the tables, nor the paths of written files
     #[arg(short, long)]
     quiet: bool,
     /// Print a line for every finished point, instead of a progress bar
     #[arg(short, long, conflicts_with = "quiet")]
     verbose: bool,
-    /// Use the kernels of this folder instead of the built-in ones. If the option is given twice, the second
-    /// folder is compared with the first in the same rounds
+    /// Use the kernel files in this folder instead of the built-in files of the same names. If the option is given
+    /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With two folders of kernels: exit with 1 if, with the second folder, the mean of all points, the mean of one
-    /// strategy's points or a single point is certainly slower by more than this, or a measured point fails
+    /// With --cl-dir given twice: exit with 1 if, with the second folder, a single point, one strategy's points on
+    /// average, or all points on average are certainly slower by more than PERCENT, or if a point was measured
+    /// with the first folder but could not be measured with the second
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
-    /// Measure one of several parts of the experiment, such as 3/16. With auto, both numbers come from the
-    /// launcher (Slurm, MPI); with auto/16, only the first. `raycl merge` merges the parts
+    /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
+    /// (Slurm, MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges the parts
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
     /// Print Slurm scripts that measure the experiment in N shards and then merge the results. The command

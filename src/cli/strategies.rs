@@ -22,7 +22,8 @@ pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
     json: bool,
-    /// A folder of kernel files, laid out like cl/. The files replace built-in ones or add values to axes
+    /// A folder of kernel files, laid out like the folder cl/ of raycl's repository. The files replace built-in files,
+    /// or add values to axes
     #[arg(long, value_name = "DIR")]
     cl_dir: Option<PathBuf>,
 }

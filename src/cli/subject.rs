@@ -17,7 +17,7 @@ use std::path::PathBuf;
 /// A scene, and the options for casting it.
 #[derive(Debug, clap::Args)]
 pub struct Subject {
-    /// A scene TOML or a mesh: OBJ, PLY, STL, glTF or GLB, also as .gz; - reads standard input
+    /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
     pub scene: PathBuf,
     /// Pixels across
     #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
@@ -25,12 +25,12 @@ pub struct Subject {
     /// Pixels down
     #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
-    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: that
-    /// of the settings, else the most capable one]
+    /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
+    /// else the most capable device]
     #[arg(long)]
     pub device: Option<String>,
-    /// A preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the fastest for the
-    /// device]
+    /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4) [default: the strategy that
+    /// raycl expects to be fastest on the device]
     #[arg(long, value_parser = StrategyText, hide_possible_values = true)]
     pub strategy: Option<String>,
     /// Local size: work-items per work-group, across and down
@@ -41,7 +41,7 @@ pub struct Subject {
     pub set: Vec<(String, String)>,
     #[command(flatten)]
     pub look: Look,
-    /// Use the kernels of this folder instead of the built-in ones
+    /// Use the kernel files in this folder instead of the built-in files of the same names
     #[arg(long, value_name = "DIR")]
     pub cl_dir: Option<PathBuf>,
 }

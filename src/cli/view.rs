@@ -16,17 +16,17 @@ use std::io::IsTerminal as _;
 pub struct Args {
     #[command(flatten)]
     subject: Subject,
-    /// Samples per pixel that add up while nothing moves, 1 to 1024
+    /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, at the terminal's size. HOW says how the terminal draws; without HOW, raycl
-    /// asks the terminal
+    /// Show the scene in this terminal, at the terminal's size. HOW is the way in which the terminal shows pictures;
+    /// without HOW, raycl asks the terminal which ways it supports
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
-    /// Let the eye go around the scene, one degree per frame
+    /// Move the camera around the scene, one degree per frame
     #[arg(long)]
     spin: bool,
-    /// End after this many frames, or when all samples are cast
+    /// End after this many frames, or sooner if all samples are cast
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
     /// End after this many seconds
@@ -55,8 +55,9 @@ impl Args {
 fn after_help() -> String {
     let keys: Vec<String> = keys::lines().map(|line| format!("  {line}")).collect();
     format!(
-        "Keys:\n{}\n\nThe left button orbits, the right one pans, the wheel zooms. The scene and the kernels \
-         are read again when they change, unless the scene comes from standard input.\n\nExamples:\n  \
+        "Keys:\n{}\n\nThe left mouse button orbits, the right mouse button pans, and the wheel zooms. raycl reads \
+         the files of the scene and of --cl-dir again when they change, unless the scene comes from standard input.\n\n\
+         Examples:\n  \
          raycl view scenes/teapot.toml\n  raycl view bunny.obj --plain --width 1280 --height 720\n  \
          zcat part.stl.gz | raycl view - --up z\n  raycl view scenes/table.toml --spin --seconds 10 --json",
         keys.join("\n")

@@ -90,7 +90,7 @@ pub const KEYS: &[Row] = &[
             (Key::Char('-'), Action::Zoom(-1.0)),
         ],
     },
-    Row { names: "space", about: "spin, or stop", keys: &[(Key::Char(' '), Action::Spin)] },
+    Row { names: "space", about: "start or stop spinning", keys: &[(Key::Char(' '), Action::Spin)] },
     Row {
         names: "s S",
         about: "the next or the previous strategy",
@@ -108,7 +108,7 @@ pub const KEYS: &[Row] = &[
         keys: &[(Key::Char('t'), Action::Tests)],
     },
     Row { names: "r", about: "back to the scene's own camera", keys: &[(Key::Char('r'), Action::Reset)] },
-    Row { names: "h", about: "these keys", keys: &[(Key::Char('h'), Action::Help)] },
+    Row { names: "h", about: "show or hide these keys", keys: &[(Key::Char('h'), Action::Help)] },
     Row {
         names: "q Escape",
         about: "end",

@@ -32,20 +32,21 @@ const HEADING: &str = "Moving pictures";
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 pub struct Motion {
-    /// Turn the scene once in this many frames: numbered PNGs, an .apng, or with `-o -` a y4m stream for an encoder
+    /// Turn the scene around once in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`) a y4m
+    /// stream for an encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the scene's [animation], as numbered PNGs, an .apng or a y4m stream
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
-    /// Render only frames A to B, both included; the first frame is 1
+    /// Render only frames A to B, both included; the first frame has the number 1
     #[arg(long, help_heading = HEADING, value_name = "A..B", requires = MOVING, value_parser = frames::parse)]
     frames: Option<Frames>,
-    /// Render only one of several parts of the frames: 3/16 is part 3 of 16; auto takes both numbers from the launcher
-    /// (Slurm, MPI), auto/16 only the first
+    /// Render only one part of the frames: 3/16 is part 3 of 16. With auto, both numbers come from the launcher (Slurm,
+    /// MPI); with auto/16, only the number of the part comes from the launcher
     #[arg(long, help_heading = HEADING, value_name = "N/OF", requires = MOVING)]
     shard: Option<Asked>,
-    /// Frames per second of an .apng or a y4m stream [default: the animation's, or 30]
+    /// Frames per second of an .apng or a y4m stream [default: the rate of the scene's animation, or 30]
     #[arg(long, help_heading = HEADING, requires = MOVING, value_parser = clap::value_parser!(u16).range(1..=1000))]
     rate: Option<u16>,
 }

@@ -12,26 +12,24 @@ pub struct Look {
     /// The axis of a bare mesh that points up
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
-    /// Show the whole scene from this direction: degrees to the right of its front [default for a bare mesh:
-    /// 31]
+    /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh: 31]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
     azimuth: Option<f64>,
-    /// Show the whole scene from this height: degrees above the horizon, -90 to 90 [default for a bare mesh:
-    /// 21]
+    /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh: 21]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
     elevation: Option<f64>,
-    /// Background: a display colour such as '#203040', black or white; or transparent, which gives a PNG or EXR an
-    /// alpha channel
+    /// The background: a display colour (such as '#203040', black or white), or transparent, which adds an alpha
+    /// channel to a PNG or EXR
     #[arg(long, help_heading = HEADING, value_name = "COLOUR")]
     background: Option<String>,
-    /// For meshes without normals: keep an edge sharp if its faces meet at more than this angle [default for
-    /// a bare mesh: 40]
+    /// For meshes without normals: keep an edge sharp if its two faces meet at a larger angle than this [default for a
+    /// bare mesh: 40]
     #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     crease: Option<f64>,
     /// Turn normals to the viewer, so that back faces are lit like front faces; always on for a bare mesh
     #[arg(long, help_heading = HEADING)]
     two_sided: bool,
-    /// Show a bare mesh without ground, soft light and sky: with two point lights and one sample per pixel
+    /// Show a bare mesh without ground, soft light or sky, but with two point lights and one sample per pixel
     #[arg(long, help_heading = HEADING)]
     pub plain: bool,
 }
