@@ -48,7 +48,7 @@ pub enum Error {
 /// The default remedy for a user error.
 const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, and docs/ explains its files";
 /// The default remedy for a run that failed.
-const AGAIN: &str = "run it again; `raycl devices` shows whether the devices are still there";
+const AGAIN: &str = "run the command again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
@@ -78,7 +78,7 @@ pub struct InputError {
 }
 
 impl Error {
-    /// Returns an error for a mistake that is not in a file.
+    /// Returns an error for a mistake in the user's input, without an excerpt of a file.
     pub fn input(message: impl Into<String>) -> Self {
         Self::Input(Box::new(InputError {
             message: plain(&message.into()).into_owned(),
@@ -95,8 +95,8 @@ impl Error {
     }
 
     /// Returns an error for a mistake at `span` in the file `name` with the given text. If the span covers
-    /// several lines, the first is shown. A line that is too long for a terminal is not shown; the message
-    /// then gives the line number.
+    /// several lines, only its part in the first line is marked. If this line is too long for a terminal, it is
+    /// not shown, and the message gives the numbers of the line and the column.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -148,7 +148,7 @@ impl Error {
         Self::run(format!("cannot write {what}: {error}")).with_help(ELSEWHERE)
     }
 
-    /// Returns what the user can do about it.
+    /// Returns the remedy: a next step for the user.
     pub fn remedy(&self) -> &str {
         match self {
             Self::Input(error) => &error.help,
@@ -167,9 +167,9 @@ impl Error {
         self
     }
 
-    /// Returns an error for a file that cannot be read. If the file is missing, the remedy names the most
-    /// similar file name in the same folder. If it is packed and damaged, the remedy says so. Otherwise, the
-    /// remedy is `otherwise`.
+    /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with a
+    /// similar name, the remedy names that file. If the file is packed and damaged, the remedy says so.
+    /// Otherwise, the remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
         let meant = is_missing.then(|| nearest_file(path)).flatten();
@@ -181,8 +181,8 @@ impl Error {
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
-    /// Adds a location to an input error that has none: `at` makes the new error from the message. The remedy
-    /// is kept.
+    /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error
+    /// keeps the remedy of the old one, unless that is the default.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -227,8 +227,8 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // The name for standard input is a single character, so every name of one letter in the current folder would
-        // be similar.
+        // The name for standard input is a single character, so every file in the current folder whose name is a
+        // single character would be similar.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 

@@ -13,13 +13,13 @@ use std::time::Instant;
 /// Processor time in clock ticks of the system, counted from an arbitrary moment in the past.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Ticks {
-    /// Time spent by all processes.
+    /// Time spent by all processes, and on interrupts.
     busy: f64,
     /// Time taken by other virtual machines on the same hardware.
     stolen: f64,
     /// All time, idle or not, of all processors.
     all: f64,
-    /// Time spent by this process and its workers.
+    /// Time spent by this process and its child processes, the workers.
     own: f64,
 }
 
@@ -28,13 +28,14 @@ struct Ticks {
 pub struct Load {
     /// Length of the interval in milliseconds.
     pub ms: f64,
-    /// Processor time of other processes, in processors: 1.5 means one and a half processors.
+    /// Mean number of processors that other processes kept busy: 1.5 means one and a half processors.
     pub others: f64,
-    /// Processor time of other virtual machines on the same hardware, in processors.
+    /// Mean number of processors that other virtual machines on the same hardware took from this one.
     pub stolen: f64,
     /// Number of processors of this machine.
     pub processors: usize,
-    /// Mean number of processes that ran or waited to run in the last minute.
+    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
+    /// a disk.
     pub load_1m: Option<f64>,
     /// Time that a cache line took from one processor to another at the end of the interval, in nanoseconds.
     pub core_to_core_ns: Option<f64>,
@@ -46,7 +47,7 @@ pub struct Watch {
     before: Option<Ticks>,
 }
 
-/// Shorter intervals have only a few ticks, too few for a result.
+/// The shortest interval, in milliseconds. Shorter intervals have too few ticks for a result.
 const SHORTEST_MS: f64 = 200.0;
 
 impl Watch {
@@ -73,7 +74,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // The sum of the workers' times falls when a worker ends.
+    // The sum does not include workers that have ended, so it falls when a worker ends.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,
@@ -109,7 +110,7 @@ fn processors() -> Option<usize> {
     Some(stat.lines().filter(is_one).count()).filter(|count| *count > 0)
 }
 
-/// Reads the first line of `/proc/stat`: user, nice, system, idle, iowait, irq, softirq, steal.
+/// Reads the first line of `/proc/stat`. Its numbers are user, nice, system, idle, iowait, irq, softirq, steal.
 fn machine_ticks(stat: &str) -> Option<Ticks> {
     let numbers: Vec<f64> = stat
         .lines()
@@ -124,7 +125,7 @@ fn machine_ticks(stat: &str) -> Option<Ticks> {
     Some(Ticks { busy, stolen, all: busy + idle + iowait + stolen, own: 0.0 })
 }
 
-/// Returns the processor time of this process and of the processes that it started.
+/// Returns the processor time of this process and of its child processes that still exist.
 fn own_ticks() -> f64 {
     let mut all = process_ticks("self");
     for task in std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten() {
@@ -138,7 +139,7 @@ fn process_ticks(process: &str) -> f64 {
     text(format!("/proc/{process}/stat")).and_then(|stat| user_and_system(&stat)).unwrap_or(0.0)
 }
 
-/// Returns fields 14 and 15 of a process's `stat` (user and system time). Field 2, the process's name, may
+/// Returns the sum of fields 14 and 15 of a process's `stat` (user and system time). Field 2, the process's name, may
 /// contain any character, but it ends with the last bracket.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];

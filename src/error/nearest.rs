@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 /// Returns the candidate most similar to `word`, if one is similar enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // A word much longer than any name cannot be one, and comparing it would take long.
+    // A word that is much longer than every name is not a misspelt name, and comparing it would take long.
     let candidates = candidates.into_iter().filter(|_| word.len() <= 100);
     candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), candidate))
@@ -13,8 +13,8 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, candidate)| candidate)
 }
 
-/// Returns the file whose name is most similar to that of a missing file in the same folder, if one is
-/// similar enough.
+/// Returns the file or folder beside a missing file whose name is most similar to that of the missing file, if
+/// one is similar enough.
 pub fn nearest_file(missing: &Path) -> Option<PathBuf> {
     let folder = missing.parent().filter(|folder| !folder.as_os_str().is_empty());
     let names: Vec<String> = std::fs::read_dir(folder.unwrap_or(Path::new(".")))

@@ -1,10 +1,10 @@
 //! Prepares a file's text to be quoted in messages: long lines are shortened, and control characters
-//! replaced.
+//! are replaced.
 
-/// Longer lines of a file are not quoted, and longer messages are shortened.
+/// Largest number of bytes of a line or a message that is shown in full.
 pub(super) const SHOWN_LINE_BYTES: usize = 400;
 
-/// Returns a sentence with its middle omitted if it is too long, and without control characters.
+/// Returns the text with control characters replaced, and with its middle omitted if it is too long.
 pub fn shortened(text: impl Into<String>) -> String {
     let text = printable(text.into());
     if text.len() <= SHOWN_LINE_BYTES {
@@ -15,7 +15,7 @@ pub fn shortened(text: impl Into<String>) -> String {
     format!("{head} ... {tail}")
 }
 
-/// Returns the index of the first byte of the character at `place`.
+/// Returns the index of the first byte of the character that contains the byte at `place`; at most the text's length.
 pub(super) fn boundary(text: &str, place: usize) -> usize {
     (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
@@ -43,8 +43,8 @@ pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
     (kept, cut)
 }
 
-/// Returns the text with control characters replaced by question marks; the positions of all other bytes stay
-/// the same.
+/// Returns the text with control characters, except tabs and line ends, replaced by question marks. The positions of
+/// all other bytes stay the same.
 pub(super) fn printable(text: String) -> String {
     let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
     if !text.contains(steers) {

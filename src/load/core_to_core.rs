@@ -1,5 +1,6 @@
 //! Measures core-to-core latency: how long a cache line takes from one processor to another. A virtual machine's
-//! processors are threads on its host, which may move them: two of them may share a core, or lie on distant ones.
+//! processors are threads of its host, and the host may move them: two of them may share a core, or run on distant
+//! cores.
 //! All kernels that share data between work-groups become faster or slower with this latency.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -7,16 +8,16 @@ use std::hint::spin_loop;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-/// Round trips of one timed piece. A piece takes tens of microseconds, so that few are interrupted.
+/// The number of round trips of one timed piece. A piece takes tens of microseconds, so few pieces are interrupted.
 const ROUND_TRIPS: u32 = 100;
 /// The number of pieces; the fastest one counts.
 const PIECES: u32 = 5;
-/// After this time, the processors are taken to be busy with other programs.
+/// If the measurement takes longer than this, the processors are assumed to be busy with other programs.
 const PATIENCE: Duration = Duration::from_millis(5);
-/// Number of reads of the shared word between two reads of the clock.
+/// The number of reads of the shared word between two reads of the clock.
 const LOOKS: u32 = 64;
 
-/// The word that is passed on, alone on its cache lines (some processors fetch two at once).
+/// The word by which two threads take turns, alone on its cache lines (some processors fetch two lines at once).
 #[repr(align(128))]
 struct Word(AtomicU32);
 
@@ -24,8 +25,9 @@ const PING: u32 = 0;
 const PONG: u32 = 1;
 const OVER: u32 = 2;
 
-/// Returns the time in nanoseconds that a cache line takes from the first of this process's processors to the
-/// second one; half a round trip. `None` with a single processor, or if other programs keep them busy.
+/// Returns the time in nanoseconds that a cache line takes from one processor to another: half a round trip. The
+/// two processors are the first ones on which the calling thread may run. Returns `None` if it may run on only one, if
+/// the system does not pin threads, or if other programs keep the processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
     let [first, second] = two_processors()?;
     let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);
@@ -46,7 +48,7 @@ pub fn core_to_core_ns() -> Option<f64> {
     })
 }
 
-/// Returns the mean time of half a round trip.
+/// Returns the mean time of half a round trip in nanoseconds; `None` if `pass` returns false.
 fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     let start = Instant::now();
     for _ in 0..ROUND_TRIPS {
@@ -80,7 +82,7 @@ fn two_processors() -> Option<[usize; 2]> {
     Some([processors.next()?, processors.next()?])
 }
 
-/// Keeps the calling thread on a processor.
+/// Pins the calling thread to a processor. Returns false if the system refuses this.
 fn pin(processor: usize) -> bool {
     let mut only = CpuSet::new();
     only.set(processor);

@@ -8,7 +8,7 @@ pub const NO_HIT: i32 = i32::MAX;
 /// Number of floats in a row. A row contains a triangle of a leaf, or the planes that are prepared for a triangle and a
 /// common origin of rays.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
-/// Number of working vectors of a ray, with three floats each: the paper's arrays.
+/// Number of working vectors of a ray, with three floats each. They are arrays in the paper.
 pub const WORKING_VECTORS: usize = 9;
 /// Number of floats of a triangle without shared vertices: corners 9, normals 9, material 8.
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
@@ -21,14 +21,16 @@ pub const SOFT_HEAD_FLOATS: usize = 10;
 pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// Side in pixels of the blocks whose pixels get equally many samples. The vectors of a tile cover such blocks.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// Neighbouring pixels get more samples if they differ by more than this many 8-bit steps, as displayed.
+/// A block of pixels gets more samples if neighbouring pixels in it or directly around it differ in a channel by more
+/// than this many 8-bit steps, as displayed.
 pub const ROUGH_STEPS: u32 = 30;
-/// The points of lights and the directions of the sky repeat after this many pixels of the half picture, across and
-/// down. The filter covers the same number of pixels.
+/// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
+/// and down. The filter of soft light covers the same number of pixels.
 pub const INTERLEAVED: u32 = 4;
-/// How fast a pixel's weight in that filter falls as its unoccluded light differs from that of the filtered pixel.
+/// How fast a pixel's weight in the filter of soft light falls as its unoccluded light differs from that of the
+/// filtered pixel.
 pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.
 pub const GROUP_LANES: u32 = 32;
-/// Number of triangles in a tile that is streamed through `__local` memory.
+/// Number of triangles that are copied into `__local` memory at a time.
 pub const TILE_TRIANGLES: u64 = 256;

@@ -38,7 +38,7 @@ pub const TEXTURE_DEFINES: Defines = &[
     (CutOut, "LEAST_ALPHA_UNIT"),
 ];
 pub const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
-/// Defines for tests that need exact signs.
+/// Defines for ray-triangle tests that need exact signs.
 pub const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
 pub const CAST_DEFINES: Defines = &[
     (Always, "PAPER_EPSILONS"),

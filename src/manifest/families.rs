@@ -13,7 +13,7 @@ use super::{Family, Kernel, Parameter, Role, Rule};
 /// All families. `Strategy::family` determines which one a strategy belongs to.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
-/// Rays that test every triangle.
+/// Rays that are tested against every triangle.
 pub static EXHAUSTIVE: Family = Family {
     name: "exhaustive",
     label: "traversal = exhaustive",
@@ -47,7 +47,7 @@ pub static BVH: Family = Family {
     ],
 };
 
-/// Triangles are rasterised; shadow rays test every triangle.
+/// Triangles that are rasterised. Shadow rays are tested against every triangle.
 pub static RASTER: Family = Family {
     name: "raster",
     label: "traversal = raster",
@@ -149,7 +149,7 @@ pub static TILE_CPU: Family = Family {
     ],
 };
 
-/// Tiles of rays that walk a tree, each shared by 32 work-items.
+/// Tiles of rays that walk a tree, 32 work-items per tile.
 pub static TILE_GPU: Family = Family {
     name: "tile-gpu",
     label: "traversal = tile shared by 32 work-items (width = 1)",

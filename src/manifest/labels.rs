@@ -1,5 +1,5 @@
 //! Tests, without a device, that every label stands for its own code: that a change to a file changes the hashes of
-//! the programs that include it, and no other hashes, and that two values never result in the same program.
+//! the programs that include it, and no other hashes, and that two values of an axis never result in the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};

@@ -2,7 +2,7 @@
 //!
 //! A [`Family`] is a set of kernels that casts a frame. Its row names the file that includes all others, its
 //! kernels with their parameters, the defines it is compiled with and the values of axes that it supports.
-//! The row determines what is compiled and hashed, how arguments are bound, which kernel's registers are
+//! The row determines which source is compiled and hashed, how arguments are bound, which kernel's registers are
 //! reported and which strategies are allowed.
 
 mod constants;
@@ -28,9 +28,9 @@ pub enum Fact {
     Always,
     /// Each triangle has its own copies of its vertices.
     Soup,
-    /// Triangles have indices into the vertex sets of the OBJ file.
+    /// Triangles have indices into common sets of positions, normals and materials.
     Indexed,
-    /// Triangles are streamed through `__local` memory in tiles.
+    /// Work-groups copy the triangles into `__local` memory, `TILE_TRIANGLES` at a time.
     Tiled,
     /// Rays walk a tree.
     Tree,
@@ -61,9 +61,9 @@ pub enum Fact {
 pub enum Role {
     /// Prepares triangles for the eye and the lights.
     Prepare,
-    /// Casts primary rays, and does as much of the rest as one kernel can.
+    /// Casts primary rays, and does as much of the rest of a frame as one kernel can.
     Frame,
-    /// Finds the nearest hits of primary rays; of several such kernels, the first.
+    /// Finds the nearest hits of primary rays. If several kernels do this together, it is the first of them.
     Primary,
     /// Completes the result of the primary kernel: if that kernel finds only the nearest depth of each pixel, this
     /// one finds the triangle at that depth.
@@ -84,7 +84,7 @@ pub enum Role {
     Mark,
     /// Filters the soft light of a half picture; runs after a picture's frames.
     FilterLight,
-    /// Applies that light to the whole picture.
+    /// Applies the filtered light to the whole picture.
     ApplyLight,
 }
 
@@ -102,8 +102,8 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns whether its registers and occupancy are reported for the strategy. They are those of the
-    /// kernel that casts primary rays.
+    /// Returns whether the kernel casts primary rays. The registers and the occupancy of this kernel are reported for
+    /// the strategy.
     pub fn is_main(&self) -> bool {
         matches!(self.role, Role::Frame | Role::Primary)
     }
@@ -123,11 +123,11 @@ impl Kernel {
 /// The values of an axis that a family supports.
 #[derive(Clone, Copy, Debug)]
 pub enum Values {
-    /// These.
+    /// Only these values.
     Only(&'static [&'static str]),
-    /// All except these.
+    /// All values except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. With a fact, only the values for which it is false.
+    /// The values that have a file in this folder. With a fact, only those of them for which the fact is false.
     FilesIn(&'static str, Option<Fact>),
 }
 
@@ -148,9 +148,9 @@ impl Values {
 pub struct Rule {
     /// The axis.
     pub axis: &'static str,
-    /// The supported values. An axis that the family ignores has a single supported value, which stands for "none".
+    /// The supported values. Of an axis that the family ignores, only the default value is supported.
     pub takes: Values,
-    /// The reason, to follow the family's label: "walks no tree".
+    /// The reason, which follows the family's label in messages: "uses its own edge functions".
     pub because: &'static str,
 }
 
@@ -159,7 +159,7 @@ pub struct Rule {
 pub struct Family {
     /// Its name.
     pub name: &'static str,
-    /// The family's strategies, as messages describe them.
+    /// The description of the family's strategies in messages.
     pub label: &'static str,
     /// The file under `cl/` that includes all others.
     pub entry: &'static str,

@@ -62,7 +62,7 @@ pub const MASKS: &[Parameter] =
     &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// How many samples each block of pixels gets, and how many samples the image already has.
+/// The number of samples per pixel of each block, and the number of samples per pixel that the image already has.
 pub const SAMPLES: &[Parameter] =
     &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
 /// How finely a frame divides pixels, how many samples it casts, and where each lane's sample lies in its pixel.
@@ -73,7 +73,7 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_y"),
 ];
 /// The same for tiles that are shared by groups of work-items: `places` has x and y of each sample in its pixel. The
-/// frame casts only the rough blocks of pixels; it casts all blocks if the number of rough ones is 0.
+/// frame casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -81,10 +81,11 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const __global uint *restrict", "rough"),
     p(Sampled, "const uint", "rough_count"),
 ];
-/// How many of a pixel's earlier samples hit something.
+/// The number of each pixel's earlier samples that hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
-/// The image after the first samples, the display's exposure, and the numbers of samples that a block gets if it is
-/// not rough and if it is. Rough blocks are listed.
+/// The image after the first samples, the display's exposure, and the numbers of samples per pixel of a block that
+/// is not rough and of one that is. The kernel writes these numbers into `wanted`, and lists the rough blocks in
+/// `rough`.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),
@@ -99,11 +100,11 @@ pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
 /// The light that arrives in the half picture, with shadows.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
-/// Which part of the unoccluded light arrives.
+/// The part of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The planes of triangles that are prepared for the eye and for the lights of one round (lights are processed in
-/// rounds), and the triangle of each row.
+/// rounds), and the number of triangles in a row of planes.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
 /// The camera; functions called by kernels have these parameters too.

@@ -8,7 +8,7 @@ use crate::strategy::{AXES, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 
-/// Returns presets, and strategies that differ from a preset in one or two axes. Together they use every file
+/// Returns the presets, and the strategies that differ from a preset in one axis. Together they use every file
 /// of every family.
 pub(super) fn strategies() -> Vec<Strategy> {
     let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
@@ -38,7 +38,7 @@ pub(super) fn spec_of(sources: &Sources, strategy: &Strategy) -> ProgramSpec {
 const TEXTURED: Workload = Workload { texture_words: 1, mip_levels: true, ..Workload::CUBE };
 /// A scene with soft lights and a sky, and several samples of each pixel.
 const SOFT: Workload = Workload { soft_lights: true, sky: true, many_samples: true, ..Workload::CUBE };
-/// Such a scene whose soft light is cast at half resolution.
+/// The scene of `SOFT`, but its soft light is cast at half resolution.
 const HALF_LIGHT: Workload = Workload { half_light: true, ..SOFT };
 /// A scene with cut-outs.
 const CUT_OUT: Workload = Workload { cut_outs: true, ..TEXTURED };
@@ -59,7 +59,7 @@ fn words(text: &str) -> Vec<&str> {
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Returns whether a text uses a name other than in a condition.
+/// Returns whether a text uses a name, other than to ask whether it is defined or in an `#error`.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
@@ -120,7 +120,7 @@ fn every_file_belongs_to_a_family_or_serves_all() {
             .map(str::to_owned),
     );
     named.insert("common/lanes.cl".to_owned());
-    // Used in programs of scenes with textures, cut-outs or soft lights.
+    // Only programs of scenes with textures, cut-outs, soft lights, a sky or several samples use these files.
     named.extend(["common/textures.cl", "common/cutouts.cl"].map(str::to_owned));
     named.extend(PICTURE_FILES.map(str::to_owned));
     named.extend(SOFT_FILES.map(str::to_owned));
