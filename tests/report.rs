@@ -263,7 +263,7 @@ fn the_reproduction_page_is_made_of_records_alone() {
         "naive at 8 x 8 on still-life (17.40 ms) takes 1.54 times (1.53 to 1.55, n = 10) as long as local-vectors at 8 x 8",
         "1133 ms with optimisation 1 against 1738 ms naive",
         "no record of naive at 4 x 4 on teapot",
-        "its record: `raycl run configs/figure-6.toml`",
+        "the missing record: `raycl run configs/figure-6.toml`",
         "on still-life, local-vectors (vectors local, triangles global): 11.30 ms.",
     ] {
         assert!(page.contains(part), "{part:?} is not in the page");

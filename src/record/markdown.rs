@@ -55,8 +55,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes are device times of whole frames; times of baselines on the host are from the host's clock. Frames on a CPU that other programs delayed are left out. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches. Ratios compare samples taken close in time, and have their own intervals. \"Two modes\" means that, by the dip test, the samples lie around two values; the median may belong to either. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
-         If the driver caches compiled programs, all launches run the same program. \"Frame rays per second\" are all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" are the rays of a separate primary pass, divided by that pass's time. \"Tests per second\" are primary rays times triangles, divided by the time of the primary pass, or of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
+        "\nTimes are device times of whole frames; times of baselines on the host are from the host's clock. On a CPU, frames whose threads had to wait for a processor are left out. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches. A ratio is computed from samples that were taken close together in time, and has its own interval. \"Two modes\" means that the samples lie around two values, as the dip test shows; the median may be close to either value. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
+         If the driver caches compiled programs, all launches run the same program. \"Frame rays per second\" is the number of all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" is the number of rays of a separate primary pass, divided by that pass's time. \"Tests per second\" is the number of primary rays times the number of triangles, divided by the time of the primary pass, or by that of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
          multiply-adds.\n",
     );
     text
@@ -99,7 +99,7 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
         None => format!(" Against {}: {}.", title(other), not_enough(other).unwrap_or_default()),
         Some(ratio) => {
             let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
-            format!(" {middle} times ({low} to {high}) as fast as {}.", title(other))
+            format!(" The fastest point is {middle} times ({low} to {high}) as fast as {}.", title(other))
         }
     };
     others.map(than).collect()
@@ -210,7 +210,7 @@ fn failures(group: &Group<'_>) -> String {
     if failures.is_empty() {
         return String::new();
     }
-    let mut text = "\nWithout a time:\n\n".to_string();
+    let mut text = "\nPoints without a time:\n\n".to_string();
     for (record, reason) in failures {
         // A compiler's log has many lines. Only the first is shown here; the record contains all of
         // them.
@@ -241,7 +241,7 @@ mod tests {
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
             // All samples of a point are equal, so the ranges contain only the assumed difference
             // between runs.
-            "42.0 times (39.7 to 44.4) as fast as serial-f32.",
+            "The fastest point is 42.0 times (39.7 to 44.4) as fast as serial-f32.",
             "8.40 times (8.35 to 8.45) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {

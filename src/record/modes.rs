@@ -15,15 +15,15 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12), by launch", where
-/// "by launch" means that each launch has a single mode. Returns `None` if the samples do not show
+/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per
+/// launch", where the last part means that each launch has a single mode. Returns `None` if the samples do not show
 /// two modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms)?;
     let ([fast, slow], [many, few]) = (modes.ms, modes.samples);
-    let whose = if is_by_launch(record, &modes) { ", by launch" } else { "" };
-    Some(format!("two modes: {} ms ({many} samples) and {} ms ({few}){whose}", ms(fast), ms(slow)))
+    let whose = if is_by_launch(record, &modes) { ", one mode per launch" } else { "" };
+    Some(format!("two modes: {} ms ({many} samples) and {} ms ({few} samples){whose}", ms(fast), ms(slow)))
 }
 
 /// Returns whether there are several launches and each of them has a single mode.
@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn a_launch_of_another_speed_is_said() {
         let said = two_modes(&launches_of([110.0, 110.0, 170.0])).expect("two modes");
-        assert_eq!(said, "two modes: 110.5 ms (20 samples) and 170.8 ms (10), by launch");
+        assert_eq!(said, "two modes: 110.5 ms (20 samples) and 170.8 ms (10 samples), one mode per launch");
         assert_eq!(two_modes(&launches_of([110.0, 110.2, 109.9])), None);
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
@@ -71,7 +71,7 @@ mod tests {
             (place / 7, ms * (1.0 + 0.001 * f64::from(place % 7)))
         };
         let said = two_modes(&sampled("naive", (0..28).map(sample))).expect("two modes");
-        assert!(said.ends_with(", by launch"), "{said}");
+        assert!(said.ends_with(", one mode per launch"), "{said}");
     }
 
     #[test]
@@ -81,6 +81,6 @@ mod tests {
         };
         let record = Record { warning: Some("it throttled".into()), ..sampled("naive", (0..30).map(sample)) };
         let said = to_mind(&record).expect("two modes");
-        assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10)"), "{said}");
+        assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10 samples)"), "{said}");
     }
 }

@@ -1,7 +1,7 @@
 //! Determines whether the raycl that wrote a record can be built again.
 
 /// The description of a raycl that was built from uncommitted sources.
-pub const DIRTY: &str = "a raycl built from a tree with uncommitted changes, which cannot be built again";
+pub const DIRTY: &str = "a raycl that was built from uncommitted changes and cannot be built again";
 
 /// Returns whether a revision is marked as having uncommitted changes.
 pub fn is_dirty(revision: &str) -> bool {

@@ -93,8 +93,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         _ => format!(" {preempted} samples whose threads had to wait for a processor are left out."),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches, others also used the machine. In the worst launch, other processes kept \
-         {} processors of {} busy{stolen}.{left_out}",
+        "Disturbed: in {} of {} launches, other programs or virtual machines also used the machine. In the worst launch, other processes kept \
+         {} of {} processors busy{stolen}.{left_out}",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -118,7 +118,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     (high > MOVED * low).then(|| {
         format!(
             "The core-to-core latency changed between {} and {} ns, so this virtual machine's processors were \
-             probably moved. This changes times, above all those of kernels whose work-groups share data.",
+             probably moved to other cores. This changes times, above all those of kernels whose work-groups share data.",
             significant(low, 2),
             significant(high, 2)
         )
@@ -139,8 +139,8 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches, others also used the machine. In the worst launch, other \
-            processes kept 0.50 processors of 2 busy.";
+        let expected = "Disturbed: in 1 of 2 launches, other programs or virtual machines also used the machine. In the worst launch, other \
+            processes kept 0.50 of 2 processors busy.";
         assert_eq!(said.as_deref(), Some(expected));
         let preempted = |count| Record { preempted_samples: count, ..records[0].clone() };
         let said = disturbance(&[line(1, 0.9)], &[preempted(Some(3)), preempted(None), preempted(Some(4))]);
@@ -177,7 +177,7 @@ mod tests {
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
             said.ends_with(
-                "kept 0.010 processors of 2 busy, and other virtual machines used another 0.40 processors."
+                "kept 0.010 of 2 processors busy, and other virtual machines used another 0.40 processors."
             ),
             "{said}"
         );

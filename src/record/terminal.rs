@@ -146,7 +146,9 @@ fn legend(groups: &[Group<'_>]) -> String {
         text.push_str("* fastest; several marked points tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
-        text.push_str("n=... not enough samples: a point with fewer than five in a launch has no rank\n");
+        text.push_str(
+            "n=... not enough samples: a point with fewer than five samples in a launch has no rank\n",
+        );
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));
     if let Some((record, warning)) = warned.clone().next() {

@@ -265,7 +265,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Measured in only one launch of the program: {whose}. Their intervals do not include the differences between launches, which `[timing] launches = 3` measures."
+            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; `launches = 3` in the config's `[timing]` measures these differences."
         ));
     }
     notes.extend(
@@ -280,10 +280,14 @@ fn is_look(record: &Record) -> bool {
     record.place.as_ref().is_some_and(|place| place.standing.launches() == 1)
 }
 
-/// Formats fractions as "3.1%" or "2.2 to 3.1% (by scene and size)".
+/// Formats fractions as "3.1%" or "2.2 to 3.1% (depending on scene and image size)".
 fn percents([low, high]: [f64; 2]) -> String {
     let [least, most] = [low, high].map(|part| significant(100.0 * part, 2));
-    if least == most { format!("{most}%") } else { format!("{least} to {most}% (by scene and size)") }
+    if least == most {
+        format!("{most}%")
+    } else {
+        format!("{least} to {most}% (depending on scene and image size)")
+    }
 }
 
 #[cfg(test)]

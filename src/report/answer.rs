@@ -155,7 +155,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         format!(" The next point, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
     let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
-    let look = if launches(best) < 2 { " One launch only: draw no conclusions." } else { "" };
+    let look = if launches(best) < 2 { " There was only one launch, so this is not conclusive." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
         1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
         1 if may_be_faster(ranking) => ("unsure", "A point with too few samples may be as fast.".to_owned()),

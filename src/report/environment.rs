@@ -46,7 +46,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
         match value {
             Value::Object(_) => view.sections.push((words(key), facts(value))),
             Value::Array(items) if key == "sources" => {
-                view.sections.push(("made of".to_owned(), items.iter().map(source).collect()));
+                view.sections.push(("input files".to_owned(), items.iter().map(source).collect()));
             }
             Value::Array(items) if items.iter().any(Value::is_object) => {
                 let name =
@@ -68,10 +68,10 @@ fn program(environment: &Value) -> String {
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
     {
         Some((commit, revision)) if commit == revision => {
-            format!("raycl {version}: git checkout {commit}, then make build")
+            format!("raycl {version}; to build it again: git checkout {commit}, then make build")
         }
         Some((commit, _)) => {
-            format!("raycl {version}, commit {commit} with uncommitted changes: it cannot be built again")
+            format!("raycl {version}, commit {commit} with uncommitted changes, so it cannot be built again")
         }
         None => format!("raycl {version}, built outside a git repository"),
     }
@@ -176,8 +176,8 @@ mod tests {
             ..Folder::default()
         };
         let view = view(&folder);
-        assert_eq!(view.program, "raycl 1, commit abc with uncommitted changes: it cannot be built again");
-        let made_of = &view.sections.iter().find(|(name, _)| name == "made of").expect("files").1;
+        assert_eq!(view.program, "raycl 1, commit abc with uncommitted changes, so it cannot be built again");
+        let made_of = &view.sections.iter().find(|(name, _)| name == "input files").expect("files").1;
         assert_eq!(made_of[0], ("config a b.toml".into(), "commit abc, unchanged; hash 0123".into()));
         assert_eq!(made_of[1], ("kernels built in".into(), "hash 4567".into()));
         assert_eq!(view.command, r"raycl run 'a b.toml' --set 'image_sizes=[[160,100]]' 'it'\''s'");

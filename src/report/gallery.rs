@@ -148,7 +148,8 @@ fn order(kind: &str) -> usize {
 fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     let who = if record.is_baseline() { &record.strategy } else { &record.name };
     let uncertain = record.uncertain_pixels.unwrap_or(0);
-    let differs = record.max_difference.map_or(String::new(), |most| format!(" The largest is {most:.1e}."));
+    let differs =
+        record.max_difference.map_or(String::new(), |most| format!(" The largest difference is {most:.1e}."));
     let pictures = [
         (
             &record.reference_image,

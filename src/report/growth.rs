@@ -25,10 +25,10 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
     let size = most_common(own.iter().map(|group| group.image_size))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.image_size == size).collect();
     let labels = Labels {
-        title: format!("Growth with triangles, at {}: {device}", by(size)),
+        title: format!("Time against the number of triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", place),
-        besides: " Scenes differ in more than their number of triangles; the fit does not consider that.",
+        besides: " The scenes also differ in other properties than the number of triangles, which the fit ignores.",
     };
     plot(&same, looks, labels, |group| {
         group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64
@@ -40,7 +40,7 @@ fn with_pixels(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize) ->
     let scene = most_common(own.iter().map(|group| group.scene))?;
     let same: Vec<_> = own.iter().copied().filter(|group| group.scene == scene).collect();
     let labels = Labels {
-        title: format!("Growth with pixels, {scene}: {device}"),
+        title: format!("Time against the number of pixels, {scene}: {device}"),
         x: "pixels in the image",
         file: numbered("pixels", place),
         besides: "",
@@ -103,7 +103,7 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " Too few different values for a fit.".to_owned(),
+        [] => " There are too few different values for a fit.".to_owned(),
         some => format!(
             " The dashed lines are power laws, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")

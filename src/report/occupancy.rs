@@ -65,11 +65,11 @@ const NOT_MEASURED: &str = "Occupancy itself is not measured, because OpenCL can
 fn whose(compute_capability: Option<&str>, told: bool) -> String {
     match compute_capability {
         Some(cc) if told => format!(
-            "The prediction is for this device's compute capability, {cc}, from the registers and `__local` bytes of each \
-             built kernel."
+            "The prediction is for this device's compute capability, {cc}, and uses the registers and `__local` bytes of each \
+             compiled kernel."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, at the paper's {REGISTERS} registers: OpenCL does not report a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers, because OpenCL does not report a kernel's registers."
         ),
         None => format!(
             "The prediction is that of the paper's Figure 5 (compute capability {PAPER}), corrected for the paper's \

@@ -213,9 +213,13 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
         (different(|group| group.device.to_owned()), "device", "devices"),
         (records.len(), "point", "points"),
         (samples, "timed frame", "timed frames"),
-        (infeasible, "does not fit", "do not fit"),
-        (other_kind, "is meant for another kind of device", "are meant for another kind of device"),
-        (failed, "failed", "failed"),
+        (infeasible, "point does not fit the device", "points do not fit the device"),
+        (
+            other_kind,
+            "point is meant for another kind of device",
+            "points are meant for another kind of device",
+        ),
+        (failed, "point failed", "points failed"),
     ];
     let named = facts.map(|(n, one, many)| (n.to_string(), if n == 1 { one } else { many }.to_owned()));
     let always = |place: usize| place < 4;
@@ -384,12 +388,15 @@ mod tests {
             [
                 "5 points",
                 "10 timed frames",
-                "2 do not fit",
-                "1 is meant for another kind of device",
-                "1 failed",
+                "2 points do not fit the device",
+                "1 point is meant for another kind of device",
+                "1 point failed",
             ]
         );
-        assert_eq!(said(&records[..4])[4..], ["2 do not fit", "1 is meant for another kind of device"]);
+        assert_eq!(
+            said(&records[..4])[4..],
+            ["2 points do not fit the device", "1 point is meant for another kind of device"]
+        );
     }
 
     #[test]

@@ -46,7 +46,7 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
-        same scene, size and device: the ratio of their times, as a geometric mean over scenes and sizes. A \
+        same scene, size and device: it shows the ratio of their times, as a geometric mean over scenes and sizes. A \
         strategy with the value 1 is the best everywhere.";
     plot(
         "strategies-by-device",

@@ -82,7 +82,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median. A mark without a bar has an interval smaller than the mark, or fewer than five samples.{beside}"
+        "Bars are 95% intervals of the median. A mark without a bar has an interval smaller than the mark, or fewer than five samples in a launch.{beside}"
     );
     Some(Plot::of(name, caption, &chart))
 }
@@ -137,7 +137,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells could not run. Point at a cell to see its interval, or why it could not run."
+    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells have no time. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
@@ -194,7 +194,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     };
     let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
     let caption = format!(
-        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at an edge have values beyond this edge. Points with fewer than five samples have no bars.{shown}"
+        "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch have no bars.{shown}"
     );
     Some(Plot { name: name.to_owned(), caption, svg: strip.svg(), narrow: strip.narrow_svg() })
 }

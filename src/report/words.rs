@@ -65,8 +65,11 @@ pub fn tip(record: &Record) -> String {
     }
     lines.extend(record.host.as_ref().map(|host| format!("measured on {host}")));
     lines.extend(made(record));
-    lines
-        .extend(record.limit_fraction.map(|part| format!("{} of the device's multiply-adds", percent(part))));
+    lines.extend(
+        record
+            .limit_fraction
+            .map(|part| format!("{} of the device's peak rate of multiply-adds", percent(part))),
+    );
     lines.extend(to_mind(record));
     lines.join("\n")
 }

@@ -72,7 +72,7 @@ impl<'a> ClaimData<'a> {
     pub(super) fn missing(&self, what: &str) -> Line {
         let commands: Vec<_> =
             self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
-        Line::cannot(format!("no record of {what}"), format!("its record: {}", commands.join(", ")))
+        Line::cannot(format!("no record of {what}"), format!("the missing record: {}", commands.join(", ")))
     }
 
     /// Tests whether the ratio of two points' times is within bounds.

@@ -42,7 +42,9 @@ fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
         return missing;
     }
     let records: Vec<&Record> = of.iter().flat_map(|point| found.records(point)).collect();
-    let Some(fastest) = Fastest::of(&records) else { return found.missing(&format!("three of {names}")) };
+    let Some(fastest) = Fastest::of(&records) else {
+        return found.missing(&format!("three or more of {names}"));
+    };
     fastest.line(&names, |record| is.is(record, found.device))
 }
 
@@ -132,7 +134,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     }
     let Some(peak) = found.peak() else {
         return Line::cannot(
-            format!("no latency of {name}"),
+            format!("no record of the latency of {name}"),
             "`raycl run configs/figure-8.toml --peak`, which stores the latency in its folder of results"
                 .to_owned(),
         );
@@ -159,7 +161,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     match (low >= least && high <= most, high < least || low > most) {
         (true, _) => Line::decided(text, true),
         (_, true) => Line::decided(text, false),
-        _ => Line::unclear(text, "repeated measurements by `raycl peak` that agree".to_owned()),
+        _ => Line::unclear(text, "repeated measurements with `raycl peak` whose results agree".to_owned()),
     }
 }
 

@@ -74,11 +74,11 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
 
 /// Contradictions within the paper that can be shown without a measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
-    "The text lists five scenes; Figure 6's legend has four.",
-    "Figures 6 to 8 have no point at 14 x 14, though the text names the size.",
-    "The paper has no repeats, no error bars and no device name, so none of its differences can be called \
+    "The paper's text lists five scenes, but the legend of Figure 6 has four.",
+    "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
+    "The paper repeats no measurement, shows no error bars and names no device, so none of its differences can be called \
      significant.",
-    "Figure 3's caption puts the lower light at (2, 0, 0); the picture is lit from (3, 0.95, -1.5).",
+    "Figure 3's caption puts the lower light at (2, 0, 0), but the picture is lit from (3, 0.95, -1.5).",
 ];
 
 #[cfg(test)]
@@ -123,7 +123,7 @@ mod tests {
         let open = claim(FALLS, &[&of(9.05)[1..]]);
         assert_eq!(open.verdict, Verdict::Cannot);
         assert_eq!(open.lines[0].text, "no record of naive at 1 x 1 on teapot");
-        assert_eq!(open.decides(), ["its record: `raycl run configs/figure-6.toml`"]);
+        assert_eq!(open.decides(), ["the missing record: `raycl run configs/figure-6.toml`"]);
     }
 
     #[test]

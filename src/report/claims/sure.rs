@@ -76,10 +76,10 @@ impl Ratio {
     fn decides(&self, held: &RangeInclusive<f64>) -> String {
         let Some((_, [low, high])) = self.sure else { return more_samples(self.frame_ms) };
         let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
-        let bound = bound.map_or(String::new(), |bound| format!(", since {bound} lies in it"));
+        let bound = bound.map_or(String::new(), |bound| format!(", which contains the bound {bound}"));
         let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
         format!(
-            "a narrower interval than {ends}{bound}: more launches or samples, or less other load on the machine"
+            "a narrower interval than {ends}{bound}: more launches or samples, or less load from other programs"
         )
     }
 }
@@ -88,7 +88,7 @@ impl Ratio {
 fn more_samples(frame_ms: f64) -> String {
     // Warm-up frames take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
-    format!("{MIN_SAMPLES} samples of each: `--set timing.time_limit_ms={limit}`")
+    format!("{MIN_SAMPLES} samples of each point, with `--set timing.time_limit_ms={limit}`")
 }
 
 /// Formats bounds as "at least 2", "at most 2" or "0.95 to 1.05".
@@ -204,11 +204,11 @@ mod tests {
         let text = far(5).text();
         assert!(text.starts_with("19.") && text.ends_with(", n = 15)"), "{text}");
         let line = far(4).line("a".into(), LONGER);
-        assert_eq!(line.decides, "5 samples of each: `--set timing.time_limit_ms=1000`");
+        assert_eq!(line.decides, "5 samples of each point, with `--set timing.time_limit_ms=1000`");
         let near = ratio([1.05, 1.2], [1.0, 1.1], 5).line("a".into(), LONGER);
         assert!(
             near.decides.starts_with("a narrower interval than 0.")
-                && near.decides.contains(", since 1 lies in it:"),
+                && near.decides.contains(", which contains the bound 1:"),
             "{near:?}"
         );
     }

@@ -98,7 +98,7 @@ impl Comparison {
         labels.dedup();
         let [Some(first), Some(second)] = [0, 1].map(|place| labels.get(place).map(|label| (*label).clone()))
         else {
-            comparison.notes.push("The two folders compile to the same programs.".to_owned());
+            comparison.notes.push("The two folders of kernels compile to the same programs.".to_owned());
             return comparison;
         };
         let of = |record: &&Record, label: &str| record.kernels_of.as_deref() == Some(label);
@@ -140,7 +140,7 @@ impl Comparison {
         for (records, others, label) in [(before, after, 0), (after, before, 1)] {
             for record in records {
                 let line = match changed(record, others) {
-                    true => format!("{}: the scenes of this name differ in content", record.scene),
+                    true => format!("{}: the two folders have different scenes of this name", record.scene),
                     false => format!("{}: only in {}", name(record), self.labels[label]),
                 };
                 if !self.others.contains(&line) {
@@ -180,8 +180,8 @@ impl Comparison {
             |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
         if of(Against::PointsInCommon) {
             self.notes.push(
-                "No baseline was measured in the rounds of both folders. Changes are relative to the points \
-                 that changed by similar factors, so a change shared by all points cannot be detected."
+                "No baseline was measured in both folders in the same rounds as the points. Changes are therefore relative to the \
+                 points that changed by similar factors, so a change that all points share cannot be detected."
                     .to_owned(),
             );
         }

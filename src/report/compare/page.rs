@@ -41,11 +41,12 @@ impl Comparison {
     /// Explains how the verdicts are determined.
     fn rule(&self) -> String {
         format!(
-            "In each folder, a point's time is divided by the time of the anchor, a fixed kernel that is \
-             timed in the same rounds. Without an anchor, it is divided by the mean time of the baselines, or \
-             else by that of the points that changed by similar factors. The change is the ratio between the \
-             folders. A point is faster or slower if the 95% interval of its change lies beyond {0}%, the \
-             same if the interval lies within {0}%, and unclear otherwise. At most one verdict in 40 is \
+            "In each folder, a point's time is divided by the time of the anchor, a kernel that never changes and is \
+             timed in the same rounds. Without an anchor, the point's time is divided by the mean time of the baselines. \
+             Without baselines, it is divided by the mean time of the points that changed by similar factors. If both \
+             times were measured in the same rounds, they are compared directly. The change is the ratio of the second result to the first. \
+             A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
+             interval lies within {0}%, and unclear otherwise. At most one verdict in 40 is \
              wrong. Points with fewer than five samples in a launch are not judged.",
             self.threshold_percent()
         )
@@ -108,7 +109,7 @@ impl Comparison {
             series: series.collect(),
         };
         let caption = format!(
-            "Below the line {b} is faster, above the line {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples have no bar."
+            "Below the line, {b} is faster; above the line, {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples in a launch have no bar."
         );
         Plot::of("compare", caption, &chart)
     }

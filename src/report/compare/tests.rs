@@ -120,7 +120,7 @@ fn a_scene_that_was_edited_is_another() {
     let after = folder("new", vec![of_scene("2", "naive"), of_scene("2", "wide")]);
     let comparison = of(&before, &after);
     assert!(comparison.pairs.is_empty());
-    assert_eq!(comparison.others, ["teapot: the scenes of this name differ in content"]);
+    assert_eq!(comparison.others, ["teapot: the two folders have different scenes of this name"]);
 }
 
 #[test]

@@ -81,7 +81,7 @@ impl HeatMap {
         let width = (LEFT + self.columns.len() as f64 * column + 16.0)
             .max(640.0)
             .max(7.6 * self.title.chars().count() as f64 + 32.0);
-        svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
+        svg.finish([width, end], &self.title, "A heat map. Each cell shows its value as text, too.")
     }
 
     pub(super) fn worst(&self) -> f64 {

@@ -28,7 +28,7 @@ impl HeatMap {
             y = self.narrow_row(&mut svg, name, cells, y, worst, &hatch);
         }
         let end = self.narrow_legend(&mut svg, y + GAP, worst, &hatch);
-        svg.finish([width, end], &self.title, "A heat map of times; a table below has the same numbers.")
+        svg.finish([width, end], &self.title, "A heat map. Each cell shows its value as text, too.")
     }
 
     /// Draws a row's name and cells from `y` downwards; returns the y coordinate of their lower

@@ -82,7 +82,7 @@ impl Strip {
         for (place, one) in self.rows.iter().enumerate() {
             draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
         }
-        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are higher";
+        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are drawn further up";
         let lines = layout.lines(label);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
         let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;

@@ -95,8 +95,9 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
 }
 
 fn unknown() -> Answer {
-    let line =
-        || "not known: no run has several memory strategies (`raycl run configs/figure-8.toml`)".to_owned();
+    let line = || {
+        "not known, because no run has several memory strategies; `raycl run configs/figure-8.toml` measures them".to_owned()
+    };
     Answer { strategy: line(), size: line(), why: line(), sure: line(), plots: Vec::new() }
 }
 
@@ -146,7 +147,7 @@ fn size(contest: &Contest<'_>) -> String {
     let naive =
         contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
     let naive = sizes(&ranking(naive).winners);
-    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (naive only: {naive})") }
+    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (naive alone: {naive})") }
 }
 
 fn sizes(records: &[&Record]) -> String {
@@ -206,7 +207,7 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
         ("registers", registers),
         ("occupancy", occupancy),
         ("instructions on global memory", global),
-        ("of the multiply-adds that the device can do", record.limit_fraction.map(percent)),
+        ("of the device's peak rate of multiply-adds", record.limit_fraction.map(percent)),
     ];
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
@@ -231,11 +232,11 @@ fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
     let ratio = ratio.map_or(String::new(), |ratio| {
-        format!("naive at its best local size takes {} as long as the fastest point, ", ratio.text())
+        format!("naive at its best local size takes {} as long as the fastest point, and ", ratio.text())
     });
     let tie = match contest.ranking.winners.len() {
-        1 => "no other point ties".to_owned(),
-        several => format!("{several} of {} points tie", contest.ranking.ranked.len()),
+        1 => "no other point ties for fastest".to_owned(),
+        several => format!("{several} of {} points tie for fastest", contest.ranking.ranked.len()),
     };
     let few = match contest.ranking.unranked.len() {
         0 => String::new(),
@@ -269,7 +270,7 @@ mod tests {
             "{}",
             found.strategy
         );
-        assert_eq!(found.size, "on teapot, 8 x 8 (naive only: 4 x 4)");
+        assert_eq!(found.size, "on teapot, 8 x 8 (naive alone: 4 x 4)");
         assert!(
             found.why.contains("from global memory at each test (for primary rays alone, 9.8 GB per frame")
                 && found.why.contains("does not report registers"),
@@ -278,7 +279,7 @@ mod tests {
         );
         assert!(
             found.sure.contains(
-                "naive at its best local size takes 4.44 times (4.41 to 4.46, n = 10) as long as the fastest point, no other"
+                "naive at its best local size takes 4.44 times (4.41 to 4.46, n = 10) as long as the fastest point, and no other"
             ),
             "{}",
             found.sure

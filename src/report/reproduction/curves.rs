@@ -50,12 +50,12 @@ pub(super) fn curves_of(
     }
     let shapes = Plot::of(
         format!("figure-{number}-shapes{suffix}"),
-        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples are left out.",
+        "Each curve is divided by its own least value, so that shapes can be compared although the devices differ. Points with fewer than five samples in a launch are left out.",
         &drawn(&curves, number, device, true),
     );
     let times = Plot::of(
         format!("figure-{number}{suffix}"),
-        "Solid lines are our times on this device. Dashed lines are the paper's times, on a device that it does not name. The scale is logarithmic.",
+        "Solid lines are our times on this device. Dashed lines are the paper's times, on a device that the paper does not name. The scale is logarithmic.",
         &drawn(&curves, number, device, false),
     );
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))

@@ -24,7 +24,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
     let published = PUBLISHED.iter().map(|(block, threads)| mark(*block, *threads, "published"));
     let mut series = vec![one("Figure 5, published".to_owned(), 0, true, published.collect())];
     if let Ok(sm) = multiprocessor(PAPER) {
-        let name = format!("with its {REGISTERS} registers");
+        let name = format!("at {REGISTERS} registers");
         series.push(one(name, 1, false, BLOCKS.iter().map(|block| by_registers(sm, *block)).collect()));
     }
     let own = of_device(runs, device);
@@ -40,7 +40,7 @@ pub(super) fn predicted(runs: &[Run<'_>], device: &str, suffix: &str) -> Plot {
         diagonal: false,
         series,
     };
-    let caption = "The dashed line is the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, compute capability 2.0 holds at most 512 threads and cannot launch 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
+    let caption = "The dashed line is the paper's table, which only considers the limits on blocks and threads. With the paper's 63 registers per thread, a multiprocessor of compute capability 2.0 holds at most 512 threads and cannot launch a block of 32x32. For a device that reports its kernels' registers, the prediction for the naive kernel is shown too.";
     Plot::of(format!("figure-5{suffix}"), caption, &chart)
 }
 
