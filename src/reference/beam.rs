@@ -2,6 +2,7 @@
 //! see the same lights, then a ray whose direction changes within the beam needs no new search. This makes the
 //! reference fast.
 
+use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
 use super::tree::{Indexed, Tree};
 use crate::strategy::Culling;
@@ -19,6 +20,9 @@ pub struct Beam {
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
+    /// The rays' other end if they run between a light and a surface, else the origin. Devices may cast them from either
+    /// end.
+    end: DVec3,
 }
 
 /// How a beam meets a triangle, with the range of distances at which its rays may hit the triangle.
@@ -35,30 +39,48 @@ enum BeamHit {
 impl Beam {
     /// Makes a beam of the rays within an angle of its axis.
     pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
-        Self { origin, direction, angle: angle.max(NARROWEST) }
+        Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
+    }
+
+    /// Returns this beam for rays between a light, at the origin, and a surface.
+    pub fn from_light(self, surface: DVec3) -> Self {
+        Self { end: surface, ..self }
     }
 
     /// Tests on which side of the planes through the origin and the triangle's edges the beam's rays lie. Within the
-    /// beam, the distance of a unit direction from such a plane changes by at most the beam's angle.
+    /// beam, the distance of a unit direction from such a plane changes by at most the beam's angle. Nothing is certain
+    /// that rounding could change (see [`super::leaning`]).
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
+        let sizes = [ab, bc, ca].map(DVec3::length);
+        let part = 1.01 * ROUNDING * self.reach(corners);
+        let error_of_slope = ROUNDING * sizes[0] * sizes[2];
+        let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];
         // b x bc equals b x c, but with smaller rounding errors if the triangle is small and far away.
-        let planes = [b.cross(bc), c.cross(ca), a.cross(ab)];
-        let sides = planes.map(|plane| self.side(plane));
+        let planes = [(b.cross(bc), errors[0]), (c.cross(ca), errors[1]), (a.cross(ab), errors[2])];
+        let sides = planes.map(|(plane, error)| self.side(plane, error));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
             return BeamHit::None;
         }
         let normal = ca.cross(ab);
         let (height, slope) = (normal.dot(a), normal.dot(self.direction));
-        let slack = self.angle * normal.length();
-        match self.side(normal) {
+        let slack = self.angle * normal.length() + error_of_slope;
+        let error_of_height = part * sizes[0] * sizes[2];
+        match self.side(normal, error_of_slope) {
             // The triangle is seen edge-on, or is so small that nothing is certain.
-            Side::Between => BeamHit::Some([height.abs() / (slope.abs() + slack), f64::INFINITY]),
+            Side::Between => {
+                BeamHit::Some([(height.abs() - error_of_height) / (slope.abs() + slack), f64::INFINITY])
+            }
             Side::Above if culling == Culling::Back => BeamHit::None, // seen from behind
             face => {
-                let ends = [height / (slope - slack), height / (slope + slack)];
-                let range = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+                let heights = [height - error_of_height, height + error_of_height];
+                let ends = heights.map(|height| [height / (slope - slack), height / (slope + slack)]);
+                let ends = ends.as_flattened();
+                let range = [
+                    ends.iter().copied().fold(f64::INFINITY, f64::min),
+                    ends.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+                ];
                 let outside = if face == Side::Above { Side::Below } else { Side::Above };
                 if sides == [face; 3] {
                     BeamHit::All(range)
@@ -79,9 +101,10 @@ impl Beam {
         }
     }
 
-    fn side(&self, plane: DVec3) -> Side {
+    /// Returns on which side of a plane the rays lie, if the plane's product with a unit direction has this error.
+    fn side(&self, plane: DVec3, error: f64) -> Side {
         let height = plane.dot(self.direction);
-        if height * height <= self.angle * self.angle * plane.length_squared() {
+        if height.abs() <= self.angle * plane.length() + error {
             Side::Between
         } else if height > 0.0 {
             Side::Above
@@ -90,12 +113,31 @@ impl Beam {
         }
     }
 
+    /// Returns the largest distance of a corner from an end of the rays.
+    fn reach(&self, corners: &[DVec3; 3]) -> f64 {
+        let squared =
+            |from: DVec3| corners.iter().map(|corner| corner.distance_squared(from)).fold(0.0, f64::max);
+        squared(self.origin).max(squared(self.end)).sqrt()
+    }
+
+    /// Returns how far beside the axis a ray may hit a triangle.
+    fn around(&self, tree: &Tree) -> f64 {
+        let reach = tree.reach(self.origin);
+        self.angle * reach + margin(reach.max(tree.reach(self.end)))
+    }
+
     /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. Every other
     /// triangle must lie behind that triangle by more than `rival` times that triangle's distance. `None` if the
     /// result is uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
-        let around = self.angle * tree.reach(self.origin);
-        let ray = Ray { origin: self.origin, direction: self.direction, near: 0.0, far: f64::INFINITY };
+        let around = self.around(tree);
+        let ray = Ray {
+            origin: self.origin,
+            direction: self.direction,
+            near: 0.0,
+            far: f64::INFINITY,
+            to_light: false,
+        };
         // The distance of the near plane along a ray depends on the ray's direction.
         let (nearest, farthest) = (near * (1.0 - 10.0 * self.angle), near * (1.0 + 10.0 * self.angle));
         let (mut best, mut others): (Option<(u32, [f64; 2])>, f64) = (None, f64::INFINITY);
@@ -130,8 +172,9 @@ impl Beam {
         sure: [f64; 2],
         may: [f64; 2],
     ) -> Option<bool> {
-        let around = self.angle * tree.reach(self.origin);
-        let ray = Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1] };
+        let around = self.around(tree);
+        let ray =
+            Ray { origin: self.origin, direction: self.direction, near: may[0], far: may[1], to_light: true };
         let (mut stopped, mut open) = (false, false);
         tree.walk(&ray, around, |indexed, far| {
             if stopped || indexed.triangle == own {
@@ -204,7 +247,7 @@ mod tests {
                     BeamHit::All(_) => 2,
                 }] += 1;
                 for direction in rays(&beam) {
-                    let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY };
+                    let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
                     let hit = moller_trumbore(&ray, corners, culling).map(|(t, _)| t);
                     let within =
                         |t: f64, [low, high]: [f64; 2]| t >= low * (1.0 - 1e-6) && t <= high * (1.0 + 1e-6);

@@ -2,6 +2,7 @@
 
 use super::cutouts::Solid;
 use super::intersect::Hit;
+use super::leaning::relative_error;
 use super::ray::{Frame, Ray};
 use super::real::{Real, Vector};
 use super::shade::{Reaches, Sight, shade, sights, surface_at};
@@ -47,9 +48,9 @@ impl<'a, R: Real> Caster<'a, R> {
         Self { scene, finder: Solid::new(finder, &scene.mesh.textures), frame }
     }
 
-    /// Returns two casters: one in which the holes in triangles are smaller by the rounding error, and one in which
-    /// they are larger; none if there are no holes.
-    pub fn leaning(&self) -> impl Iterator<Item = Self> {
+    /// Returns two casters: one in which rounding makes every triangle larger and its holes smaller, and one in which
+    /// it makes every triangle smaller and its holes larger.
+    pub fn leaning(&self) -> [Self; 2] {
         self.finder.leaning().map(|finder| Self { finder, ..*self })
     }
 
@@ -70,9 +71,11 @@ impl<'a, R: Real> Caster<'a, R> {
     }
 
     /// Returns every other triangle that the ray hits at `hit`'s distance, or behind it by at most the
-    /// fraction `part` of that distance.
+    /// fraction `part` of that distance, or by at most the error of that distance.
     pub fn rivals(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> Vec<Hit<R>> {
-        let reach = hit.t * (R::ONE + part);
+        let corners = self.scene.mesh.corners(&self.scene.mesh.triangles[hit.triangle as usize]);
+        let error = relative_error(ray, corners.map(R::Vector::of), hit.t);
+        let reach = hit.t * (R::ONE + part.max(error));
         let mut rivals = Vec::new();
         self.finder.visit(&Ray { far: reach, ..*ray }, &mut |other| {
             if other.triangle != hit.triangle {
@@ -126,9 +129,10 @@ impl<'a, R: Real> Caster<'a, R> {
     pub fn reaches_within(&self, sight: &Sight<R>, bias: R, distance: R) -> bool {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
-        let shadow = Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far };
-        // A light within the bias counts as hidden; a sky whose reach is shorter than the bias does not.
         let is_sky = sight.light >= self.scene.lights.len();
+        let shadow =
+            Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far, to_light: !is_sky };
+        // A light within the bias counts as hidden; a sky whose reach is shorter than the bias does not.
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 

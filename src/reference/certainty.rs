@@ -1,16 +1,17 @@
 //! Finds the certain pixels: those on which all correct casters must agree, however they round.
 
-use super::beam::Beam;
 use super::cast::Caster;
-use super::intersect::{Hit, moller_trumbore};
+use super::intersect::Hit;
 use super::pixel_sample::{PixelSample, Reach};
 use super::ray::Ray;
 use super::shade::Sight;
-use super::shadows::{Points, Shadows};
 use super::soft::Seen;
-use super::tree::Tree;
 use crate::scene::PixelFrame;
 use glam::DVec3;
+
+mod quick;
+
+pub use quick::quick_sample;
 
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All
 /// correct casters must agree on a pixel that does not change under wide nudges.
@@ -84,8 +85,9 @@ impl Asked<'_> {
 
 /// Casts the pixel. Then casts it again with changes: its ray is nudged in each direction along the
 /// image's axes; the shadow bias is halved and doubled; shadow rays start a little above and below
-/// the plane of its hit; surfaces near lights are included as occluders or left out; the edges of
-/// holes are moved by rounding; for grazing light, every result that rounding allows is included.
+/// the plane of its hit; surfaces near lights are included as occluders or left out; triangles and
+/// holes become larger or smaller by rounding; for grazing light, every result that rounding allows
+/// is included.
 /// If two surfaces coincide, either one is correct, so surfaces just behind the hit are included
 /// too.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
@@ -101,7 +103,8 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         sample.nudge(reach, caster.radiance(seen, &ray, other.as_ref(), bias));
     };
     nudges(frame, [x, y]).for_each(|(reach, place)| look_again(caster, reach, place));
-    caster.leaning().for_each(|leaning| look_again(&leaning, Reach::Near, [x, y]));
+    let leaning = caster.leaning();
+    leaning.iter().for_each(|leaning| look_again(leaning, Reach::Near, [x, y]));
     if hit.is_none() && caster.sky_behind().is_some() {
         asked.turn_background(&mut sample, &ray);
     }
@@ -116,8 +119,10 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
             sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
         }
         for off in off_plane(caster, &ray, hit) {
-            let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
-            sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
+            for caster in [caster, &leaning[0], &leaning[1]] {
+                let reaches = |sight: &Sight<f64>| caster.reaches(&moved(sight, off), bias);
+                sample.consider(caster.shaded(seen, &ray, Some(hit), &reaches));
+            }
         }
         if let Some(grazing) = caster.grazing(seen, &ray, hit, bias, OFF_PLANE) {
             caster
@@ -145,73 +150,6 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
     Sight { point: sight.point + off, ..*sight }
 }
 
-/// Returns the result of [`sample`] faster, if one search is enough for all nudges. This is the
-/// case under two conditions: the whole beam of nudged rays hits a single triangle first, or
-/// nothing; and the beam from each light to the hits is occluded completely or not at all. `None`
-/// if it is uncertain what the rays hit.
-pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
-    let Asked { caster, frame, bias, seen, centre } = asked;
-    let (bias, [x, y]) = (*bias, *centre);
-    let ray = caster.ray(x, y);
-    let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
-    let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
-        let mut sample = PixelSample::of(caster.radiance(seen, &ray, None, bias), false);
-        if caster.sky_behind().is_some() {
-            for (reach, [x, y]) in nudges(frame, [x, y]) {
-                sample.nudge(reach, caster.background(caster.ray(x, y).direction));
-            }
-            asked.turn_background(&mut sample, &ray);
-        }
-        return Some(sample);
-    };
-    let mesh = &caster.scene().mesh;
-    let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
-    let meet = |ray: Ray<f64>| {
-        let (t, weights) = moller_trumbore(&ray, corners, tree.culling())?;
-        Some((ray, Hit { t, weights, triangle }))
-    };
-    let (ray, hit) = meet(ray)?;
-    if caster.grazing(seen, &ray, &hit, bias, OFF_PLANE).is_some() {
-        return None;
-    }
-    let mut nudged = [(Reach::Wide, (ray, hit)); NUDGES];
-    for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(frame, [x, y])) {
-        *place = (reach, meet(caster.ray(x, y))?);
-    }
-    let point = |(ray, hit): &(Ray<f64>, Hit<f64>)| ray.origin + ray.direction * hit.t;
-    let centre = point(&(ray, hit));
-    let spread = nudged.iter().map(|(_, other)| point(other).distance(centre)).fold(0.0, f64::max);
-    let offs = off_plane(caster, &ray, &hit);
-    let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
-    let points = Points { triangle, centre, spread: 1.01 * spread };
-    let shadows = Shadows::new(seen, tree, points, bias);
-    let radiance_of = |seen: &Seen<'_>, (ray, hit): &(Ray<f64>, Hit<f64>), bias: f64, part: f64| {
-        let reaches = |sight: &Sight<f64>| {
-            let end = sight.distance - part * asked.scale(sight);
-            shadows.reaches(sight.light).unwrap_or_else(|| caster.reaches_within(sight, bias, end))
-        };
-        caster.shaded(seen, ray, Some(hit), &reaches)
-    };
-    let radiance = |at: &(Ray<f64>, Hit<f64>), bias: f64, part: f64| radiance_of(seen, at, bias, part);
-    let mut sample = PixelSample::of(radiance(&(ray, hit), bias, 0.0), true);
-    for (reach, other) in &nudged {
-        sample.nudge(*reach, radiance(other, bias, 0.0));
-    }
-    if shadows.some_are_unsure() {
-        for (factor, part) in [(0.5, 0.0), (2.0, 0.0), (1.0, AT_LIGHT), (1.0, -AT_LIGHT)] {
-            sample.consider(radiance(&(ray, hit), bias * factor, part));
-        }
-        for off in offs {
-            let reaches = |sight: &Sight<f64>| {
-                shadows.reaches(sight.light).unwrap_or_else(|| caster.reaches(&moved(sight, off), bias))
-            };
-            sample.consider(caster.shaded(seen, &ray, Some(&hit), &reaches));
-        }
-    }
-    asked.turn_sky(&mut sample, |seen| radiance_of(seen, &(ray, hit), bias, 0.0));
-    Some(sample)
-}
-
 /// The number of nudges.
 const NUDGES: usize = 8;
 
@@ -233,6 +171,7 @@ fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, 
 mod tests {
     use super::super::fixtures;
     use super::super::traverse::Exhaustive;
+    use super::super::tree::Tree;
     use super::*;
     use crate::scene::{Mapped, Sample, Scene, Sky, Texture, Textures, Wrap};
     use crate::strategy::Culling;

@@ -2,6 +2,7 @@
 //! `cl/common/cutouts.cl`.
 
 use super::intersect::Hit;
+use super::leaning::Lean;
 use super::ray::Ray;
 use super::real::Real;
 use super::texture::Texels;
@@ -17,22 +18,28 @@ const ROUNDING: f64 = 1e-6;
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,
-    /// The direction in which rounding moves the edges of holes: 1 makes holes smaller, -1 larger, 0 leaves them.
-    lean: f64,
+    /// The direction in which rounding moves the edges of triangles and of holes; none leaves them.
+    lean: Option<Lean>,
 }
 
 impl<'a, R: Real> Solid<'a, R> {
     /// Makes a finder for a mesh's textures.
     pub fn new(finder: impl Finder<R> + 'a, textures: &'a Textures) -> Self {
         let textures = textures.have_holes().then_some(textures);
-        Self { finder: Arc::new(finder), textures, lean: 0.0 }
+        Self { finder: Arc::new(finder), textures, lean: None }
     }
 
-    /// Returns two finders: in one, holes are smaller by the rounding error, in the other they are larger by it; none
-    /// if there are no holes.
-    pub fn leaning(&self) -> impl Iterator<Item = Self> {
-        let leans = self.textures.map_or(&[][..], |_| &[1.0, -1.0]);
-        leans.iter().map(|lean| Self { finder: Arc::clone(&self.finder), lean: *lean, ..*self })
+    /// Returns two finders: in one, triangles are larger and holes smaller by the rounding error, in the other the
+    /// reverse.
+    pub fn leaning(&self) -> [Self; 2] {
+        Lean::BOTH.map(|lean| Self { finder: Arc::clone(&self.finder), lean: Some(lean), ..*self })
+    }
+
+    fn hits(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        match self.lean {
+            Some(lean) => self.finder.visit_leaning(ray, lean, visitor),
+            None => self.finder.visit(ray, visitor),
+        }
     }
 
     fn has(&self, textures: &Textures, hit: &Hit<R>) -> bool {
@@ -40,7 +47,12 @@ impl<'a, R: Real> Solid<'a, R> {
         let Some(mask) = row.mask.map(|number| &textures.list[number as usize]) else { return true };
         let texels = Texels::at(mask, 0, row, hit.weights);
         let alpha = texels.mix(|texel| R::from((texel >> 24) as f32));
-        alpha >= R::of(mask.least_step() - self.lean * ROUNDING * steepness(mask, row))
+        let lean = match self.lean {
+            Some(Lean::Larger) => 1.0,
+            Some(Lean::Smaller) => -1.0,
+            None => 0.0,
+        };
+        alpha >= R::of(mask.least_step() - lean * ROUNDING * steepness(mask, row))
     }
 }
 
@@ -56,9 +68,9 @@ fn steepness(mask: &Texture, row: &Mapped) -> f64 {
 
 impl<R: Real> Finder<R> for Solid<'_, R> {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        let Some(textures) = self.textures else { return self.finder.visit(ray, visitor) };
+        let Some(textures) = self.textures else { return self.hits(ray, visitor) };
         let mut far = ray.far;
-        self.finder.visit(ray, &mut |hit| {
+        self.hits(ray, &mut |hit| {
             if self.has(textures, &hit) {
                 far = visitor(hit);
             }
@@ -68,7 +80,7 @@ impl<R: Real> Finder<R> for Solid<'_, R> {
 
     /// Without holes, the inner finder does the search, which may be faster.
     fn any(&self, ray: &Ray<R>) -> bool {
-        if self.textures.is_none() {
+        if self.textures.is_none() && self.lean.is_none() {
             return self.finder.any(ray);
         }
         let mut found = false;

@@ -1,11 +1,12 @@
 //! Identifies the source of the casters on the host.
 
 /// The source files that cast a baseline's rays, in this folder.
-const SOURCES: [(&str, &str); 10] = [
+const SOURCES: [(&str, &str); 11] = [
     ("cast", include_str!("cast.rs")),
     ("cutouts", include_str!("cutouts.rs")),
     ("environment", include_str!("environment.rs")),
     ("intersect", include_str!("intersect.rs")),
+    ("leaning", include_str!("leaning.rs")),
     ("ray", include_str!("ray.rs")),
     ("real", include_str!("real.rs")),
     ("shade", include_str!("shade.rs")),

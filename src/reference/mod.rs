@@ -15,6 +15,7 @@ mod fingerprint;
 pub mod half_light;
 pub mod intersect;
 pub mod layers;
+pub mod leaning;
 pub mod pixel_sample;
 pub mod ray;
 pub mod real;

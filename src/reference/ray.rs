@@ -14,6 +14,8 @@ pub struct Ray<R: Real> {
     pub near: R,
     /// Hits at this distance or farther are ignored.
     pub far: R,
+    /// True if a light is at the far end. Devices may cast such a ray from either end.
+    pub to_light: bool,
 }
 
 /// The rays of an image, with one type of numbers.
@@ -56,6 +58,7 @@ impl<R: Real> Frame<R> {
             direction: towards * (R::ONE / length),
             near: self.z_near * length,
             far: R::INFINITY,
+            to_light: false,
         }
     }
 }

@@ -14,6 +14,7 @@ pub trait Real:
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
+    + Neg<Output = Self>
     + 'static
 {
     /// A vector of three such numbers.
@@ -58,6 +59,8 @@ pub trait Vector<R: Real>:
 {
     /// The zero vector.
     const ZERO: Self;
+    /// The unit vectors along the axes.
+    const AXES: [Self; 3];
     /// Converts a scene's value exactly.
     fn of(value: Vec3) -> Self;
     /// Returns the vector nearest to `value`.
@@ -111,6 +114,7 @@ macro_rules! real {
         }
         impl Vector<$real> for $vector {
             const ZERO: Self = $vector::ZERO;
+            const AXES: [Self; 3] = $vector::AXES;
             fn of(value: Vec3) -> Self {
                 let [x, y, z] = value.to_array();
                 $vector::new(x.into(), y.into(), z.into())

@@ -65,7 +65,7 @@ impl<'a> Shadows<'a> {
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }
-        let beam = Beam::new(position, off / distance, 1.1 * spread / distance);
+        let beam = Beam::new(position, off / distance, 1.1 * spread / distance).from_light(centre);
         let stopped =
             beam.is_stopped_on_the_way_here(self.tree, triangle, [at_light, least], [-at_light, most])?;
         Some(!stopped)

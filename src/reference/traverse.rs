@@ -2,6 +2,7 @@
 //! hits to a visitor, which returns the distance up to which further hits matter.
 
 use super::intersect::{Hit, moller_trumbore};
+use super::leaning::{Lean, leaning};
 use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::scene::Mesh;
@@ -13,6 +14,12 @@ pub trait Finder<R: Real>: Send + Sync {
     /// Passes the hits along `ray` to `visitor`, in any order. The visitor returns the distance beyond which
     /// hits no longer matter; if it returns `ray.near`, the search ends.
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
+
+    /// Passes the hits on triangles that rounding has made larger or smaller. Finders that only count tests do not
+    /// distinguish these.
+    fn visit_leaning(&self, ray: &Ray<R>, _lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        self.visit(ray, visitor);
+    }
 
     /// Returns the hit nearest to the ray's origin; of several equally near ones, the hit on the triangle
     /// that comes first in the mesh.
@@ -40,11 +47,19 @@ impl<R: Real, F: Finder<R>> Finder<R> for &F {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         (**self).visit(ray, visitor);
     }
+
+    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        (**self).visit_leaning(ray, lean, visitor);
+    }
 }
 
 impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         (**self).visit(ray, visitor);
+    }
+
+    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        (**self).visit_leaning(ray, lean, visitor);
     }
 }
 
@@ -61,13 +76,17 @@ impl<R: Real> Exhaustive<R> {
         let triangles = mesh.triangles.iter().map(|t| mesh.corners(t).map(Vector::of)).collect();
         Self { triangles, culling }
     }
-}
 
-impl<R: Real> Finder<R> for Exhaustive<R> {
-    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+    /// Applies a ray-triangle test to every triangle.
+    fn visit_by(
+        &self,
+        ray: &Ray<R>,
+        test: impl Fn([R::Vector; 3]) -> Option<(R, [R; 3])>,
+        visitor: &mut dyn FnMut(Hit<R>) -> R,
+    ) {
         let mut far = ray.far;
         for (triangle, corners) in self.triangles.iter().enumerate() {
-            let Some((t, weights)) = moller_trumbore(ray, *corners, self.culling) else { continue };
+            let Some((t, weights)) = test(*corners) else { continue };
             if t <= far {
                 far = visitor(Hit { t, weights, triangle: triangle as u32 });
                 if far <= ray.near {
@@ -75,6 +94,16 @@ impl<R: Real> Finder<R> for Exhaustive<R> {
                 }
             }
         }
+    }
+}
+
+impl<R: Real> Finder<R> for Exhaustive<R> {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        self.visit_by(ray, |corners| moller_trumbore(ray, corners, self.culling), visitor);
+    }
+
+    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        self.visit_by(ray, |corners| leaning(ray, corners, self.culling, lean), visitor);
     }
 }
 
@@ -96,7 +125,8 @@ mod tests {
 
     #[test]
     fn of_equally_near_hits_the_first_of_the_mesh_counts() {
-        let ray = Ray { origin: DVec3::ZERO, direction: DVec3::Z, near: 0.0, far: f64::INFINITY };
+        let ray =
+            Ray { origin: DVec3::ZERO, direction: DVec3::Z, near: 0.0, far: f64::INFINITY, to_light: false };
         assert_eq!(Backwards.closest(&ray).map(|hit| hit.triangle), Some(3));
     }
 }

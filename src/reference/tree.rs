@@ -3,6 +3,7 @@
 //! `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
+use super::leaning::{Lean, leaning, margin};
 use super::ray::Ray;
 use super::traverse::Finder;
 use crate::scene::Mesh;
@@ -271,6 +272,17 @@ impl Finder<f64> for Tree {
             _ => far,
         });
     }
+
+    fn visit_leaning(&self, ray: &Ray<f64>, lean: Lean, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+        let end = if ray.to_light { ray.origin + ray.direction * ray.far } else { ray.origin };
+        let around = margin(self.reach(ray.origin).max(self.reach(end)));
+        self.walk(ray, around, |indexed, far| match leaning(ray, indexed.corners(), self.culling, lean) {
+            Some((t, weights)) if t <= far && far > ray.near => {
+                visitor(Hit { t, weights, triangle: indexed.triangle })
+            }
+            _ => far,
+        });
+    }
 }
 
 #[cfg(test)]
@@ -294,7 +306,8 @@ mod tests {
             for light in &scene.lights {
                 let origin = ray.origin + ray.direction * hit.t;
                 let off = light.position.as_dvec3() - origin;
-                let shadow = Ray { origin, direction: off.normalize(), near: 1e-4, far: off.length() };
+                let shadow =
+                    Ray { origin, direction: off.normalize(), near: 1e-4, far: off.length(), to_light: true };
                 assert_eq!(tree.any(&shadow), exhaustive.any(&shadow), "{} shadow at {pixel}", scene.name);
             }
         }
@@ -352,7 +365,8 @@ mod tests {
     #[test]
     fn no_triangles_are_never_hit() {
         let tree = Tree::new(&Mesh::default(), Culling::None);
-        let ray = Ray { origin: DVec3::ZERO, direction: DVec3::X, near: 0.0, far: f64::INFINITY };
+        let ray =
+            Ray { origin: DVec3::ZERO, direction: DVec3::X, near: 0.0, far: f64::INFINITY, to_light: false };
         assert!(tree.closest(&ray).is_none());
     }
 }

@@ -1,0 +1,131 @@
+//! Finds with a few searches which pixels are certain, where that is possible.
+
+use super::super::beam::Beam;
+use super::super::cast::Caster;
+use super::super::intersect::{Hit, moller_trumbore};
+use super::super::leaning::{Lean, leaning};
+use super::super::pixel_sample::{PixelSample, Reach};
+use super::super::ray::Ray;
+use super::super::shade::Sight;
+use super::super::shadows::{Points, Shadows};
+use super::super::soft::Seen;
+use super::super::tree::Tree;
+use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, WIDE_NUDGE_RADIANS, moved, nudges, off_plane};
+use glam::DVec3;
+
+/// A ray and its hit.
+type Met = (Ray<f64>, Hit<f64>);
+
+/// The hits of one triangle by a pixel's ray.
+struct Hits {
+    triangle: u32,
+    /// By the ray itself.
+    centre: Met,
+    /// By the nudged rays.
+    nudged: [(Reach, Met); NUDGES],
+    /// By the ray, on the triangle as rounding may change it.
+    leaning: [Met; 2],
+}
+
+impl Hits {
+    /// Returns the hits of a triangle that all these rays certainly hit. `None` if one of them misses it.
+    fn of(asked: &Asked<'_>, tree: &Tree, ray: Ray<f64>, triangle: u32) -> Option<Self> {
+        let mesh = &asked.caster.scene().mesh;
+        let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
+        let meet = |ray: Ray<f64>| {
+            let (t, weights) = moller_trumbore(&ray, corners, tree.culling())?;
+            Some((ray, Hit { t, weights, triangle }))
+        };
+        let centre = meet(ray)?;
+        let mut nudged = [(Reach::Wide, centre); NUDGES];
+        for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
+            *place = (reach, meet(asked.caster.ray(x, y))?);
+        }
+        let mut leant = [centre; 2];
+        for (place, lean) in leant.iter_mut().zip(Lean::BOTH) {
+            let (t, weights) = leaning(&ray, corners, tree.culling(), lean)?;
+            place.1 = Hit { t, weights, triangle };
+        }
+        Some(Self { triangle, centre, nudged, leaning: leant })
+    }
+
+    /// Returns the hit points, and those that are moved off the triangle's plane.
+    fn points(&self, offs: [DVec3; 2]) -> Points {
+        let point = |(ray, hit): &Met| ray.origin + ray.direction * hit.t;
+        let centre = point(&self.centre);
+        let others = self.nudged.iter().map(|(_, other)| other).chain(&self.leaning);
+        let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
+        let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
+        Points { triangle: self.triangle, centre, spread: 1.01 * spread }
+    }
+}
+
+/// Returns the result of [`super::sample`] faster, if one search is enough for all nudges. This is
+/// the case under two conditions: the whole beam of nudged rays hits a single triangle first, or
+/// nothing; and the beam from each light to the hits is occluded completely or not at all. `None`
+/// if it is uncertain what the rays hit.
+pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
+    let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
+    let (bias, ray) = (*bias, caster.ray(*x, *y));
+    let beam = Beam::new(ray.origin, ray.direction, 1.1 * WIDE_NUDGE_RADIANS);
+    let Some(triangle) = beam.first(tree, ray.near, RIVAL)? else {
+        return Some(background(asked, &ray));
+    };
+    let hits = Hits::of(asked, tree, ray, triangle)?;
+    let (ray, hit) = hits.centre;
+    if caster.grazing(seen, &ray, &hit, bias, OFF_PLANE).is_some() {
+        return None;
+    }
+    let offs = off_plane(caster, &ray, &hit);
+    let shadows = Shadows::new(seen, tree, hits.points(offs), bias);
+    // Where a light is uncertain, its shadow ray is cast.
+    let radiance_of = |seen: &Seen<'_>, (ray, hit): &Met, cast: &dyn Fn(&Sight<f64>) -> bool| {
+        let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
+        caster.shaded(seen, ray, Some(hit), &reaches)
+    };
+    let with_bias = |at: &Met, bias: f64| radiance_of(seen, at, &|sight| caster.reaches(sight, bias));
+    let moved_by = |at: &Met, caster: &Caster<'_, f64>, off: DVec3| {
+        radiance_of(seen, at, &|sight| caster.reaches(&moved(sight, off), bias))
+    };
+    let mut sample = PixelSample::of(with_bias(&hits.centre, bias), true);
+    for (reach, other) in &hits.nudged {
+        sample.nudge(*reach, with_bias(other, bias));
+    }
+    let leaning = caster.leaning();
+    for (caster, other) in leaning.iter().zip(&hits.leaning) {
+        if other.1 != hit || shadows.some_are_unsure() {
+            sample.consider(moved_by(other, caster, DVec3::ZERO));
+        }
+    }
+    if shadows.some_are_unsure() {
+        for factor in [0.5, 2.0] {
+            sample.consider(with_bias(&hits.centre, bias * factor));
+        }
+        for part in [AT_LIGHT, -AT_LIGHT] {
+            let cast = |sight: &Sight<f64>| {
+                caster.reaches_within(sight, bias, sight.distance - part * asked.scale(sight))
+            };
+            sample.consider(radiance_of(seen, &hits.centre, &cast));
+        }
+        for off in offs {
+            for caster in [caster, &leaning[0], &leaning[1]] {
+                sample.consider(moved_by(&hits.centre, caster, off));
+            }
+        }
+    }
+    asked.turn_sky(&mut sample, |seen| radiance_of(seen, &hits.centre, &|sight| caster.reaches(sight, bias)));
+    Some(sample)
+}
+
+/// Returns the sample of a ray that hits nothing, even if it is nudged.
+fn background(asked: &Asked<'_>, ray: &Ray<f64>) -> PixelSample {
+    let Asked { caster, frame, bias, seen, centre } = asked;
+    let mut sample = PixelSample::of(caster.radiance(seen, ray, None, *bias), false);
+    if caster.sky_behind().is_some() {
+        for (reach, [x, y]) in nudges(frame, *centre) {
+            sample.nudge(reach, caster.background(caster.ray(x, y).direction));
+        }
+        asked.turn_background(&mut sample, ray);
+    }
+    sample
+}
