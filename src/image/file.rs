@@ -216,6 +216,17 @@ mod tests {
     }
 
     #[test]
+    fn the_comment_of_a_jpeg_ends_where_its_length_says() {
+        let (_folder, path) = saved("picture.jpg", &gradient(61, 37));
+        let bytes = std::fs::read(path).unwrap();
+        let begin = bytes.windows(2).position(|marker| marker == [0xff, 0xfe]).unwrap() + 2;
+        // The length counts its own two bytes. Another marker follows the comment.
+        let after = begin + usize::from(u16::from_be_bytes([bytes[begin], bytes[begin + 1]]));
+        assert!(bytes[begin + 2..after].starts_with(b"made by raycl"), "{:?}", &bytes[..after]);
+        assert!(bytes[after] == 0xff && bytes[after + 1] != 0, "{:?}", &bytes[after..after + 2]);
+    }
+
+    #[test]
     fn an_unknown_extension_names_the_choices_and_a_missing_folder_is_named() {
         let folder = tempfile::tempdir().unwrap();
         for name in ["picture.pnf", "picture"] {

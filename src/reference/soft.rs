@@ -188,6 +188,15 @@ mod tests {
     }
 
     #[test]
+    fn a_sky_without_a_picture_is_that_of_its_horizon_below_it() {
+        let (zenith, horizon) = (glam::Vec3::ONE, glam::Vec3::splat(0.25));
+        let sky = Sky { zenith, horizon, up: glam::Vec3::Y, reach: 1.0, picture: None };
+        for (way, radiance) in [(DVec3::Y, 1.0), (DVec3::X, 0.25), (DVec3::NEG_Y, 0.25)] {
+            assert_eq!(radiance_of_sky::<f64>(&sky, way), DVec3::splat(radiance), "{way}");
+        }
+    }
+
+    #[test]
     fn one_sample_sees_points_and_a_sky() {
         let scene = scene();
         let seen = Seen::of(&scene, Sample::CENTRE, [3, 4]);

@@ -188,4 +188,13 @@ mod tests {
         let plots = device_against_device(&groups, &Looks::of(&groups));
         assert!(plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
     }
+
+    #[test]
+    fn devices_whose_times_have_no_range_in_common_have_no_such_line() {
+        let records =
+            judged([("a", 1.0), ("b", 1000.0)].map(|(device, ms)| measured(device, "naive", 8, ms)));
+        let groups = groups(&records);
+        let plots = device_against_device(&groups, &Looks::of(&groups));
+        assert!(!plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
+    }
 }

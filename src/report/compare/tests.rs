@@ -90,7 +90,13 @@ fn one_kernel_that_is_slower_is_found_among_others() {
         |slow: f64| names.map(|name| timed("a", name, if name == "bvh" { slow * 5.0 } else { 5.0 })).to_vec();
     let comparison = of(&folder("old", run(1.0)), &folder("new", run(1.1)));
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
-    assert!(comparison.regressions(5.0)[0].contains("bvh"), "{:?}", comparison.regressions(5.0));
+    let regressions = comparison.regressions(5.0);
+    assert!(regressions[0].contains("bvh"), "{regressions:?}");
+    // A third of the risk of 2% is that of single points, and each of the five points has an equal part of it.
+    let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
+    let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
+    assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
+    assert!(regressions.iter().any(|line| line.contains(&least(0.02 / 3.0 / 5.0))), "{regressions:?}");
 }
 
 #[test]

@@ -175,6 +175,20 @@ fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
 }
 
 #[test]
+fn a_picture_takes_the_place_of_no_colour_and_of_black_and_is_multiplied_by_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    for (colour, lambertian) in [("", 1.0), ("Kd 0 0 0\n", 1.0), ("Kd 0.5 0.5 0.5\n", 0.5)] {
+        let mtl = format!("newmtl a\n{colour}map_Kd dot.png\n");
+        std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        let mesh = parse("test.obj", reach, text.as_bytes()).unwrap().mesh;
+        assert_eq!(mesh.material(&mesh.triangles[0]).lambertian, Vec3::splat(lambertian), "{colour:?}");
+    }
+}
+
+#[test]
 fn what_a_material_asks_for_is_told_by_name_and_count() {
     let cases = [
         ("map_Ks -s 2 2 2 a.png", "1 material asks for textures (map_Ks)"),

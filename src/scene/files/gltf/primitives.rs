@@ -177,3 +177,20 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
         _ => corners.chunks_exact(3).map(|corner| [corner[0], corner[1], corner[2]]).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_and_fans_keep_the_orientation_of_their_first_triangle() {
+        let corners = [0, 1, 2, 3, 4];
+        assert_eq!(triangles(Mode::TriangleStrip, &corners), [[0, 1, 2], [2, 1, 3], [2, 3, 4]]);
+        assert_eq!(triangles(Mode::TriangleFan, &corners), [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+        assert_eq!(
+            triangles(Mode::Triangles, &corners),
+            [[0, 1, 2]],
+            "two corners are too few for another one"
+        );
+    }
+}
