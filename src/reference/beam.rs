@@ -206,6 +206,7 @@ enum Side {
 #[cfg(test)]
 mod tests {
     use super::super::intersect::moller_trumbore;
+    use super::super::leaning::{Lean, leaning};
     use super::*;
     use crate::scene::{Mesh, Triangle};
     use glam::Vec3;
@@ -261,6 +262,37 @@ mod tests {
                     assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
                 }
             }
+        }
+        assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
+    }
+
+    #[test]
+    fn a_beam_is_certain_only_of_triangles_that_rounding_does_not_change() {
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        let mut vector = |half: f64| DVec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
+        let mut counts = [0; 3];
+        for case in 0..20_000 {
+            let (middle, along) = (vector(1.0), vector([1.0, 100.0][case % 2]));
+            let corners = [middle - along, middle + along, middle + vector(0.1)];
+            // The beam is as narrow as possible, so that only rounding decides.
+            let aim = corners[0].lerp(corners[1], 0.45) + vector(1e-4);
+            let (origin, light) = (vector(2.0), vector([2.0, 300.0][case % 3 % 2]));
+            let direction = (aim - origin).normalize();
+            let beam = Beam::new(origin, direction, NARROWEST).from_light(light);
+            let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
+            let meeting = beam.meet(&corners, Culling::None);
+            let [larger, smaller] =
+                Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some());
+            match meeting {
+                BeamHit::None => assert!(!larger, "case {case}"),
+                BeamHit::Some(_) => {}
+                BeamHit::All([low, _]) => assert!(smaller || low <= 0.0, "case {case}"),
+            }
+            counts[match meeting {
+                BeamHit::None => 0,
+                BeamHit::Some(_) => 1,
+                BeamHit::All(_) => 2,
+            }] += 1;
         }
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }

@@ -193,3 +193,128 @@ fn length<R: Real>(vector: R::Vector) -> R {
 fn least<R: Real>(one: R, other: R) -> R {
     -(-one).max(-other)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::cast::Caster;
+    use super::super::certainty::{Asked, sample};
+    use super::super::fixtures;
+    use super::super::intersect::moller_trumbore;
+    use super::super::soft::Seen;
+    use super::super::traverse::Exhaustive;
+    use super::*;
+    use crate::scene::{Mesh, Sample, Scene, Triangle};
+    use glam::{DVec3, Vec3, dvec3, vec3};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    #[test]
+    fn single_precision_finds_nothing_between_the_smaller_and_the_larger_triangle() {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut vector = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
+        let (mut hits, mut doubts) = (0, 0);
+        for case in 0..60_000_usize {
+            // From equilateral to very long, and rays that are aimed at an edge, half of them nearly along the triangle.
+            let [long, wide] = [[1.0, 1.0], [10.0, 1e-1], [100.0, 1e-2], [1.0, 1e-4]][case % 4];
+            let (middle, along) = (vector(1.0), vector(1.0));
+            let corners = [middle - long * along, middle + long * along, middle + vector(wide)];
+            let beside = long * 0.1_f32.powi(1 + (case / 8 % 6) as i32);
+            let aim = corners[0].lerp(corners[1], 0.45) + vector(beside);
+            let origin = if case % 8 < 4 { vector(3.0) } else { aim + along + vector(1e-4) };
+            let direction = (aim - origin).normalize();
+            let ray = Ray { origin, direction, near: 1e-3, far: f32::INFINITY, to_light: false };
+            let [e1, e2] = [corners[1] - corners[0], corners[2] - corners[0]];
+            // Devices do not hit triangles that are seen edge-on.
+            let is_edge_on = e1.dot(direction.cross(e2)).abs() <= 6e-7 * e1.length() * e2.length();
+            let found = !is_edge_on && moller_trumbore(&ray, corners, Culling::None).is_some();
+            let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
+            let ray = Ray { origin, direction, near: 1e-3, far: f64::INFINITY, to_light: false };
+            let corners = corners.map(Vec3::as_dvec3);
+            let [larger, smaller] =
+                Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some());
+            assert!(!found || larger, "case {case}: hit, but not even the larger triangle is");
+            assert!(found || !smaller, "case {case}: missed, but even the smaller triangle is hit");
+            hits += usize::from(found);
+            doubts += usize::from(larger && !smaller);
+        }
+        assert!(hits > 10_000 && (5_000..50_000).contains(&doubts), "{hits} hits, {doubts} doubts");
+    }
+
+    #[test]
+    fn what_rounding_does_not_change_is_as_in_the_exact_test() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let direction = dvec3(0.1, 0.2, -1.0).normalize();
+        let ray = Ray { origin: dvec3(0.2, 0.1, 1.0), direction, near: 0.1, far: 9.0, to_light: false };
+        let exact = moller_trumbore(&ray, corners, Culling::None);
+        assert!(exact.is_some());
+        for lean in Lean::BOTH {
+            assert_eq!(leaning(&ray, corners, Culling::None, lean), exact, "{lean:?}");
+            let behind = [corners[0], corners[2], corners[1]];
+            assert_eq!(leaning(&ray, behind, Culling::Back, lean), None, "{lean:?}");
+        }
+    }
+
+    #[test]
+    fn a_ray_to_a_distant_light_may_be_cast_from_either_end() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let hits = |y: f64, to_light: bool| {
+            let origin = dvec3(0.3, y, -1.0);
+            let ray = Ray { origin, direction: DVec3::Z, near: 0.0, far: 1000.0, to_light };
+            Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some())
+        };
+        assert_eq!(hits(1e-4, false), [true, true]);
+        assert_eq!(
+            hits(1e-4, true),
+            [true, false],
+            "1e-4 is less than a millionth of the distance of the light"
+        );
+        assert_eq!([hits(-1e-4, false), hits(-1e-4, true)], [[false, false], [true, false]]);
+    }
+
+    /// Returns a scene with these triangles, which have one material and no shadows on each other.
+    fn scene(triangles: &[[Vec3; 3]]) -> Scene {
+        let mut scene = fixtures::single_triangle();
+        let mut mesh =
+            Mesh { materials: scene.mesh.materials.clone(), normals: vec![Vec3::Y], ..Mesh::default() };
+        for corners in triangles {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(corners);
+            let positions = [first, first + 1, first + 2];
+            mesh.triangles.push(Triangle { positions, normals: [0; 3], material: 0 });
+        }
+        *scene.mesh_mut() = mesh;
+        scene
+    }
+
+    fn caster(scene: &Scene) -> Caster<'_, f64> {
+        Caster::new(scene, [80, 50], Exhaustive::new(&scene.mesh, Culling::None))
+    }
+
+    #[test]
+    fn thin_triangles_are_uncertain_where_single_precision_may_miss_them() {
+        let turns = |half: f32| {
+            // The ray passes a ten-thousandth below the upper edge.
+            let scene = scene(&[[vec3(-half, 1e-4, -2.0), vec3(half, 1e-4, -2.0), vec3(0.0, -1.0, -2.0)]]);
+            let caster = caster(&scene);
+            let frame = scene.camera.pixel_frame(80, 50);
+            let seen = Seen::of(&scene, Sample::CENTRE, [40, 25]);
+            let asked = Asked { caster: &caster, frame: &frame, bias: 1e-3, seen, centre: [40.0, 25.0] };
+            let found = sample(&asked);
+            assert!(found.hit);
+            found.turns
+        };
+        assert_eq!([1.0, 400.0].map(turns), [false, true]);
+    }
+
+    #[test]
+    fn a_surface_close_behind_one_seen_at_a_grazing_angle_is_a_rival() {
+        let rivals = |height: f32, part: f32, y: f64| {
+            let ground = |y: f32| [vec3(-20.0, y, 10.0), vec3(20.0, y, 10.0), vec3(0.0, y, -50.0)];
+            let scene = scene(&[ground(-height), ground(-(1.0 + part) * height)]);
+            let caster = caster(&scene);
+            let (ray, hit) = caster.look(40.0, y);
+            caster.rivals(&ray, &hit.expect("the ground"), 1e-6).len()
+        };
+        assert_eq!([rivals(0.01, 1e-5, 25.1), rivals(1.0, 1e-3, 45.0)], [1, 0]);
+    }
+}
