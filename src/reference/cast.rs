@@ -13,6 +13,13 @@ use crate::scene::{Sample, Scene, Sky};
 use crate::strategy::Culling;
 use rayon::prelude::*;
 
+/// The rounding error of a distance from a light, relative to that distance: four roundings.
+const AT_DISTANCE: f32 = 5e-7;
+
+fn magnitude<R: Real>(number: R) -> R {
+    number.max(-number)
+}
+
 /// A triangle that light grazes.
 #[derive(Clone, Copy, Debug)]
 pub struct Grazing<R: Real> {
@@ -22,15 +29,16 @@ pub struct Grazing<R: Real> {
 }
 
 impl<R: Real> Grazing<R> {
-    /// Returns whether a shadow ray in this direction starts so close to the triangle's plane that rounding may move
-    /// the start to the other side.
-    fn is_of(&self, w_i: R::Vector) -> bool {
-        self.is_less(self.bias * w_i.dot(self.normal))
+    /// Returns whether the shadow ray to a light starts so close to the triangle's plane that rounding may move the
+    /// start to the other side. If a device casts the ray from the light, it rounds numbers of the light's distance.
+    fn is_of(&self, sight: &Sight<R>, is_light: bool) -> bool {
+        let at_light = if is_light { R::from(AT_DISTANCE) * sight.distance } else { R::ZERO };
+        magnitude(self.bias * sight.w_i.dot(self.normal)) < self.rounding.max(at_light)
     }
 
     /// Returns whether a height above the triangle may be due to rounding.
     fn is_less(&self, height: R) -> bool {
-        height.max(R::ZERO - height) < self.rounding
+        magnitude(height) < self.rounding
     }
 }
 
@@ -129,22 +137,33 @@ impl<'a, R: Real> Caster<'a, R> {
     pub fn reaches_within(&self, sight: &Sight<R>, bias: R, distance: R) -> bool {
         let Sight { point, w_i, .. } = *sight;
         let far = distance - bias;
-        let is_sky = sight.light >= self.scene.lights.len();
+        let is_sky = !self.is_light(sight);
         let shadow =
             Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far, to_light: !is_sky };
         // A light within the bias counts as hidden; a sky whose reach is shorter than the bias does not.
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 
+    /// Returns true for a light, false for the sky.
+    fn is_light(&self, sight: &Sight<R>) -> bool {
+        sight.light < self.scene.lights.len()
+    }
+
     /// Returns by how much rounding may move a hit off its triangle's plane: the fraction `part` of the largest of three
     /// lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from the farthest
-    /// corner of its triangle. A test of the triangle subtracts numbers of this size.
+    /// corner of its triangle. A test of the triangle subtracts numbers of this size. The error is divided by the sine of
+    /// the angle between the edges, since the normal of a thin triangle is a small difference of large products.
     pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
         let [point, _] = surface_at(self.scene, ray, hit);
         let lengths = [point, a - point, b - point, c - point].map(|vector| vector.dot(vector).sqrt());
-        (b - a).cross(c - a).normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part)
+        let (e1, e2) = (b - a, c - a);
+        let normal = e1.cross(e2);
+        let doubled_area = normal.dot(normal).sqrt();
+        let thinness = (e1.dot(e1) * e2.dot(e2)).sqrt() / doubled_area;
+        let thinness = if doubled_area > R::ZERO { thinness } else { R::ONE };
+        normal.normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part * thinness)
     }
 
     /// Returns the hit's triangle if lights are very low above it. Rounding then decides what their shadow rays hit
@@ -160,7 +179,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let off = self.off_plane(ray, hit, part);
         let [point, shading_normal] = surface_at(self.scene, ray, hit);
         let grazing = Grazing { normal: off.normalize_or_zero(), rounding: off.dot(off).sqrt(), bias };
-        sights::<R>(seen, point, shading_normal).any(|sight| grazing.is_of(sight.w_i)).then_some(grazing)
+        let is_grazed = |sight: Sight<R>| grazing.is_of(&sight, self.is_light(&sight));
+        sights::<R>(seen, point, shading_normal).any(is_grazed).then_some(grazing)
     }
 
     /// Returns the possible values of the radiance at a hit that light grazes. They are computed with the hit in its
@@ -170,7 +190,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);
         let wrong_side = |sight: &Sight<R>| {
-            self.reaches(sight, if grazing.is_of(sight.w_i) { R::ZERO - bias } else { bias })
+            let is_grazed = grazing.is_of(sight, self.is_light(sight));
+            self.reaches(sight, if is_grazed { R::ZERO - bias } else { bias })
         };
         // The factor 0.5 also allows for a hit that rounding has moved.
         let in_plane =
