@@ -206,7 +206,7 @@ enum Side {
 #[cfg(test)]
 mod tests {
     use super::super::intersect::moller_trumbore;
-    use super::super::leaning::{Lean, leaning};
+    use super::super::leaning::larger_hit;
     use super::*;
     use crate::scene::{Mesh, Triangle};
     use glam::Vec3;
@@ -281,8 +281,8 @@ mod tests {
             let beam = Beam::new(origin, direction, NARROWEST).from_light(light);
             let ray = Ray { origin, direction, near: 0.0, far: f64::INFINITY, to_light: false };
             let meeting = beam.meet(&corners, Culling::None);
-            let [larger, smaller] =
-                Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some());
+            let found = larger_hit(&ray, 0, corners, Culling::None);
+            let (larger, smaller) = (found.is_some(), found.is_some_and(|found| found.is_certain));
             match meeting {
                 BeamHit::None => assert!(!larger, "case {case}"),
                 BeamHit::Some(_) => {}

@@ -8,6 +8,7 @@ use super::real::Real;
 use super::texture::Texels;
 use super::traverse::Finder;
 use crate::scene::{Mapped, Texture, Textures};
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 /// How far rounding may move a point in its mask, relative to the largest coordinate: up to twice the error of
@@ -35,10 +36,28 @@ impl<'a, R: Real> Solid<'a, R> {
         Lean::BOTH.map(|lean| Self { finder: Arc::clone(&self.finder), lean: Some(lean), ..*self })
     }
 
-    fn hits(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        match self.lean {
-            Some(lean) => self.finder.visit_leaning(ray, lean, visitor),
-            None => self.finder.visit(ray, visitor),
+    /// Passes the hits on triangles that rounding has made larger or smaller, in the order of distance.
+    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
+        let (mut found, mut far) = (Vec::new(), ray.far);
+        self.finder.visit_larger(ray, &mut |one| {
+            if self.textures.is_none_or(|textures| self.has(textures, &one.hit)) {
+                far = one.limit(far);
+                found.push(one);
+            }
+            far
+        });
+        let mut hits: Vec<Hit<R>> = match lean {
+            Lean::Larger => found.iter().map(|one| one.hit).collect(),
+            Lean::Smaller => {
+                found.iter().filter(|one| one.remains_among(&found)).map(|one| one.hit).collect()
+            }
+        };
+        hits.sort_by(|one, other| one.t.partial_cmp(&other.t).unwrap_or(Ordering::Equal));
+        let mut far = ray.far;
+        for hit in hits {
+            if far > ray.near && hit.t <= far {
+                far = visitor(hit);
+            }
         }
     }
 
@@ -68,9 +87,12 @@ fn steepness(mask: &Texture, row: &Mapped) -> f64 {
 
 impl<R: Real> Finder<R> for Solid<'_, R> {
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        let Some(textures) = self.textures else { return self.hits(ray, visitor) };
+        if let Some(lean) = self.lean {
+            return self.visit_leaning(ray, lean, visitor);
+        }
+        let Some(textures) = self.textures else { return self.finder.visit(ray, visitor) };
         let mut far = ray.far;
-        self.hits(ray, &mut |hit| {
+        self.finder.visit(ray, &mut |hit| {
             if self.has(textures, &hit) {
                 far = visitor(hit);
             }

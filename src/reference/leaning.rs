@@ -6,6 +6,7 @@
 //! triangles, for grazing rays, and for triangles that are close to a light but have distant corners. Nudges of a
 //! pixel's ray do not reveal these errors.
 
+use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::strategy::Culling;
@@ -14,6 +15,9 @@ use crate::strategy::Culling;
 /// twice the sum of the errors of the operations that compute it (`EDGE_ON_ROUNDING` in `cl/common/hit.cl`), and
 /// includes the tolerances of the tests themselves.
 pub const ROUNDING: f64 = 1e-6;
+
+/// A ray that is inside an edge by less than this part of the edge's error runs along it.
+const ALONG_EDGE: f32 = 1e-3;
 
 /// The direction in which rounding changes triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,22 +84,9 @@ impl<R: Real> Determinants<R> {
         self.size <= self.error_of_size
     }
 
-    fn is_inside(&self, lean: Lean) -> bool {
-        let within = |sign: R, slack: R| {
-            self.weights.iter().zip(self.errors).all(|(weight, error)| *weight * sign >= slack * error)
-        };
-        match lean {
-            Lean::Larger => within(R::ONE, -R::ONE) || self.is_edge_on() && within(-R::ONE, -R::ONE),
-            Lean::Smaller => !self.is_edge_on() && within(R::ONE, R::ONE),
-        }
-    }
-
-    fn is_culled(&self, lean: Lean) -> bool {
-        let a = self.size * self.sign;
-        match lean {
-            Lean::Larger => a < -self.error_of_size,
-            Lean::Smaller => a <= self.error_of_size,
-        }
+    /// Returns whether the ray is inside all edges if each is moved outwards by this part of its error.
+    fn is_within(&self, sign: R, part: R) -> bool {
+        self.weights.iter().zip(self.errors).all(|(weight, error)| *weight * sign >= -part * error)
     }
 
     /// Returns the least and the greatest distance that rounding may give the hit. It lies in the box around the
@@ -123,15 +114,49 @@ impl<R: Real> Determinants<R> {
     }
 }
 
-/// Tests a ray like [`super::intersect::moller_trumbore`], but on a triangle that rounding has made larger or smaller.
-pub fn leaning<R: Real>(
+/// A hit on a triangle that rounding has made larger.
+#[derive(Clone, Copy, Debug)]
+pub struct LargerHit<R> {
+    /// The hit. If the ray passes beside the exact triangle, its point is on the triangle's edge.
+    pub hit: Hit<R>,
+    /// The least and the greatest distance that rounding may give it.
+    distances: [R; 2],
+    /// True if even the triangle that rounding has made smaller is hit.
+    pub is_certain: bool,
+    /// True if the exact triangle is hit.
+    is_exact: bool,
+    /// True if the ray passes beside the exact triangle or along its edge.
+    is_beside: bool,
+}
+
+impl<R: Real> LargerHit<R> {
+    /// Returns the distance beyond which nothing matters, or `far` if this hit is not certain.
+    pub fn limit(&self, far: R) -> R {
+        if self.is_certain { least(self.distances[1], far) } else { far }
+    }
+
+    /// Returns whether this hit remains if rounding makes triangles smaller. Devices do not leak: a ray beside the
+    /// edge that two triangles share hits at least one of them.
+    pub fn remains_among(&self, all: &[Self]) -> bool {
+        let [low, high] = self.distances;
+        let is_neighbour = |other: &&Self| {
+            other.hit.triangle != self.hit.triangle && other.distances[0] <= high && low <= other.distances[1]
+        };
+        self.is_certain || self.is_exact && all.iter().filter(is_neighbour).any(|other| other.is_beside)
+    }
+}
+
+/// Tests a ray like [`moller_trumbore`], but on a triangle that rounding has made larger.
+pub fn larger_hit<R: Real>(
     ray: &Ray<R>,
+    triangle: u32,
     corners: [R::Vector; 3],
     culling: Culling,
-    lean: Lean,
-) -> Option<(R, [R; 3])> {
+) -> Option<LargerHit<R>> {
     let found = Determinants::of(ray, corners);
-    if !found.is_inside(lean) || culling == Culling::Back && found.is_culled(lean) {
+    let (culls, a) = (culling == Culling::Back, found.size * found.sign);
+    let is_inside = found.is_within(R::ONE, R::ONE) || found.is_edge_on() && found.is_within(-R::ONE, R::ONE);
+    if !is_inside || culls && a < -found.error_of_size {
         return None;
     }
     let [low, high] = found.distances(ray, &corners)?;
@@ -139,14 +164,24 @@ pub fn leaning<R: Real>(
     // A ray without a near plane starts beside a surface. The shadow bias allows for rounding there, and the reference
     // also casts such a ray with other biases and from other starts.
     let is_beyond = |t: R| if ray.near == R::ZERO { exact > R::ZERO } else { t > ray.near };
-    let is_between = match lean {
-        Lean::Larger => is_beyond(high) && low < ray.far,
-        Lean::Smaller => is_beyond(low) && high < ray.far,
-    };
+    if !is_beyond(high) || low >= ray.far {
+        return None;
+    }
     // A quotient of two zeros is not a number; then `low` is the distance.
     let t = least(exact.max(low), high);
     let t = if t < ray.far { t.max(ray.near) } else { low.max(ray.near) };
-    is_between.then(|| (t, found.weights()))
+    let is_exact = moller_trumbore(ray, corners, culling).is_some();
+    Some(LargerHit {
+        hit: Hit { t, weights: found.weights(), triangle },
+        distances: [low, high],
+        is_certain: !found.is_edge_on()
+            && found.is_within(R::ONE, -R::ONE)
+            && !(culls && a < R::ZERO)
+            && is_beyond(low)
+            && high < ray.far,
+        is_exact,
+        is_beside: !is_exact || !found.is_within(R::ONE, -R::from(ALONG_EDGE)),
+    })
 }
 
 /// Returns the largest error of the distance at which a ray hits a triangle, relative to that distance; at most 1.
@@ -208,11 +243,17 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
+    /// Returns whether a ray hits the larger triangle, and the smaller one.
+    fn hits(ray: &Ray<f64>, corners: [DVec3; 3], culling: Culling) -> [bool; 2] {
+        let found = larger_hit(ray, 0, corners, culling);
+        [found.is_some(), found.is_some_and(|found| found.is_certain)]
+    }
+
     #[test]
     fn single_precision_finds_nothing_between_the_smaller_and_the_larger_triangle() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let mut vector = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
-        let (mut hits, mut doubts) = (0, 0);
+        let (mut count, mut doubts) = (0, 0);
         for case in 0..60_000_usize {
             // From equilateral to very long, and rays that are aimed at an edge, half of them nearly along the triangle.
             let [long, wide] = [[1.0, 1.0], [10.0, 1e-1], [100.0, 1e-2], [1.0, 1e-4]][case % 4];
@@ -230,14 +271,13 @@ mod tests {
             let (origin, direction) = (origin.as_dvec3(), direction.as_dvec3());
             let ray = Ray { origin, direction, near: 1e-3, far: f64::INFINITY, to_light: false };
             let corners = corners.map(Vec3::as_dvec3);
-            let [larger, smaller] =
-                Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some());
+            let [larger, smaller] = hits(&ray, corners, Culling::None);
             assert!(!found || larger, "case {case}: hit, but not even the larger triangle is");
             assert!(found || !smaller, "case {case}: missed, but even the smaller triangle is hit");
-            hits += usize::from(found);
+            count += usize::from(found);
             doubts += usize::from(larger && !smaller);
         }
-        assert!(hits > 10_000 && (5_000..50_000).contains(&doubts), "{hits} hits, {doubts} doubts");
+        assert!(count > 10_000 && (5_000..50_000).contains(&doubts), "{count} hits, {doubts} doubts");
     }
 
     #[test]
@@ -247,11 +287,11 @@ mod tests {
         let ray = Ray { origin: dvec3(0.2, 0.1, 1.0), direction, near: 0.1, far: 9.0, to_light: false };
         let exact = moller_trumbore(&ray, corners, Culling::None);
         assert!(exact.is_some());
-        for lean in Lean::BOTH {
-            assert_eq!(leaning(&ray, corners, Culling::None, lean), exact, "{lean:?}");
-            let behind = [corners[0], corners[2], corners[1]];
-            assert_eq!(leaning(&ray, behind, Culling::Back, lean), None, "{lean:?}");
-        }
+        let found = larger_hit(&ray, 0, corners, Culling::None).unwrap();
+        assert_eq!(Some((found.hit.t, found.hit.weights)), exact);
+        assert!(found.is_certain && found.is_exact && !found.is_beside);
+        let behind = [corners[0], corners[2], corners[1]];
+        assert_eq!(hits(&ray, behind, Culling::Back), [false, false]);
     }
 
     #[test]
@@ -260,7 +300,7 @@ mod tests {
         let hits = |y: f64, to_light: bool| {
             let origin = dvec3(0.3, y, -1.0);
             let ray = Ray { origin, direction: DVec3::Z, near: 0.0, far: 1000.0, to_light };
-            Lean::BOTH.map(|lean| leaning(&ray, corners, Culling::None, lean).is_some())
+            hits(&ray, corners, Culling::None)
         };
         assert_eq!(hits(1e-4, false), [true, true]);
         assert_eq!(
@@ -304,6 +344,27 @@ mod tests {
             found.turns
         };
         assert_eq!([1.0, 400.0].map(turns), [false, true]);
+    }
+
+    #[test]
+    fn a_ray_beside_an_edge_that_two_triangles_share_hits_one_of_them() {
+        let ray = |x: f64| {
+            let origin = dvec3(x, 0.3, 2.0);
+            Ray { origin, direction: DVec3::NEG_Z, near: 0.1, far: f64::INFINITY, to_light: false }
+        };
+        let [right, left, above] =
+            [DVec3::X, DVec3::NEG_X, dvec3(1.0, 0.0, 0.5)].map(|corner| [DVec3::ZERO, DVec3::Y, corner]);
+        let remains = |x: f64, others: &[[DVec3; 3]]| {
+            let all = [&[right], others].concat();
+            let of =
+                |(at, corners): (usize, &[DVec3; 3])| larger_hit(&ray(x), at as u32, *corners, Culling::None);
+            let all: Vec<_> = all.iter().enumerate().filter_map(of).collect();
+            all.iter().find(|one| one.hit.triangle == 0).map(|one| one.remains_among(&all))
+        };
+        // Beside the edge, along it, and far from it.
+        assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[])), [Some(false), Some(false), Some(true)]);
+        assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[left])), [Some(true); 3]);
+        assert_eq!(remains(1e-7, &[above]), Some(false), "both triangles lie on the same side of the edge");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //! hits to a visitor, which returns the distance up to which further hits matter.
 
 use super::intersect::{Hit, moller_trumbore};
-use super::leaning::{Lean, leaning};
+use super::leaning::{LargerHit, larger_hit};
 use super::ray::Ray;
 use super::real::{Real, Vector};
 use crate::scene::Mesh;
@@ -15,11 +15,9 @@ pub trait Finder<R: Real>: Send + Sync {
     /// hits no longer matter; if it returns `ray.near`, the search ends.
     fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R);
 
-    /// Passes the hits on triangles that rounding has made larger or smaller. Finders that only count tests do not
-    /// distinguish these.
-    fn visit_leaning(&self, ray: &Ray<R>, _lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        self.visit(ray, visitor);
-    }
+    /// Passes the hits on triangles that rounding has made larger, in the same way. Finders that only count tests have
+    /// none.
+    fn visit_larger(&self, _ray: &Ray<R>, _visitor: &mut dyn FnMut(LargerHit<R>) -> R) {}
 
     /// Returns the hit nearest to the ray's origin; of several equally near ones, the hit on the triangle
     /// that comes first in the mesh.
@@ -48,8 +46,8 @@ impl<R: Real, F: Finder<R>> Finder<R> for &F {
         (**self).visit(ray, visitor);
     }
 
-    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        (**self).visit_leaning(ray, lean, visitor);
+    fn visit_larger(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(LargerHit<R>) -> R) {
+        (**self).visit_larger(ray, visitor);
     }
 }
 
@@ -58,8 +56,8 @@ impl<R: Real, F: Finder<R>> Finder<R> for Arc<F> {
         (**self).visit(ray, visitor);
     }
 
-    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        (**self).visit_leaning(ray, lean, visitor);
+    fn visit_larger(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(LargerHit<R>) -> R) {
+        (**self).visit_larger(ray, visitor);
     }
 }
 
@@ -76,17 +74,13 @@ impl<R: Real> Exhaustive<R> {
         let triangles = mesh.triangles.iter().map(|t| mesh.corners(t).map(Vector::of)).collect();
         Self { triangles, culling }
     }
+}
 
-    /// Applies a ray-triangle test to every triangle.
-    fn visit_by(
-        &self,
-        ray: &Ray<R>,
-        test: impl Fn([R::Vector; 3]) -> Option<(R, [R; 3])>,
-        visitor: &mut dyn FnMut(Hit<R>) -> R,
-    ) {
+impl<R: Real> Finder<R> for Exhaustive<R> {
+    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         let mut far = ray.far;
         for (triangle, corners) in self.triangles.iter().enumerate() {
-            let Some((t, weights)) = test(*corners) else { continue };
+            let Some((t, weights)) = moller_trumbore(ray, *corners, self.culling) else { continue };
             if t <= far {
                 far = visitor(Hit { t, weights, triangle: triangle as u32 });
                 if far <= ray.near {
@@ -95,15 +89,13 @@ impl<R: Real> Exhaustive<R> {
             }
         }
     }
-}
 
-impl<R: Real> Finder<R> for Exhaustive<R> {
-    fn visit(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        self.visit_by(ray, |corners| moller_trumbore(ray, corners, self.culling), visitor);
-    }
-
-    fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
-        self.visit_by(ray, |corners| leaning(ray, corners, self.culling, lean), visitor);
+    fn visit_larger(&self, ray: &Ray<R>, visitor: &mut dyn FnMut(LargerHit<R>) -> R) {
+        for (triangle, corners) in self.triangles.iter().enumerate() {
+            if let Some(found) = larger_hit(ray, triangle as u32, *corners, self.culling) {
+                visitor(found);
+            }
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 //! `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
-use super::leaning::{Lean, leaning, margin};
+use super::leaning::{LargerHit, larger_hit, margin};
 use super::ray::Ray;
 use super::traverse::Finder;
 use crate::scene::Mesh;
@@ -273,14 +273,12 @@ impl Finder<f64> for Tree {
         });
     }
 
-    fn visit_leaning(&self, ray: &Ray<f64>, lean: Lean, visitor: &mut dyn FnMut(Hit<f64>) -> f64) {
+    fn visit_larger(&self, ray: &Ray<f64>, visitor: &mut dyn FnMut(LargerHit<f64>) -> f64) {
         let end = if ray.to_light { ray.origin + ray.direction * ray.far } else { ray.origin };
         let around = margin(self.reach(ray.origin).max(self.reach(end)));
-        self.walk(ray, around, |indexed, far| match leaning(ray, indexed.corners(), self.culling, lean) {
-            Some((t, weights)) if t <= far && far > ray.near => {
-                visitor(Hit { t, weights, triangle: indexed.triangle })
-            }
-            _ => far,
+        self.walk(ray, around, |indexed, far| {
+            let found = larger_hit(ray, indexed.triangle, indexed.corners(), self.culling);
+            found.map_or(far, &mut *visitor)
         });
     }
 }

@@ -3,7 +3,7 @@
 use super::super::beam::Beam;
 use super::super::cast::Caster;
 use super::super::intersect::{Hit, moller_trumbore};
-use super::super::leaning::{Lean, leaning};
+use super::super::leaning::larger_hit;
 use super::super::pixel_sample::{PixelSample, Reach};
 use super::super::ray::Ray;
 use super::super::shade::Sight;
@@ -24,7 +24,7 @@ struct Hits {
     /// By the nudged rays.
     nudged: [(Reach, Met); NUDGES],
     /// By the ray, on the triangle as rounding may change it.
-    leaning: [Met; 2],
+    leaning: Met,
 }
 
 impl Hits {
@@ -41,19 +41,15 @@ impl Hits {
         for (place, (reach, [x, y])) in nudged.iter_mut().zip(nudges(asked.frame, asked.centre)) {
             *place = (reach, meet(asked.caster.ray(x, y))?);
         }
-        let mut leant = [centre; 2];
-        for (place, lean) in leant.iter_mut().zip(Lean::BOTH) {
-            let (t, weights) = leaning(&ray, corners, tree.culling(), lean)?;
-            place.1 = Hit { t, weights, triangle };
-        }
-        Some(Self { triangle, centre, nudged, leaning: leant })
+        let larger = larger_hit(&ray, triangle, corners, tree.culling()).filter(|found| found.is_certain)?;
+        Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
     /// Returns the hit points, and those that are moved off the triangle's plane.
     fn points(&self, offs: [DVec3; 2]) -> Points {
         let point = |(ray, hit): &Met| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
-        let others = self.nudged.iter().map(|(_, other)| other).chain(&self.leaning);
+        let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]);
         let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
         let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
         Points { triangle: self.triangle, centre, spread: 1.01 * spread }
@@ -92,9 +88,9 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         sample.nudge(*reach, with_bias(other, bias));
     }
     let leaning = caster.leaning();
-    for (caster, other) in leaning.iter().zip(&hits.leaning) {
-        if other.1 != hit || shadows.some_are_unsure() {
-            sample.consider(moved_by(other, caster, DVec3::ZERO));
+    for caster in &leaning {
+        if hits.leaning.1 != hit || shadows.some_are_unsure() {
+            sample.consider(moved_by(&hits.leaning, caster, DVec3::ZERO));
         }
     }
     if shadows.some_are_unsure() {
