@@ -21,8 +21,8 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote, as given there with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only devices whose name, platform or driver contains this, and the casters on the host. The results of
-    /// other devices are left out. If no device with results matches, NAME counts as a missing device
+    /// Merge only the results of devices whose name, platform or driver contains this. Results of the baselines on the
+    /// host are always merged. If no device with results matches, NAME counts as a missing device
     /// [default: all devices with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,

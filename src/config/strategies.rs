@@ -53,8 +53,8 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on. Returns `None`, which means all kinds, if the config says
-/// so or the command line names the preset.
+/// Returns the kind of device that a preset is measured on. Returns `None` (devices of every kind) if the config has
+/// `any_kind`, or if the command line names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for

@@ -72,7 +72,7 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     })
 }
 
-/// Contradictions within the paper that can be shown without a measurement.
+/// Contradictions within the paper that no measurement is needed to prove.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The paper's text lists five scenes, but the legend of Figure 6 has four.",
     "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
