@@ -44,7 +44,8 @@ typedef struct {
 Projected project(Uniform3 p, float4 corner, float4 step_x, float4 step_y) {
     const Uniform3 from = uniform3(corner.x, corner.y, corner.z);
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
-    // step_x and step_y are perpendicular: dot products with them are coordinates in pixels.
+    // step_x and step_y are perpendicular, so a dot product with one of them, divided by its squared length, is a
+    // coordinate in pixels.
     const float per_sx = 1.0f / exact_dot(sx, sx), per_sy = 1.0f / exact_dot(sy, sy);
     const Uniform3 n = uniform_cross(sx, sy);
     Projected q;

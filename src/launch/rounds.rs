@@ -79,7 +79,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
         let setup = &self.parts.setup;
-        // The sky is the last light source and needs no planes.
+        // The sky is the last light source. Its shadow rays have no common origin, so it needs no planes.
         let left = setup.uploaded.light_count.saturating_sub(first_light);
         let lights = left.min(setup.strategy.lights_of_round());
         let origins = if first { 0 } else { 1 }..1 + lights;

@@ -151,8 +151,9 @@ impl<'a, R: Real> Caster<'a, R> {
 
     /// Returns by how much rounding may move a hit off its triangle's plane: the fraction `part` of the largest of three
     /// lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from the farthest
-    /// corner of its triangle. A test of the triangle subtracts numbers of this size. The error is divided by the sine of
-    /// the angle between the edges, since the normal of a thin triangle is a small difference of large products.
+    /// corner of its triangle. A test of the triangle subtracts numbers of this size. The normal of a thin
+    /// triangle is a small difference of large products: there, the error is a quarter of this fraction divided by the
+    /// sine of the angle between the edges.
     pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
         let [a, b, c] = self.scene.mesh.corners(triangle).map(R::Vector::of);
@@ -162,7 +163,7 @@ impl<'a, R: Real> Caster<'a, R> {
         let normal = e1.cross(e2);
         let doubled_area = normal.dot(normal).sqrt();
         let thinness = (e1.dot(e1) * e2.dot(e2)).sqrt() / doubled_area;
-        let thinness = if doubled_area > R::ZERO { thinness } else { R::ONE };
+        let thinness = if doubled_area > R::ZERO { (R::from(0.25) * thinness).max(R::ONE) } else { R::ONE };
         normal.normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part * thinness)
     }
 
