@@ -191,7 +191,7 @@ mod tests {
                 "15 operations per test; 36.0 B of the triangle from global memory, 24 B of the ray"
             )
         );
-        for part in ["Not shown: 1 point.", "there are no roofs; `raycl peak"] {
+        for part in ["Not shown: 1 point.", "so the plot has no roofs. `raycl peak"] {
             assert!(without.caption.contains(part), "{}", without.caption);
         }
         let place = tempfile::tempdir().unwrap();
