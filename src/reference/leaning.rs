@@ -84,8 +84,8 @@ impl<R: Real> Determinants<R> {
     }
 
     /// Returns whether the ray is inside all edges if each is moved outwards by this part of its error.
-    fn is_within(&self, sign: R, part: R) -> bool {
-        self.weights.iter().zip(self.errors).all(|(weight, error)| *weight * sign >= -part * error)
+    fn is_within(&self, part: R) -> bool {
+        self.weights.iter().zip(self.errors).all(|(weight, error)| *weight >= -part * error)
     }
 
     /// Returns the least and the greatest distance that rounding may give the hit. It lies in the box around the
@@ -154,8 +154,7 @@ pub fn larger_hit<R: Real>(
 ) -> Option<LargerHit<R>> {
     let found = Determinants::of(ray, corners);
     let (culls, a) = (culling == Culling::Back, found.size * found.sign);
-    let is_inside = found.is_within(R::ONE, R::ONE) || found.is_edge_on() && found.is_within(-R::ONE, R::ONE);
-    if !is_inside || culls && a < -found.error_of_size {
+    if !found.is_within(R::ONE) || culls && a < -found.error_of_size {
         return None;
     }
     let [low, high] = found.distances(ray, &corners)?;
@@ -174,12 +173,12 @@ pub fn larger_hit<R: Real>(
         hit: Hit { t, weights: found.weights(), triangle },
         distances: [low, high],
         is_certain: !found.is_edge_on()
-            && found.is_within(R::ONE, -R::ONE)
+            && found.is_within(-R::ONE)
             && !(culls && a < R::ZERO)
             && is_beyond(low)
             && high < ray.far,
         is_exact,
-        is_beside: !is_exact || !found.is_within(R::ONE, -R::from(ALONG_EDGE)),
+        is_beside: !is_exact || !found.is_within(-R::from(ALONG_EDGE)),
     })
 }
 
@@ -360,6 +359,30 @@ mod tests {
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[])), [Some(false), Some(false), Some(true)]);
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[left])), [Some(true); 3]);
         assert_eq!(remains(1e-7, &[above]), Some(false), "both triangles lie on the same side of the edge");
+    }
+
+    #[test]
+    fn a_hit_on_a_thin_triangle_may_be_above_or_below_its_plane() {
+        let change = |depth: f32| {
+            // The ground is a triangle of this depth. The way from the hit to the light leads 2e-5 above a wall.
+            let ground = [vec3(-1.0, -1.0, -2.0), vec3(1.0, -1.0, -2.0), vec3(0.0, -1.0, -2.0 - depth)];
+            let point = vec3(0.0, -1.0, -2.0 - 0.3 * depth);
+            let light = point + vec3(0.0, 0.5, -3.0);
+            let top = point.lerp(light, 1.0 / 3.0) - vec3(0.0, 2e-5, 0.0);
+            let wall = [top - Vec3::X, top + Vec3::X, top - 0.1 * Vec3::Y];
+            let mut scene = scene(&[ground, wall]);
+            scene.lights[0].position = light;
+            let caster = caster(&scene);
+            let frame = scene.camera.pixel_frame(80, 50);
+            let seen = Seen::of(&scene, Sample::CENTRE, [40, 44]);
+            let y = 25.0 - 40.0 * f64::from(point.y / -point.z);
+            let found =
+                sample(&Asked { caster: &caster, frame: &frame, bias: 1e-3, seen, centre: [40.0, y] });
+            assert!(found.hit && found.radiance.x > 0.0);
+            found.near_change / found.radiance.max_element()
+        };
+        let [thick, thin] = [0.5, 0.01].map(change);
+        assert!(thick < 1e-3 && thin > 0.1, "{thick} {thin}");
     }
 
     #[test]

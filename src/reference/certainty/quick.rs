@@ -87,13 +87,14 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     for (reach, other) in &hits.nudged {
         sample.nudge(*reach, with_bias(other, bias));
     }
+    let are_unsure = shadows.some_are_unsure();
     let leaning = caster.leaning();
     for caster in &leaning {
-        if hits.leaning.1 != hit || shadows.some_are_unsure() {
+        if hits.leaning.1 != hit || are_unsure {
             sample.consider(moved_by(&hits.leaning, caster, DVec3::ZERO));
         }
     }
-    if shadows.some_are_unsure() {
+    if are_unsure {
         for factor in [0.5, 2.0] {
             sample.consider(with_bias(&hits.centre, bias * factor));
         }
