@@ -4,8 +4,11 @@
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, scene};
 use glam::{Vec3, vec3};
-use raycl::scene::Scene;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use raycl::scene::{Scene, load_scene};
 use raycl::strategy::{Strategy, Traversal, preset};
+use std::fmt::Write as _;
 
 /// The image's size. Both numbers are odd, so that rays run along planes of symmetry.
 const SIZE: [u32; 2] = [161, 101];
@@ -57,5 +60,37 @@ fn lights_and_cameras_in_planes_are_verified_right() {
     .into_iter()
     .flat_map(|(name, scene)| wrong(name, scene))
     .collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Returns long, thin triangles, a light that nearly touches the ground, and one that is far away. Their rounding
+/// errors are much larger than the nudges of a pixel's ray.
+fn thin_triangles(seed: u64) -> Scene {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut point = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
+    let mut text = String::from("name = \"thin\"\nshadow_bias = 1e-4\n[camera]\nz_near = 0.01\n");
+    for light in [vec3(point(2.0).x, -0.999_98, -2.0), point(1.0) * 300.0] {
+        let _ = writeln!(text, "[[light]]\nposition = {:?}\npower = 10", light.to_array());
+    }
+    let mut mesh = String::from("v -9 -1 6\nv 9 -1 6\nv 0 -1.001 -20\n");
+    let mut faces = String::from("f 1 2 3\n");
+    for first in (4..).step_by(3).take(24) {
+        let (middle, half) = (vec3(0.0, 0.0, -2.0) + point(2.0), point(3.0));
+        for corner in [middle - half, middle + half, middle + point(0.02)] {
+            let _ = writeln!(mesh, "v {} {} {}", corner.x, corner.y, corner.z);
+        }
+        let _ = writeln!(faces, "f {first} {} {}", first + 1, first + 2);
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("thin.obj", &(mesh + &faces));
+    write("thin.toml", &(text + "[[object]]\nobj = \"thin.obj\"\n"));
+    load_scene(&folder.path().join("thin.toml")).expect("a scene").scene
+}
+
+#[test]
+fn thin_triangles_and_distant_lights_are_verified_right() {
+    let wrong: Vec<String> =
+        (0..4).flat_map(|seed| wrong(&format!("seed {seed}"), thin_triangles(seed))).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

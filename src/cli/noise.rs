@@ -52,9 +52,8 @@ pub fn run(args: Args) -> Result<()> {
     run::measure(&run, observer(args.quiet, false).as_mut())?;
     let noise = Noise::of(&Folder::read(&out)?);
     if noise.iter().all(|one| one.samples == 0) {
-        return Err(
-            Error::run("nothing could be measured").with_help("`raycl run configs/noise.toml` shows why")
-        );
+        return Err(Error::run("nothing could be measured")
+            .with_help("`raycl devices` shows which devices are usable, and why others are not"));
     }
     match args.json {
         true => noise.iter().try_for_each(super::print_json),

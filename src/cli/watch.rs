@@ -35,7 +35,9 @@ impl Watched {
         inputs: &'static Inputs,
     ) -> Result<Self> {
         let failed = |error: notify::Error| {
-            Error::run(format!("files cannot be watched: {error}")).with_help("render without --watch")
+            Error::run(format!("files cannot be watched: {error}")).with_help(
+                "the system may limit the number of watched files (on Linux, fs.inotify.max_user_watches)",
+            )
         };
         let (sender, changes) = channel();
         let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();

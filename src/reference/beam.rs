@@ -54,6 +54,8 @@ impl Beam {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let sizes = [ab, bc, ca].map(DVec3::length);
+        // The errors of all determinants of a ray-triangle test, as in `leaning`. Rays of the beam end near `end`, not
+        // at it: a hundredth more allows for that.
         let part = 1.01 * ROUNDING * self.reach(corners);
         let error_of_slope = ROUNDING * sizes[0] * sizes[2];
         let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];

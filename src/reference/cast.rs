@@ -16,10 +16,6 @@ use rayon::prelude::*;
 /// The rounding error of a distance from a light, relative to that distance: four roundings.
 const AT_DISTANCE: f32 = 5e-7;
 
-fn magnitude<R: Real>(number: R) -> R {
-    number.max(-number)
-}
-
 /// A triangle that light grazes.
 #[derive(Clone, Copy, Debug)]
 pub struct Grazing<R: Real> {
@@ -33,12 +29,12 @@ impl<R: Real> Grazing<R> {
     /// start to the other side. If a device casts the ray from the light, it rounds numbers of the light's distance.
     fn is_of(&self, sight: &Sight<R>, is_light: bool) -> bool {
         let at_light = if is_light { R::from(AT_DISTANCE) * sight.distance } else { R::ZERO };
-        magnitude(self.bias * sight.w_i.dot(self.normal)) < self.rounding.max(at_light)
+        (self.bias * sight.w_i.dot(self.normal)).abs() < self.rounding.max(at_light)
     }
 
     /// Returns whether a height above the triangle may be due to rounding.
     fn is_less(&self, height: R) -> bool {
-        magnitude(height) < self.rounding
+        height.abs() < self.rounding
     }
 }
 

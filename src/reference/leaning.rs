@@ -98,7 +98,7 @@ impl<R: Real> Determinants<R> {
         let sizes = [self.size - self.error_of_size, self.size + self.error_of_size];
         let lows = sizes.map(|size| (self.height - self.error_of_height) / size);
         let highs = sizes.map(|size| (self.height + self.error_of_height) / size);
-        Some([least(lows[0], lows[1]).max(enter), least(highs[0].max(highs[1]), leave)])
+        Some([lows[0].min(lows[1]).max(enter), highs[0].max(highs[1]).min(leave)])
     }
 
     /// Returns the weights of a hit. A hit beside the exact triangle gets those of a point on its edge.
@@ -107,8 +107,8 @@ impl<R: Real> Determinants<R> {
             return [R::ONE, R::ZERO, R::ZERO];
         }
         let [_, n1, n2] = self.weights;
-        let w1 = least((n1 / self.size).max(R::ZERO), R::ONE);
-        let w2 = least((n2 / self.size).max(R::ZERO), R::ONE - w1);
+        let w1 = (n1 / self.size).max(R::ZERO).min(R::ONE);
+        let w2 = (n2 / self.size).max(R::ZERO).min(R::ONE - w1);
         [R::ONE - w1 - w2, w1, w2]
     }
 }
@@ -131,7 +131,7 @@ pub struct LargerHit<R> {
 impl<R: Real> LargerHit<R> {
     /// Returns the distance beyond which nothing matters, or `far` if this hit is not certain.
     pub fn limit(&self, far: R) -> R {
-        if self.is_certain { least(self.distances[1], far) } else { far }
+        if self.is_certain { self.distances[1].min(far) } else { far }
     }
 
     /// Returns whether this hit remains if rounding makes triangles smaller. Devices do not leak: a ray beside the
@@ -166,7 +166,7 @@ pub fn larger_hit<R: Real>(
         return None;
     }
     // A quotient of two zeros is not a number; then `low` is the distance.
-    let t = least(exact.max(low), high);
+    let t = exact.max(low).min(high);
     let t = if t < ray.far { t.max(ray.near) } else { low.max(ray.near) };
     let is_exact = moller_trumbore(ray, corners, culling).is_some();
     Some(LargerHit {
@@ -185,7 +185,7 @@ pub fn larger_hit<R: Real>(
 /// Returns the largest error of the distance at which a ray hits a triangle, relative to that distance; at most 1.
 pub fn relative_error<R: Real>(ray: &Ray<R>, corners: [R::Vector; 3], t: R) -> R {
     let distances = Determinants::of(ray, corners).distances(ray, &corners);
-    distances.map_or(R::ONE, |[low, high]| least((high - low) / t, R::ONE))
+    distances.map_or(R::ONE, |[low, high]| ((high - low) / t).min(R::ONE))
 }
 
 /// Returns the largest distance of a corner from the ray's origin, or from the light at its end: devices subtract
@@ -203,7 +203,7 @@ fn crossing<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3], margin: R) -> Optio
     let (mut enter, mut leave) = (-R::INFINITY, R::INFINITY);
     for axis in R::Vector::AXES {
         let places = corners.map(|corner| (corner - ray.origin).dot(axis));
-        let low = least(least(places[0], places[1]), places[2]) - margin;
+        let low = places[0].min(places[1]).min(places[2]) - margin;
         let high = places[0].max(places[1]).max(places[2]) + margin;
         let along = ray.direction.dot(axis);
         if along == R::ZERO {
@@ -212,8 +212,8 @@ fn crossing<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3], margin: R) -> Optio
             }
         } else {
             let [one, other] = [low / along, high / along];
-            enter = enter.max(least(one, other));
-            leave = least(leave, one.max(other));
+            enter = enter.max(one.min(other));
+            leave = leave.min(one.max(other));
         }
     }
     (enter <= leave).then_some([enter, leave])
@@ -221,10 +221,6 @@ fn crossing<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3], margin: R) -> Optio
 
 fn length<R: Real>(vector: R::Vector) -> R {
     vector.dot(vector).sqrt()
-}
-
-fn least<R: Real>(one: R, other: R) -> R {
-    -(-one).max(-other)
 }
 
 #[cfg(test)]

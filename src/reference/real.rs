@@ -31,6 +31,10 @@ pub trait Real:
     fn of(value: f64) -> Self;
     /// Returns the larger of two numbers.
     fn max(self, other: Self) -> Self;
+    /// Returns the smaller of two numbers.
+    fn min(self, other: Self) -> Self;
+    /// Returns the absolute value.
+    fn abs(self) -> Self;
     /// Returns the square root.
     fn sqrt(self) -> Self;
     /// Returns the angle of the point (other, self), from -pi to pi.
@@ -92,6 +96,12 @@ macro_rules! real {
             }
             fn max(self, other: Self) -> Self {
                 $real::max(self, other)
+            }
+            fn min(self, other: Self) -> Self {
+                $real::min(self, other)
+            }
+            fn abs(self) -> Self {
+                $real::abs(self)
             }
             fn sqrt(self) -> Self {
                 $real::sqrt(self)

@@ -161,8 +161,7 @@ impl Told {
         let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
         let number = self.number.unwrap_or(self.place.saturating_add(1));
         let error = |_| {
-            let from = self.number.map_or(self.place, |number| number);
-            Error::input(format!("{launcher} gives the number {from}, which matches none of {of} shards"))
+            Error::input(format!("by {launcher}, this task is shard {number}, but the shards are 1 to {of}"))
                 .with_help(format!(
                     "number the tasks so that each of them matches one of the shards 1 to {of}"
                 ))
@@ -304,13 +303,10 @@ mod tests {
             (None, format!("SLURM_ARRAY_TASK_ID=12 {ARRAY} {BATCH}"), "has gaps"),
             (None, "SLURM_ARRAY_TASK_ID=7".to_owned(), "does not say how many"),
             (None, "JOB_COMPLETION_INDEX=0".to_owned(), "does not say how many"),
-            (
-                Some(8),
-                "JOB_COMPLETION_INDEX=8".to_owned(),
-                "gives the number 8, which matches none of 8 shards",
-            ),
+            (Some(8), "JOB_COMPLETION_INDEX=8".to_owned(), "this task is shard 9, but the shards are 1 to 8"),
             (Some(8), "HQ_TASK_ID=0".to_owned(), "start at 1"),
-            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "gives the number 0, which matches none of 8"),
+            (Some(8), "SLURM_ARRAY_TASK_ID=0".to_owned(), "this task is shard 0, but the shards are 1 to 8"),
+            (Some(8), "HQ_TASK_ID=9".to_owned(), "this task is shard 9, but the shards are 1 to 8"),
             (Some(8), "OMPI_COMM_WORLD_RANK=0 OMPI_COMM_WORLD_SIZE=4".to_owned(), "started 4 processes"),
             (None, "PMI_RANK=x PMI_SIZE=3".to_owned(), "PMI_RANK is 'x', which is not a number"),
         ];

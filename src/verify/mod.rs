@@ -116,8 +116,9 @@ impl Finding {
         } else {
             format!("has a relative difference of {:.2e}", self.difference)
         };
+        let pixels = if wrong_pixels == 1 { "pixel is" } else { "pixels are" };
         format!(
-            "{wrong_pixels} pixels are wrong; the worst, ({x}, {y}), {what}: it is {found:?} and should be \
+            "{wrong_pixels} {pixels} wrong; the worst, ({x}, {y}), {what}: it is {found:?} and should be \
              {expected:?} (in 8 bits {:?} and {:?})",
             shown[0], shown[1]
         )

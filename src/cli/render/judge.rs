@@ -17,8 +17,9 @@ use std::path::Path;
 pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];
+    let pixels = if count == 1 { "pixel is" } else { "pixels are" };
     let message =
-        format!("the picture is wrong: {count} pixels are not finite; the first, ({x}, {y}), is {found:?}");
+        format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
         "a light may be too close to a surface there: move or dim the light, or set shadow_bias; {fate}"
     )))
@@ -120,7 +121,7 @@ fn check_filter(image: &Radiance, scene: &Scene, parts: &LightParts) -> std::res
 
 fn wrong(reason: &str, saved: &Target) -> Error {
     let error = Error::run(format!("the picture is wrong: {reason}"));
-    error.with_help(format!("the picture was saved for inspection: {}", saved.path().display()))
+    error.with_help(saved_at(saved.path()))
 }
 
 #[cfg(test)]
