@@ -7,9 +7,21 @@ use crate::common::{Stand, is_long, scene};
 use raycl::strategy::preset;
 use serde_json::Value;
 
-fn render(place: &Place, devices: Option<&str>, [strategy, local]: [&str; 2], picture: &str) -> Value {
-    let scene = repository("scenes/still-life.toml");
-    let mut arguments = vec!["render", scene.to_str().expect("UTF-8"), "--json", "-o", picture];
+fn render(place: &Place, devices: Option<&str>, strategy: [&str; 2], picture: &str) -> Value {
+    render_scene(place, &["scenes/still-life.toml"], devices, strategy, picture)
+}
+
+/// Renders a scene of the repository. `scene` is its file, followed by more arguments.
+fn render_scene(
+    place: &Place,
+    scene: &[&str],
+    devices: Option<&str>,
+    [strategy, local]: [&str; 2],
+    picture: &str,
+) -> Value {
+    let file = repository(scene[0]);
+    let mut arguments = vec!["render", file.to_str().expect("UTF-8"), "--json", "-o", picture];
+    arguments.extend(&scene[1..]);
     arguments.extend(["--width", "75", "--height", "61", "--strategy", strategy, "--local-size", local]);
     match devices {
         Some(devices) => arguments.extend(["--devices", devices, "--every-device", "--verify"]),
@@ -55,6 +67,24 @@ fn two_devices_cast_the_pixels_of_one() {
         assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
         assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
     }
+}
+
+/// A bare mesh has soft light under a sky here, so that samples differ in more than their place in the pixel.
+#[test]
+fn two_devices_cast_the_samples_of_one() {
+    apart!();
+    let place = Place::new();
+    let scene = ["scenes/table/globe.obj", "--samples", "5"];
+    for strategy in [["bvh", "4x2"], ["tile", "1x1"]] {
+        let one = render_scene(&place, &scene, None, strategy, "one.exr");
+        let two = render_scene(&place, &scene, Some("portable computing language"), strategy, "two.exr");
+        assert_eq!((&two["samples"], &two["samples"]), (&one["samples"], &Value::from(5)));
+        assert_eq!(two["devices"].as_array().map(Vec::len), Some(2), "{two}");
+        assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
+    }
+    let single = ["scenes/table/globe.obj", "--plain"];
+    render_scene(&place, &single, None, ["bvh", "4x2"], "single.exr");
+    assert!(!same_pixels(&place, "one.exr", "single.exr"));
 }
 
 /// It depends on the machine whether two devices that share two cores are faster than one device. In both

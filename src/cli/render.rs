@@ -66,7 +66,7 @@ pub struct Args {
     force: bool,
     /// Cast the frame on several devices, a band of rows on each. NAME selects the devices: part of a name, platform or
     /// vendor; a kind (cpu, gpu); or all
-    #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "samples", "watch"])]
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["device", "watch"])]
     devices: Option<String>,
     /// With --devices: use all selected devices, even if the frame takes longer because of one of them
     #[arg(long, requires = "devices")]
@@ -74,8 +74,8 @@ pub struct Args {
     #[command(flatten)]
     motion: Motion,
     /// Samples per pixel, 1 to 1024, for smooth edges and soft lights; N samples take about N times as long as one. A
-    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1; a bare mesh gets 6 where neighbouring
-    /// pixels differ, and soft light at half resolution]
+    /// Blackman-Harris filter, 1.5 pixels wide, weights the samples [default: 1 sample; for a bare mesh, 6 samples in
+    /// pixels that differ from their neighbours and 1 sample in all others]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: Option<u32>,
     /// Cast one sixteenth of the samples for every pixel, and the other samples only where neighbouring pixels differ
@@ -197,7 +197,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most, SOFTER)).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -248,16 +248,13 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-/// The option that makes shadows soft.
-const SOFTER: &str = "--samples 16";
-
-/// Returns notes that do not come from the scene's file. `softer` names the options that make shadows soft.
-fn last_notes(scene: &Scene, samples: u32, softer: &str) -> impl Iterator<Item = String> {
-    hard(scene, samples, softer).into_iter().chain(dirty_program())
+/// Returns notes that do not come from the scene's file.
+fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
+    hard(scene, samples).into_iter().chain(dirty_program())
 }
 
 /// Returns a note if soft lights are treated as points.
-fn hard(scene: &Scene, samples: u32, softer: &str) -> Option<String> {
+fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
         let (lights, are) = if soft == 1 {
@@ -266,7 +263,7 @@ fn hard(scene: &Scene, samples: u32, softer: &str) -> Option<String> {
             ("several lights have", "them as points")
         };
         format!(
-            "{lights} a radius: with one sample per pixel, raycl treats {are}; {softer} shows soft shadows"
+            "{lights} a radius: with one sample per pixel, raycl treats {are}; --samples 16 shows soft shadows"
         )
     };
     (samples == 1 && soft > 0).then(told)
@@ -313,10 +310,10 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices` it does not, since several
-/// devices cast only one sample per pixel.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices` it does only with `--samples`,
+/// since several devices cannot cast the default samples: their number differs between pixels.
 fn is_dressed(args: &Args) -> bool {
-    !args.subject.look.plain && args.devices.is_none()
+    !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }
 
 /// Returns the number of samples per pixel: the requested number, or the default.

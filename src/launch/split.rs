@@ -6,7 +6,7 @@ use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::program::Sources;
-use crate::scene::Scene;
+use crate::scene::{Sampling, Scene};
 use crate::strategy::{Strategy, Workload};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 use std::time::Instant;
@@ -29,6 +29,9 @@ pub struct Split<'a> {
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
+    /// Samples per pixel. Every pixel gets the same number, without soft light at half resolution: both need pixels of
+    /// neighbouring bands.
+    pub sampling: Sampling,
     /// The files of the kernels.
     pub sources: &'a Sources,
     /// The number of times that the frame is cast.
@@ -198,6 +201,7 @@ impl Split<'_> {
         // GPUs with the same name can share a compiled program, so they are not counted as twins.
         let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
+        let session = session.sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
         let prepared = prepared.map_err(|refused| refused.into_error(&label))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
@@ -262,7 +266,8 @@ impl Split<'_> {
     fn cast_rows(&self, ready: &Ready, rows: [u32; 2]) -> Result<(Radiance, usize, Share)> {
         let caster = ready.caster(self.image_size, rows)?;
         cast_first(&caster)?;
-        let frames = (0..self.repeat.max(1)).map(|_| caster.cast().map_err(failed)).collect::<Result<_>>()?;
+        let cast = || caster.cast_samples(&self.scene.camera, &self.sampling).map_err(failed);
+        let frames = (0..self.repeat.max(1)).map(|_| cast()).collect::<Result<_>>()?;
         let start = Instant::now();
         let (part, hits) = caster.read_rows(rows).map_err(failed)?;
         let share = Share {

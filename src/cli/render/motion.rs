@@ -8,7 +8,7 @@ mod stage;
 
 use super::judge::refuse_not_finite;
 use super::opening::{Opened, open};
-use super::{Args, SOFTER, last_notes, ms_since};
+use super::{Args, last_notes, ms_since};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::shard::Asked;
@@ -179,7 +179,7 @@ pub fn run(args: &Args) -> Result<()> {
         total_ms: ms_since(start),
         frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
         output,
-        notes: notes.into_iter().chain(last_notes(&first, sampling.most, SOFTER)).collect(),
+        notes: notes.into_iter().chain(last_notes(&first, sampling.most)).collect(),
     };
     tell(args, &report)
 }

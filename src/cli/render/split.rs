@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::image::{check_alpha, check_target, save};
 use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
-use crate::scene::{Loaded, Sampling};
+use crate::scene::Loaded;
 use crate::strategy::{Task, preset_of};
 use serde::Serialize;
 use std::sync::Arc;
@@ -26,13 +26,15 @@ struct Report {
     /// Local size, if all devices use the same.
     local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
+    /// Samples per pixel.
+    samples: u32,
     /// The longest device time; devices cast at the same time.
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
     /// The longest time that a device takes to send its rows back.
     read_ms: f64,
-    /// Primary and shadow rays of the frame, divided by the longest device time.
+    /// Primary and shadow rays of all samples, divided by the longest device time.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
     /// Devices that were left out because they would have slowed the frame down.
@@ -104,9 +106,11 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
     let castings = castings(args, &devices, args.subject.task(&scene))?;
     let image_size = args.subject.size();
+    let sampling = super::sampling(args, false);
     let split = Split {
         scene: Arc::clone(&scene),
         image_size,
+        sampling,
         sources: &sources,
         repeat: args.repeat,
         verifies: args.verify.is_some(),
@@ -121,13 +125,13 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let verified = args
         .verify
         .map(|some| {
-            check(&scene, (&image, hits), (&castings[0].strategy, (Sampling::ONE, None)), None, &target, some)
+            check(&scene, (&image, hits), (&castings[0].strategy, (sampling, None)), None, &target, some)
         })
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
     let [width, height] = image_size.map(f64::from);
-    let rays = width * height + (hits * scene.shadow_rays_per_hit()) as f64;
+    let rays = (width * height + (hits * scene.shadow_rays_per_hit()) as f64) * f64::from(sampling.most);
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),
@@ -135,6 +139,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         strategy: same(&rows, |row| row.strategy.clone()),
         local_size: same(&rows, |row| row.local_size),
         image_size,
+        samples: sampling.most,
         frame_ms,
         upload_ms: longest(|row| row.upload_ms),
         read_ms: longest(|row| row.read_ms),
@@ -145,7 +150,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         total_ms: ms_since(start),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, 1, "--samples 16 without --devices")).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).collect(),
     };
     tell(args, &report, target.is_standard_output())
 }
@@ -189,7 +194,8 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     let mut lines = vec![format!("scene     {}: {} triangles", report.scene, report.triangles)];
     lines.extend(report.strategy.iter().map(|strategy| format!("strategy  {strategy}")));
-    lines.push(format!("size      {width} x {height} pixels\n{table}"));
+    let samples = if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };
+    lines.push(format!("size      {width} x {height} pixels{samples}\n{table}"));
     lines.push(format!(
         "frame     {:.2} ms on the slowest device (median of {}); transfers {:.2} ms up, {:.2} ms down",
         report.frame_ms, report.frames, report.upload_ms, report.read_ms
