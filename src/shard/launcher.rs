@@ -208,7 +208,8 @@ fn outside_of_a_step(variable: Variable<'_>) -> Option<Error> {
     let tasks = number("SLURM_NTASKS", variable).ok().flatten().filter(|tasks| *tasks > 1)?;
     Some(
         Error::input(format!(
-            "SLURM_PROCID is {place} of {tasks} tasks, but srun did not start raycl, so raycl runs only once"
+            "this batch script has {tasks} tasks, but it started raycl without srun, so raycl runs only once \
+             (SLURM_PROCID={place})"
         ))
         .with_help("start raycl with srun: srun raycl run ... --shard auto"),
     )
@@ -290,12 +291,12 @@ mod tests {
             (
                 None,
                 "SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
-                "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
+                "this batch script has 4 tasks, but it started raycl without srun",
             ),
             (
                 Some(4),
                 "SLURM_ARRAY_TASK_ID=2 SLURM_PROCID=0 SLURM_NTASKS=4".to_owned(),
-                "SLURM_PROCID is 0 of 4 tasks, but srun did not start raycl",
+                "this batch script has 4 tasks, but it started raycl without srun",
             ),
             (None, BATCH.to_owned(), "none was found"),
             (None, format!("SLURM_ARRAY_TASK_ID=7 {GAPS}"), "has gaps"),

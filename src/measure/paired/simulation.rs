@@ -18,13 +18,13 @@ const RESOLUTION: f64 = 0.01;
 /// Sources of error of a machine, as standard deviations of logarithms.
 #[derive(Clone, Copy)]
 struct Machine {
-    /// Effect of a run on all points.
+    /// By how much a run changes the times of all points.
     run: f64,
-    /// Effect of a run on a single point.
+    /// By how much a run changes the time of a single point.
     run_of_point: f64,
-    /// Effect of a launch on all points.
+    /// By how much a launch changes the times of all points.
     launch: f64,
-    /// Effect of a launch on a single point.
+    /// By how much a launch changes the time of a single point.
     launch_of_point: f64,
     /// Autocorrelated noise of a point; every third point has twice as much.
     noise: f64,
