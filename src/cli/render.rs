@@ -2,6 +2,7 @@
 
 mod casting;
 mod guess;
+mod hurry;
 mod judge;
 pub(super) mod keeping;
 mod motion;
@@ -23,7 +24,7 @@ use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
-use crate::strategy::Strategy;
+use crate::strategy::{Strategy, preset_of};
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
 use judge::{check, refuse_not_finite, saved_at};
@@ -160,6 +161,8 @@ fn render(args: &Args) -> Result<()> {
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
     let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
+    let fastest = (strategy, local_size);
+    let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
     let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
@@ -180,7 +183,12 @@ fn render(args: &Args) -> Result<()> {
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
     let keeping = keeping.then(|| KEEPING.to_owned());
-    guess::remember(&guess::cache(args), args, &device.info, &strategy, &prepared.workload);
+    let hurried = later.as_ref().map(|later| {
+        keeping::compile_later(&later.spec, &device.info);
+        hurried(&later.strategy)
+    });
+    let needed = later.as_ref().map_or((&strategy, &prepared.workload), |later| (&later.strategy, &later.workload));
+    guess::remember(&guess::cache(args), args, &device.info, needed.0, needed.1);
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
     let (parts, total_ms) = timeline.into_parts();
@@ -197,7 +205,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).collect(),
+        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).chain(hurried).collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -267,6 +275,16 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
         )
     };
     (samples == 1 && soft > 0).then(told)
+}
+
+/// Returns the note for a picture that was cast with [`hurry::QUICK`].
+fn hurried(fastest: &Strategy) -> String {
+    let name = preset_of(fastest).map_or_else(|| fastest.to_string(), str::to_owned);
+    format!(
+        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}; another process is \
+         compiling the fastest strategy for the next start",
+        hurry::QUICK
+    )
 }
 
 const KEEPING: &str =

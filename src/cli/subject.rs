@@ -63,6 +63,11 @@ impl Subject {
         load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed })
     }
 
+    /// Returns whether raycl chooses the strategy, its axes and the local size.
+    pub fn leaves_strategy_open(&self) -> bool {
+        self.strategy.is_none() && self.local_size.is_none() && !self.set.iter().any(|(key, _)| is_axis(key))
+    }
+
     /// Returns the task: the scene's properties that matter for the choice of a strategy.
     pub fn task(&self, scene: &Scene) -> Task {
         Task::of(scene, self.size(), false)

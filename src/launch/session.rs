@@ -201,6 +201,17 @@ impl Session {
         })
     }
 
+    /// Returns whether a program need not be compiled: it was built early, or the cache contains it.
+    pub fn has_built(&self, spec: &ProgramSpec) -> bool {
+        let early = self.early.as_ref().is_some_and(|(known, _)| known == spec);
+        early || BuiltProgram::is_kept(self.queue.device, spec, &self.kept)
+    }
+
+    /// Returns the number of samples per pixel.
+    pub fn samples(&self) -> Sampling {
+        self.sampling
+    }
+
     /// Returns the program that was built early, or builds it now. Also returns how long the build took here (0 if
     /// early).
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {

@@ -55,8 +55,7 @@ impl BuiltProgram {
     ) -> Result<Self, BuildError> {
         let start = Instant::now();
         let verbose = prints_resources(device);
-        let more = if verbose { VERBOSE } else { quieting(device) };
-        let options = format!("{} {more}", spec.options).trim_end().to_owned();
+        let options = options(device, spec);
         let key = kept.key(&spec.source, &options);
         let found = kept.find(&key).and_then(|found| Some((load(context, device, &found, &options)?, found)));
         let (program, kept_log) = match found {
@@ -73,6 +72,11 @@ impl BuiltProgram {
             built.keep();
         }
         Ok(built)
+    }
+
+    /// Returns whether the cache contains a program, so that nothing needs to be compiled.
+    pub fn is_kept(device: Device, spec: &ProgramSpec, kept: &Kept) -> bool {
+        kept.find(&kept.key(&spec.source, &options(device, spec))).is_some()
     }
 
     /// Stores the compiled program in the cache, and returns whether it is stored now. Not every driver can
@@ -137,6 +141,12 @@ impl BuiltProgram {
         let binary = if self.verbose { self.binary() } else { Vec::new() };
         if is_ptx(&binary) { String::from_utf8_lossy(&binary).into_owned() } else { String::new() }
     }
+}
+
+/// Returns a program's compiler options, with those that make the device's compiler print resources, or nothing.
+fn options(device: Device, spec: &ProgramSpec) -> String {
+    let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
+    format!("{} {more}", spec.options).trim_end().to_owned()
 }
 
 /// Compiles a program from source.

@@ -2,7 +2,7 @@
 //! the program that this scene needed last time, or one that is likely for the size of an OBJ file. A wrong guess
 //! only costs time.
 
-use super::{Args, is_dressed};
+use super::{Args, hurry, is_dressed};
 use crate::cache::Cache;
 use crate::cli::subject::Subject;
 use crate::device::DeviceInfo;
@@ -36,15 +36,33 @@ pub fn cache(args: &Args) -> Cache {
 
 /// Returns the program to compile early; `None` if no guess is possible.
 pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
-    let known = last_time(cache, args, device).or_else(|| by_file(args, device));
-    let (strategy, known) = known?;
+    let (strategy, workload) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
+    spec(args, sources, device, &strategy, workload)
+}
+
+/// Returns the program to compile early if the likely one is not compiled yet and [`hurry`] may use another strategy;
+/// `None` if no guess is possible.
+pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
+    let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
+    let (strategy, local_size) = hurry::quick(device)?;
+    let workload = Workload { local_size, stack_size: USUAL_STACK, ..known };
+    spec(args, sources, device, &strategy, workload)
+}
+
+fn spec(
+    args: &Args,
+    sources: &Sources,
+    device: &DeviceInfo,
+    strategy: &Strategy,
+    known: Workload,
+) -> Option<ProgramSpec> {
     // The program contains the number of triangles that are copied to `__local` memory, which is not known yet.
     if strategy.triangles.are_staged() {
         return None;
     }
     let image_size = args.subject.size();
     let workload = Workload { image_size, ..known };
-    ProgramSpec::new(sources, &strategy, &workload, device.builtins()).ok()
+    ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }
 
 /// Stores which program a scene needed, for the next time.

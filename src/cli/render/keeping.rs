@@ -6,7 +6,7 @@ use crate::device::{Device, DeviceInfo, pick_one};
 use crate::error::{Error, Result};
 use crate::launch::{Prepared, Queue};
 use crate::own_program::own_program;
-use crate::program::{BuiltProgram, Kept, ProgramSpec};
+use crate::program::{BuiltProgram, CACHE_DISABLE, Kept, ProgramSpec};
 use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
@@ -25,6 +25,8 @@ struct Order {
     device: String,
     source: String,
     options: String,
+    /// True if the driver must not take the program from its own cache, since it then prints no log.
+    anew: bool,
 }
 
 /// Starts a background process that stores a program, if that is worthwhile. Returns whether it has started.
@@ -33,12 +35,19 @@ pub fn order(prepared: &Prepared, device: &Device) -> bool {
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
         return false;
     }
-    let order = Order {
-        device: device.info.identity(),
-        source: prepared.spec.source.clone(),
-        options: prepared.spec.options.clone(),
-    };
-    begin(&cache, &prepared.spec) && start(&order).is_ok()
+    in_background(&cache, &prepared.spec, &device.info)
+}
+
+/// Starts a background process that compiles and stores a program. Returns whether it has started.
+pub fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) -> bool {
+    let cache = Cache::of_user();
+    cache.keeps() && in_background(&cache, spec, device)
+}
+
+fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
+    let [source, options] = [&spec.source, &spec.options].map(Clone::clone);
+    let order = Order { device: device.identity(), source, options, anew: false };
+    begin(cache, spec) && start(&order).is_ok()
 }
 
 /// Records that a background process will store the program. Returns `false` if another process is storing it already,
@@ -53,6 +62,9 @@ fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
     let mut command = own_program().map_err(std::io::Error::other)?;
+    if order.anew {
+        command.env(CACHE_DISABLE, "1");
+    }
     command.args(["worker", "--keep"]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
     let mut child = command.spawn()?;
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
@@ -69,10 +81,16 @@ pub fn serve() -> Result<()> {
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
     let queue = Queue::open(device.platform, device.device)?;
-    let spec = ProgramSpec { source: order.source, options: order.options, files: Vec::new() };
+    let [source, options] = [&order.source, &order.options].map(Clone::clone);
+    let spec = ProgramSpec { source, options, files: Vec::new() };
     let kept = Kept::of(cache, &device.info);
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept);
-    built.map_err(|error| Error::run(error.to_string()))?.keep();
+    let built = built.map_err(|error| Error::run(error.to_string()))?;
+    if built.lacks_log() && !order.anew {
+        return start(&Order { anew: true, ..order }).map_err(|error| Error::run(error.to_string()));
+    }
+    built.keep();
+    built.rehearse();
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! Reads the scene and builds the likely program while the driver starts.
 
 use super::timeline::Timeline;
-use super::{Args, guess, load, may_be_shown, target, timed};
+use super::{Args, guess, hurry, load, may_be_shown, target, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
@@ -95,7 +95,10 @@ fn early(
 ) -> Option<(ProgramSpec, BuiltProgram)> {
     let cache = guess::cache(args);
     let spec = guess::likely(&cache, args, sources, &device.info)?;
-    let kept = Kept::of(cache, &device.info);
+    let kept = Kept::of(cache.clone(), &device.info);
+    let hurries = hurry::may(args, &device.info, guess::sampling(args))
+        && !BuiltProgram::is_kept(queue.device, &spec, &kept);
+    let spec = if hurries { guess::quick(&cache, args, sources, &device.info)? } else { spec };
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept).ok()?;
     Some((spec, built))
 }

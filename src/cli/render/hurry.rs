@@ -1,0 +1,148 @@
+//! The first picture on a GPU whose driver has not compiled the fastest strategy's program yet.
+//!
+//! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
+//! program casts a picture in milliseconds. So the first picture is cast with [`QUICK`], while a background process
+//! compiles the fastest strategy's program for the next picture.
+
+use super::Args;
+use crate::device::DeviceInfo;
+use crate::launch::Session;
+use crate::program::ProgramSpec;
+use crate::scene::{Sampling, Scene};
+use crate::strategy::{Strategy, Workload, preset};
+
+/// The preset whose program compiles in the shortest time, among those that cast every scene fast.
+pub const QUICK: &str = "bvh";
+/// Work-items per work-group with [`QUICK`], across and down.
+const QUICK_LOCAL: [u32; 2] = [8, 8];
+/// With more rays than this, casting with a slower strategy may take longer than compiling a faster one.
+const MOST_RAYS: u64 = 200_000_000;
+/// With more triangles than this, a second tree takes too long to build.
+const MOST_TRIANGLES: usize = 1_000_000;
+
+/// A program that a background process compiles, and what it is for.
+pub struct Later {
+    pub strategy: Strategy,
+    pub workload: Workload,
+    pub spec: ProgramSpec,
+}
+
+/// Returns [`QUICK`]'s strategy and local size on a device.
+pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
+    let strategy = preset(QUICK).ok()?.strategy;
+    Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
+}
+
+/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen no
+/// strategy, the frame is not timed, and it is small enough. Kernels of `--cl-dir` are being edited, perhaps those of
+/// the fastest strategy. On a CPU, programs are compiled for other reasons, and `tile` compiles in a short time.
+pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
+    let pixels: u64 = args.subject.size().map(u64::from).iter().product();
+    !device.limits.is_cpu
+        && args.subject.leaves_strategy_open()
+        && args.subject.cl_dir.is_none()
+        && !args.watch
+        && !args.motion.moves()
+        && args.repeat == 1
+        && pixels * u64::from(sampling.most) <= MOST_RAYS
+}
+
+/// Returns the strategy and the local size with which to cast a picture: the given fastest ones, or [`QUICK`]'s if the
+/// fastest strategy's program must still be compiled. The latter program is returned too.
+pub fn choose(
+    args: &Args,
+    device: &DeviceInfo,
+    scene: &Scene,
+    session: &mut Session,
+    fastest: (Strategy, [u32; 2]),
+) -> ((Strategy, [u32; 2]), Option<Later>) {
+    let (strategy, local_size) = fastest;
+    let small = scene.mesh.triangles.len() <= MOST_TRIANGLES;
+    let quick = quick(device).filter(|_| small && may(args, device, session.samples()));
+    let Some(quick) = quick.filter(|(quick, _)| *quick != strategy) else { return (fastest, None) };
+    let later = || {
+        // If the fastest strategy cannot be prepared, the session says why when it prepares it.
+        let workload = session.workload(&strategy, args.subject.size(), local_size).ok()?;
+        let spec = session.spec(&strategy, &workload).ok()?;
+        (!session.has_built(&spec)).then_some(Later { strategy, workload, spec })
+    };
+    match later() {
+        Some(later) => (quick, Some(later)),
+        None => (fastest, None),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::cache::Cache;
+    use crate::device::{Device, DeviceLimits, discover};
+    use crate::program::{Kept, Sources};
+    use crate::scene::load_scene;
+    use clap::Parser;
+    use std::path::Path;
+    use std::sync::Arc;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn args(more: &[&str]) -> Args {
+        Command::parse_from([&["render", "a.obj", "--width", "64", "--height", "48"], more].concat()).args
+    }
+
+    /// Returns this machine's first device as if it were a GPU.
+    fn gpu() -> Device {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let limits = DeviceLimits { is_cpu: false, ..device.info.limits };
+        Device { info: DeviceInfo { limits, ..device.info.clone() }, ..device }
+    }
+
+    #[test]
+    fn only_a_single_small_picture_on_a_gpu_is_hurried_and_no_choice_of_the_user_is_changed() {
+        let gpu = gpu().info;
+        let may = |more: &[&str]| may(&args(more), &gpu, Sampling::all(4));
+        assert!(may(&[]) && may(&["--set", "camera.position=[0, 1, 1]"]) && may(&["--verify"]));
+        for more in [
+            &["--strategy", "tile"][..],
+            &["--set", "width=4"],
+            &["--local-size", "8x8"],
+            &["--repeat", "2"],
+            &["--watch"],
+            &["--turntable", "9"],
+            &["--cl-dir", "cl"],
+            &["--width", "16384", "--height", "16384"],
+        ] {
+            assert!(!may(more), "{more:?}");
+        }
+        let cpu = DeviceInfo { limits: DeviceLimits { is_cpu: true, ..gpu.limits }, ..gpu.clone() };
+        assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
+    }
+
+    /// `deferred` stands for the fastest strategy.
+    #[test]
+    fn a_picture_is_hurried_until_the_fastest_strategys_program_is_in_the_cache() {
+        let (device, folder) = (gpu(), tempfile::tempdir().unwrap());
+        let kept = Kept::of(Cache::at(&folder.path().join("raycl"), 1 << 28), &device.info);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let fastest = (preset("deferred").unwrap().strategy, [8, 8]);
+        let session = || {
+            let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+            session.keeping(kept.clone())
+        };
+        let choose = |session: &mut Session| choose(&args(&[]), &device.info, &scene, session, fastest);
+        let mut first = session();
+        let (chosen, later) = choose(&mut first);
+        assert_eq!(chosen, quick(&device.info).unwrap());
+        let later = later.unwrap();
+        assert_eq!(later.strategy, fastest.0);
+        let prepared = first.build(&later.strategy, &later.workload, later.spec.clone());
+        assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.keep());
+        let (chosen, later) = choose(&mut session());
+        assert!(chosen == fastest && later.is_none());
+    }
+}
