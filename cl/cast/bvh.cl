@@ -1,5 +1,5 @@
-// Each work-item's rays traverse the tree together: one ray, or a packet of WIDTH rays. This file is included twice,
-// like exhaustive.cl: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0 closest_hit.
+// Each work-item traverses the tree with one ray, or with a packet of WIDTH rays that stay together. This file is
+// included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
@@ -52,7 +52,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
                 const int triangle = leaf_triangle(&scene->tree, place);
                 nearest->t = SELECT(nearer, hit.t, nearest->t);
                 nearest->triangle = SELECT(nearer, (varying_int)(triangle), nearest->triangle);
-                // With shading = eager, shading happens here, at every improvement; with deferred, this does nothing.
+                // With eager shading, this call shades every hit that is nearer than the hits before it. With deferred
+                // shading, the call does nothing.
                 on_nearer_hit(working, scene, triangle, &hit, nearer);
 #endif
             }
@@ -64,7 +65,7 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         }
 #if !ANY_HIT
         const varying reach = REACH;
-        // If a hit that was found later is nearer than a child's box, the child is dropped without a visit.
+        // A child is dropped without a visit if every ray has meanwhile found a hit nearer than the child's box.
         while (waiting && !ANY((varying)(stack[waiting - 1].entry) <= reach)) waiting--;
 #endif
         if (!waiting) break;

@@ -1,5 +1,5 @@
-// Tests which children of a node are hit by rays. After rounding, the tests may report additional hits, but never
-// miss one.
+// Tests which children of a node are hit by rays. Because of rounding, the tests may report a child that no ray hits,
+// but they never miss a child that a ray hits.
 
 // Returns the reciprocal of a component. Replaces a component that is nearly zero by a small number.
 varying safe_reciprocal(varying d) {
@@ -24,8 +24,8 @@ typedef struct {
     float entry; // the t at which the first of the rays enters it
 } Waiting;
 
-// Puts a child onto the stack. The children of the same node that are already on the stack are above the height
-// `below`; those that the rays enter earlier stay above the new child. Returns the new height of the stack.
+// Puts a child onto the stack. The node's children that are already on the stack lie above the height `below`. Children
+// that the rays enter earlier than the new child stay above it. Returns the new height of the stack.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
     // Insertion sort: children that are entered earlier move up, so that the nearest is on top.
@@ -36,8 +36,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray tests all children at the same time, one lane per child. A node is loaded completely before its first use, in
-// as few loads as the device allows.
+// One ray is tested against all children at the same time, one lane per child. A node is loaded completely before its
+// first use, in as few loads as the device allows.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2
@@ -59,19 +59,19 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Puts the children of a node that the ray enters before `reach` onto the stack, nearest last. Returns the new height
-// of the stack.
+// Pushes a node's children onto the stack if the ray enters them before `reach`. The nearest child is on top. Returns
+// the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
     for (int first = 0; first < NODE_WIDTH; first += CHILD_LANES) {
         const __global float *box = node + first;
-        // The slab test (Kay and Kajiya 1986), one lane per child: t at both sides of each axis.
+        // The slab test (Kay and Kajiya 1986), one lane per child: along each axis, t at both sides of the box.
         const BoxLanes x0 = pass_sides(box, o.x, per.x), x1 = pass_sides(box + NODE_WIDTH, o.x, per.x);
         const BoxLanes y0 = pass_sides(box + 2 * NODE_WIDTH, o.y, per.y), y1 = pass_sides(box + 3 * NODE_WIDTH, o.y, per.y);
         const BoxLanes z0 = pass_sides(box + 4 * NODE_WIDTH, o.z, per.z), z1 = pass_sides(box + 5 * NODE_WIDTH, o.z, per.z);
         EachBox entry, leave, word;
-        // A ray is in the box after the last entry and before the first exit.
+        // A ray is in the box after it has entered all three slabs and before it leaves the first of them.
         entry.all = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), (BoxLanes)(0.0f)));
         leave.all = min(min(min(max(x0, x1), max(y0, y1)), max(z0, z1)) * OUTWARDS, (BoxLanes)(reach));
         word.all = *(const __global BoxLanes *)(box + CHILD_ROW);
@@ -83,10 +83,11 @@ int push_met_children(const BoxProbe *probe, const __global float *node, float r
     return waiting;
 }
 #else
-// Returns the lanes whose ray hits a child's box nearer than `reach`. `entry` receives the t at which each ray enters.
+// Returns the lanes whose ray enters a child's box before `reach`. `entry` receives the t at which each ray enters the
+// box.
 Mask enter_box(const BoxProbe *probe, const __global float *box, varying reach, varying *entry) {
     const Vec3 o = probe->origin, per = probe->per_direction;
-    // The slab test (Kay and Kajiya 1986), one lane per ray: t at both sides of each axis.
+    // The slab test (Kay and Kajiya 1986), one lane per ray: along each axis, t at both sides of the box.
     const varying x0 = (box[0] - o.x) * per.x, x1 = (box[NODE_WIDTH] - o.x) * per.x;
     const varying y0 = (box[2 * NODE_WIDTH] - o.y) * per.y, y1 = (box[3 * NODE_WIDTH] - o.y) * per.y;
     const varying z0 = (box[4 * NODE_WIDTH] - o.z) * per.z, z1 = (box[5 * NODE_WIDTH] - o.z) * per.z;
@@ -106,8 +107,8 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes onto the stack those children of a node that any ray enters before its `reach`, the nearest last. Returns the
-// new height of the stack.
+// Pushes a node's children onto the stack if at least one ray enters them before that ray's `reach`. The nearest child
+// is on top. Returns the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

@@ -14,7 +14,8 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image took part so far, since all must reach the barriers. From here on, they count as misses.
+    // Lanes outside the image take part up to here, because all work-items must reach the barriers. From here on, lanes
+    // outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
@@ -51,7 +52,7 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
     Nearest nearest;
     closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
-    // Repeated lanes after the last ray are not stored.
+    // The results of lanes that repeat the last ray are not stored.
     triangle.all = nearest.triangle;
     for (int lane = 0; lane < WIDTH; lane++)
         if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];

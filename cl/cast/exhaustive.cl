@@ -1,13 +1,13 @@
-// Every ray tests every triangle. This file is included twice: with ANY_HIT 1 it defines any_hit, with ANY_HIT 0
-// closest_hit.
+// Every ray tests every triangle. This file is included twice: it defines any_hit if ANY_HIT is 1, and closest_hit if
+// ANY_HIT is 0.
 //
 // All work-items test the same triangle at the same time, so that one load serves all of them. A ray is read from the
 // working vectors at each test, as in the paper's kernel; the strategy chooses the memory of these vectors. A shadow
 // ray runs from the hit P to the light; with planes prepared for an origin, it runs from the light to P.
 //
-// If triangles are streamed through __local memory, the loop over them is unrolled by 8. This is 7% faster on a GPU
-// than unrolling by 4, which its compiler chooses. With planes prepared for an origin, the loop is unrolled by 4,
-// which is 5% faster than 8, 2 and the compiler's choice.
+// If triangles are streamed through __local memory, the loop over them is unrolled by 8. Unrolling by 8 is 7% faster on
+// a GPU than unrolling by 4, which the GPU's compiler chooses. With planes prepared for an origin, the loop is unrolled
+// by 4. This is 5% faster than unrolling by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
@@ -18,7 +18,7 @@ Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_m
     Mask open = wanted;
 #else
 // Finds the nearest hit at t > t_min for the rays in the working vectors. Lanes that are not `wanted` begin with a
-// nearest hit at t = 0, so that they accept none.
+// nearest hit at t = 0, so that they never accept another hit.
 void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wanted, Nearest *nearest) {
     Probe probe = prepare_probe(t_min, working_get(working, RAY_DIRECTION));
     const int origin = 0;
@@ -65,11 +65,13 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if CUTOUTS
             hit.lanes = SOLID(&scene->textures, first + k, hit);
 #endif
-            // A lane's ray may pass the edge tests, but hit the plane behind its nearest hit or before t_min.
+            // A ray that passes the edge tests still misses if it meets the plane before t_min, or behind its nearest
+            // hit so far.
             if (!ANY(hit.lanes)) continue;
             nearest->t = SELECT(hit.lanes, hit.t, nearest->t);
             nearest->triangle = SELECT(hit.lanes, (varying_int)(first + k), nearest->triangle);
-            // With shading = eager, shading happens here, at every improvement; with deferred, this does nothing.
+            // With eager shading, this call shades every hit that is nearer than the hits before it. With deferred
+            // shading, the call does nothing.
             on_nearer_hit(working, scene, first + k, &hit, hit.lanes);
 #endif
         }

@@ -76,7 +76,7 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // Two loads in sequence: the index, then the position, which other triangles share.
+    // Two loads, one after the other: the index, then the position. Other triangles may have the same position.
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
     Corners corners;
     corners.a = LOAD3(geometry->positions + 3 * index[0]);
@@ -89,7 +89,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const Index *index = geometry->normal_indices + 3 * triangle;
     MATERIAL_SPACE const float *material = geometry->materials + MATERIAL_FLOATS * geometry->material_indices[triangle];
-    // Columns in the order of surface_of: normals 0 to 8, the material from 9 on.
+    // The columns have the order that surface_of expects: normals in columns 0 to 8, the material from column 9 on.
     for (int corner = 0; corner < 3; corner++)
         for (int i = 0; i < 3; i++) column[3 * corner + i].each[lane] = geometry->normals[3 * index[corner] + i];
     for (int i = 0; i < MATERIAL_FLOATS; i++) column[9 + i].each[lane] = material[i];

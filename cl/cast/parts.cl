@@ -1,6 +1,6 @@
-// The parts of kernels that cast rays: common files, one file per axis, and the macros that bind both to arguments.
-// In an include, the name of an axis in {braces} is replaced by the strategy's value on that axis, which is the name
-// of a file. An include under `#if NAME` is only followed if the host defines NAME as 1.
+// The parts of kernels that cast rays: common files, one file per axis, and the macros that assign the kernels'
+// arguments to structures. In an include, the name of an axis in {braces} is replaced by the strategy's value on that
+// axis, which is the name of a file. An include under `#if NAME` is only followed if the host defines NAME as 1.
 
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
@@ -144,14 +144,14 @@
 #define search_ray camera_ray
 #endif
 
-// Returns the same pixels, of which only those that get another sample count as inside the image.
+// Returns the same pixels, but only the pixels that get another sample count as inside the image.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;
     x.all = pixels.x;
     y.all = pixels.y;
     inside.all = pixels.inside;
-    // A pixel with enough samples is treated like one outside the image.
+    // A pixel with enough samples is treated like a pixel outside the image.
     for (int lane = 0; lane < WIDTH; lane++)
         if (inside.each[lane] && !is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) inside.each[lane] = 0;
     pixels.inside = inside.all;
@@ -162,12 +162,12 @@ Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted
 #define CAST_PIXELS own_pixels(image_size)
 #endif
 
-// Stores rays in the working vectors. Returns the distance up to which their hits are ignored.
+// Stores rays in the working vectors. Returns the distance up to which the rays' hits are ignored.
 varying begin_rays(Working *working, Ray ray) {
     const varying zero = (varying)(0.0f);
     working_set(working, RAY_ORIGIN, ray.origin);
     working_set(working, RAY_DIRECTION, ray.direction);
-    // All lanes read these two vectors later, also those that hit nothing, so they need a first value.
+    // Later, all lanes read these two vectors, even lanes that hit nothing. The vectors therefore need a first value.
     working_set(working, WEIGHTS, vec3(zero, zero, zero));
     working_set(working, RADIANCE, vec3(zero, zero, zero));
     return ray.t_min;

@@ -10,7 +10,7 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // A shadow ray is tested in reverse, from the light: its front faces are those that face away from the light.
+    // A shadow ray is tested in reverse, from the light, so the sides that face away from the light are front faces.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     // Only rays from the eye form a grid of pixels.

@@ -1,7 +1,8 @@
 // Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
-// Sums the light at the hits of `active` lanes, at distance t and with the weights in the working vectors, into the
-// working vector RADIANCE of these lanes. With w_i the direction to a light and w_o the direction to the eye:
+// Adds up the light at the hits of `active` lanes. The hits are at distance t, with the weights in the working vectors.
+// The sum goes to the working vector RADIANCE of these lanes. Let w_i be the direction to a light, and w_o the
+// direction to the eye:
 //
 //     P = origin + t w     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
@@ -13,7 +14,7 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
     working_set(working, NORMAL,
                 normalize_or_zero(along(along(scale(surface->n0, weights.x), weights.y, surface->n1), weights.z,
                                         surface->n2)));
-    // With shading = eager, a lane may contain the radiance of a more distant hit, so its sum starts again.
+    // With shading = eager, a lane may contain the radiance of a more distant hit, so its sum starts again from 0.
     const varying zero = (varying)(0.0f);
     working_set(working, RADIANCE, select3(active, vec3(zero, zero, zero), working_get(working, RADIANCE)));
 
@@ -31,13 +32,14 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
         working_set(working, TO_LIGHT, scale(offset, 1.0f / distance));
         const varying cosine = dot3(working_get(working, TO_LIGHT), working_get(working, NORMAL));
         // A light behind the surface, or closer to it than the bias, contributes nothing and needs no shadow ray. But
-        // if tiles are streamed through __local memory, the work-item continues, since all must reach the barriers.
+        // if tiles are streamed through __local memory, the work-item continues, since all work-items must reach the
+        // barriers.
         Mask lit = active & (cosine > 0.0f) & (distance > scene->bias);
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray ends at the distance `bias` before the light. The light is origin 1 + light, since the eye
-        // is origin 0.
+        // The shadow ray ends at the distance `bias` before the light. The number of the light's origin is 1 + light,
+        // since the eye is origin 0.
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
@@ -48,8 +50,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #endif
             lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
 #endif
-        // This line is inside the loop, although its value never changes. If it is before the loop, one compiler moves
-        // it behind any_hit's barriers, and reads another work-item's register.
+        // This line is inside the loop, although it always sets the same value. If the line is before the loop, one
+        // compiler moves it behind any_hit's barriers, and reads another work-item's register.
         working_set(working, TO_EYE, negate(working_get(working, RAY_DIRECTION)));
         const varying spread = 1.0f / (4.0f * M_PI_F * squared);
         working_set(working, INCOMING, scale(splat(LOAD3(at + 3)), spread));

@@ -1,6 +1,7 @@
 // Converts masks to the bits of a word: lane i is bit i.
 
-// A mask has -1 in the lanes that are set. Each lane is masked to its own power of two, and all lanes are joined by or:
+// A mask has -1 in the lanes that are set. Lane i is replaced by 2^i if it is set, and by 0 otherwise. Then all lanes
+// are combined by a bitwise or:
 //     mask    -1  0  0 -1  0 -1 ...
 //     and      1  2  4  8 16 32 ...
 //     gives    1  0  0  8  0 32 ...  ->  or: 41 = 0b101001

@@ -14,7 +14,7 @@ typedef struct {
 #endif
 } Pixels;
 
-// The coordinates through which rays pass: the centres of pixels, or their samples' places in them.
+// The coordinates through which rays pass: the centres of pixels, or the positions of samples in the pixels.
 #ifdef SUBPIXELS
 #define RAY_X(pixels) (TO_FLOAT((pixels).x) + (pixels).sample_x)
 #define RAY_Y(pixels) (TO_FLOAT((pixels).y) + (pixels).sample_y)

@@ -5,16 +5,16 @@
 #error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// In a texture's head, the word with the wrap modes (textures.cl) also holds, from bit 16 on, the least alpha of a
-// point on the surface:
+// In a texture's head, the word with the wrap modes (textures.cl) also holds the least alpha, from bit 16 on. Points of
+// the texture with less alpha are holes:
 //
 //     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v | wrap u
 //
-// It counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 means an alpha of 1.
+// The least alpha counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 means an alpha of 1.
 //
-// Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions,
-// so that distant leaves would grow or vanish.
+// Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions, so
+// that the foliage of distant plants would grow or vanish.
 
 // Returns whether a point of a triangle, with these weights, is on its surface and not in a hole.
 int is_solid(const Textures *textures, int triangle, float w1, float w2) {

@@ -1,7 +1,7 @@
 // A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
-// Where other skies store the radiance of zenith and horizon, such a sky stores the position and size of its picture,
-// and the direction of the picture's middle. Its texels follow the lights' radii:
+// Other skies store the radiance of zenith and horizon. In the same floats, a sky that is a picture stores the position
+// and size of the picture, and the direction of its middle. The picture's texels follow the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -46,7 +46,7 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     return along(scale(above, 1.0f - to_bottom), to_bottom, underneath);
 }
 
-// Returns a vector after the shortest rotation that turns the axis (0.36, 0.48, 0.8) to the normal. The third
+// Returns a vector rotated by the shortest rotation that turns the axis (0.36, 0.48, 0.8) to the normal. The third
 // component of `vector` is along this axis. For a normal opposite to the axis, the shortest rotation is undefined. Few
 // surfaces have that normal, because the axis is not parallel to any usual direction.
 Vec3 turned_to(Vec3 normal, Vec3 vector) {
@@ -68,7 +68,7 @@ Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, co
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));
-    // The light arrives from the direction that mirrors the direction to the eye at the half vector.
+    // The light arrives from the mirrored direction: the direction to the eye, mirrored at the half vector.
     const varying to_half = dot3(to_eye, half_way);
     const Vec3 way = along(negate(to_eye), 2.0f * to_half, half_way);
     const varying cosines = max(to_half, (varying)(0.0f)) * max(dot3(way, normal), (varying)(0.0f));

@@ -1,4 +1,5 @@
-// This file is included before tests that rely on exact signs. It forbids to contract any later expression to fma.
+// This file is included before tests that rely on exact signs. The pragma in the file forbids the compiler to contract
+// any later expression to fma.
 
 #ifndef FAST_MATH
 #error "FAST_MATH: 0 or 1: whether math = fast"

@@ -1,5 +1,5 @@
 // Soft light at half resolution. One picture of half the width and height has the light that arrives, with few samples
-// per pixel. Another one has the unoccluded light, which would arrive if nothing were in between. Their ratio is
+// per pixel. A second half picture has the unoccluded light, which would arrive if nothing blocked it. Their ratio is
 // filtered. The unoccluded light of the whole picture, which has no noise, is then multiplied by this ratio (Heitz,
 // Hill and McGuire, "Combining Analytic Direct Illumination and Stochastic Shadows", I3D 2018).
 // src/reference/half_light.rs does the same in f64.
@@ -15,8 +15,8 @@
 
 // In both kernels, a work-item processes WIDTH pixels of a row.
 
-// Returns the weight of one pixel for another: largest if their unoccluded light is equal, 0 if it differs much. Pixels
-// on different surfaces, or on different sides of an edge, mostly differ.
+// Returns the weight of one pixel for another: largest if the unoccluded light of both is equal, 0 if their unoccluded
+// light differs much. Pixels on different surfaces, or on different sides of an edge, mostly differ.
 INLINED_ROWS varying likeness(Vec3 a, Vec3 b) {
     const Vec3 apart = subtract(a, b), both = add(a, b);
     const varying near = max(dot3(both, both) - (float)HALF_LIGHT_SHARPNESS * dot3(apart, apart), (varying)(0.0f));
@@ -45,7 +45,8 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
     Vec3 arrives = vec3(zero, zero, zero), all = vec3(zero, zero, zero);
     for (int down = -2; down <= 2; down++)
         for (int across = -2; across <= 2; across++) {
-            // Each neighbour counts by its share of the samples, and by how alike its unoccluded light is.
+            // A neighbour's weight is its share of the samples, times the likeness of its unoccluded light to the
+            // pixel's own.
             const PixelRow there = load_pixels(half_unoccluded, half_size, x + across, y + down);
             const Vec3 lit = load_pixels(half_lit, half_size, x + across, y + down).colour;
             const float share = (across == -2 || across == 2 ? 0.5f : 1.0f) * (down == -2 || down == 2 ? 0.5f : 1.0f);
@@ -54,15 +55,16 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
             arrives = along(arrives, weight, lit);
             all = along(all, weight, there.colour);
         }
-    // A channel without light has the ratio of all channels. If there is no light in any channel, the ratio is 1.
+    // A channel without light gets the ratio of all channels together. If there is no light in any channel, the ratio
+    // is 1.
     const varying mean = part_of(arrives.x + arrives.y + arrives.z, all.x + all.y + all.z, (varying)(1.0f));
     const Vec3 ratio =
         vec3(part_of(arrives.x, all.x, mean), part_of(arrives.y, all.y, mean), part_of(arrives.z, all.z, mean));
     store_pixels(ratios, half_size, x, y, ratio, own.hit);
 }
 
-// Returns a pixel of the half picture's row y for each pixel of the whole picture from column x on: the nearest pixel
-// to the left of that pixel's centre or, if `to_right` is 1, the nearest to its right.
+// Returns one pixel of the half picture's row y for each pixel of the whole picture from column x on. This pixel is the
+// nearest one to the left of the whole picture's pixel or, if `to_right` is 1, the nearest one to the right.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
@@ -87,11 +89,12 @@ __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     if (x >= image_size.x || y >= image_size.y) return;
     const PixelRow pixels = load_pixels(image, image_size, x, y);
     const Vec3 own = pixels.colour;
-    // The pixels' centres in the half picture, counted from the centre of its first pixel.
+    // The positions of the pixels' centres in the half picture, relative to the centre of the half picture's first
+    // pixel.
     const float per_x = (float)half_size.x / image_size.x, per_y = (float)half_size.y / image_size.y;
     const varying across = (TO_FLOAT(x + LANE_NUMBER) + 0.5f) * per_x - 0.5f, left = floor(across);
     const float down = (y + 0.5f) * per_y - 0.5f, top = floor(down);
-    // `least` keeps the sum of weights above 0 even if no pixel is alike.
+    // `least` keeps the sum of weights above 0 even if all four pixels have a likeness of 0.
     const varying square = dot3(own, own), least = 0.01f * square * square + 1e-37f, zero = (varying)(0.0f);
     Vec3 sum = vec3(zero, zero, zero);
     varying weights = zero;

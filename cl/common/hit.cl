@@ -8,15 +8,15 @@
 // The error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
 // The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of
-// their sizes. It is the sum of half a unit in the last place for each of these: the subtraction for each of the two
-// edges, the three operations for a component of their cross product, the three for the dot product, and the direction.
-// A triangle whose determinant is smaller than this counts as seen edge-on, and is not hit. A larger bound would miss
-// long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
+// their sizes. This error is the sum of half a unit in the last place for each of these: the subtraction for each of
+// the two edges, the three operations for a component of their cross product, the three operations for the dot product,
+// and the direction. A triangle whose determinant is smaller than this error counts as seen edge-on, and is not hit. A
+// larger bound would miss long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
-// The largest overlap of triangles whose edges share a plane. Only rays at vertices need it. A larger overlap would
-// darken pixels at an edge that shadow rays graze. Measurements: of 60,516 rays, none leaks. With half the overlap,
-// up to four leak in exhaustive casting. On terrain, all of 16 million pixels are correct. With twice the overlap, at
-// most one pixel is dark.
+// The largest overlap of triangles whose edges share a plane. Only rays at vertices need this overlap. A larger overlap
+// would darken pixels at an edge that shadow rays graze. Measurements: of 60,516 rays, none leaks. With half the
+// overlap, up to four rays leak in exhaustive casting. On terrain, all of 16 million pixels are correct. With twice the
+// overlap, at most one pixel is dark.
 #define SHARED_EDGE_SLACK (0.125f * ROUNDING)
 
 typedef struct {

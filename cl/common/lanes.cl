@@ -14,8 +14,8 @@
 #error "LANE_OPERATIONS: one of LANES_BY_*"
 #endif
 
-// Inlining keeps arguments that are passed by pointer in registers. With barriers, the compiler decides whether to
-// inline, since Oclgrind's compiler cannot.
+// If functions are inlined, their arguments stay in registers, even arguments that are passed by pointer. With
+// barriers, the compiler decides whether to inline, since Oclgrind's compiler cannot inline these functions.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else
@@ -81,7 +81,7 @@ INLINED uint lane_get(Group *group, uint value, int from) { return write_board(g
 
 // Returns a word in which bit i is set if `yes` is not 0 in lane i.
 INLINED uint lane_ballot(Group *group, int yes) {
-    // Each lane writes its own bit; each lane joins all 32 bits.
+    // Each lane writes its own bit, and then joins the bits of all 32 lanes.
     const __local uint *row = write_board(group, yes ? 1u << group->lane : 0u);
     uint bits = 0;
     EACH_LANE(lane) bits |= row[lane];
@@ -219,11 +219,12 @@ INLINED float lane_get_float(Group *group, float value, int from) {
 // Returns the smallest of non-negative numbers, whose bits are ordered like the numbers.
 INLINED float lane_least_positive(Group *group, float value) { return as_float(lane_least(group, as_uint(value))); }
 
-// Returns the smallest of arbitrary numbers. Their bits are converted to unsigned integers of the same order, and back.
+// Returns the smallest of arbitrary numbers. The bits of the numbers are converted to unsigned integers of the same
+// order, and back.
 INLINED float lane_min(Group *group, float value) {
     const uint bits = as_uint(value);
-    // As unsigned integers, positive floats have the right order and negative ones the reverse order. Positive ones
-    // get their sign bit set, and all bits of negative ones are inverted.
+    // As unsigned integers, positive floats have the right order and negative ones the reverse order. In positive
+    // floats, the sign bit is set; in negative floats, all bits are inverted.
     const uint least = lane_least(group, bits ^ ((uint)(as_int(value) >> 31) | 0x80000000u));
     return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
 }

@@ -1,5 +1,5 @@
-// Marks the blocks of pixels that get more samples: those where neighbouring pixels differ visibly after the first
-// samples, at an edge, at the border of a shadow, or where few samples leave grain. src/reference/rough.rs does the
+// Marks the blocks of pixels that get more samples. In such a block, neighbouring pixels differ visibly after the first
+// samples: at an edge, at the border of a shadow, or because few samples leave grain. src/reference/rough.rs does the
 // same in f64.
 
 #ifndef ROUGH_STEPS
@@ -14,9 +14,9 @@ float4 displayed(const __global float4 *image, int2 image_size, int x, int y, fl
     return (float4)(shown.xyz, 0.0f);
 }
 
-// Sets a block's number of samples: `most` if it is rough, otherwise `first`. Also adds a rough block to the list of
-// rough blocks. The pixels directly around the block are compared too, since the filter of a pixel's samples extends
-// to them.
+// Sets a block's number of samples to `most` if the block is rough, otherwise to `first`. Also adds a rough block to
+// the list of rough blocks. The pixels directly around the block are compared too, since the filter of a pixel's
+// samples extends to them.
 __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int across = sampled_blocks(image_size.x), block = get_global_id(0);
     if (block >= across * sampled_blocks(image_size.y)) return;

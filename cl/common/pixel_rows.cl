@@ -14,7 +14,7 @@ INLINED_ROWS PixelRow gather_pixels(const __global float4 *row, varying_int colu
     IntLanes at;
     at.all = columns;
     Lanes red, green, blue, hit;
-    // One load of 16 bytes per lane; its four channels go to four vectors.
+    // Each lane loads one pixel of 16 bytes. The pixel's four channels go to four vectors.
     for (int lane = 0; lane < WIDTH; lane++) {
         const float4 pixel = row[at.each[lane]];
         red.each[lane] = pixel.x, green.each[lane] = pixel.y, blue.each[lane] = pixel.z, hit.each[lane] = pixel.w;

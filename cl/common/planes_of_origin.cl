@@ -1,13 +1,13 @@
 // Edge planes of triangles for rays from one origin.
 
 // Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
-// origin. Swapping p and q only changes all signs.
+// origin. Swapping p and q changes the signs of all components, and nothing else.
 Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
     return uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
 }
 
-// Returns the largest power of two that is not greater than the argument. Scaling by it does not round, so that
-// neighbouring triangles keep equal planes for the edge that they share.
+// Returns the largest power of two that is not greater than the argument. Scaling by a power of two does not round, so
+// that neighbouring triangles keep equal planes for the edge that they share.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
 // Returns a row that no ray hits, since every ray is outside one of the first two edges.
@@ -20,10 +20,10 @@ Row row_of_nothing() {
     return row;
 }
 
-// Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is
-// never hit. `front` is the sign that the dot product of the normal and the corner A, relative to the origin, has for
-// a front face. Edges are computed from the stored corners: differences of corners relative to a distant origin would
-// have lost their last digits.
+// Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is never
+// hit. `front` has the sign that the dot product of the normal and the corner A (relative to the origin) has for a
+// front face. Edges are computed from the stored corners, because corners relative to a distant origin have lost their
+// last digits.
 //
 // The planes are divided by a bound of the rounding error of edges, so that the overlap of neighbouring triangles,
 // which allows for this error, becomes 1. The bound is rounded to a power of two, so that the division is exact.
@@ -33,8 +33,8 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     const Uniform3 c = uniform_difference(corners.c, origin);
     const Uniform3 e1 = uniform_difference(corners.b, corners.a), e2 = uniform_difference(corners.c, corners.a);
     const Uniform3 n = uniform_cross(e1, e2);
-    // Six times the volume of the tetrahedron that the origin and the triangle form. If it is near zero, the origin
-    // lies in the triangle's plane.
+    // Six times the volume of the tetrahedron that the origin and the triangle form. If this volume is near zero, the
+    // origin lies in the triangle's plane.
     const float height = uniform_dot(a, n);
     const float size1 = uniform_size(e1), size2 = uniform_size(e2), distance = uniform_size(a);
     int hit = fabs(height) > EDGE_ON_ROUNDING * distance * size1 * size2;
@@ -44,7 +44,7 @@ Row planes_of(Corners corners, Uniform3 origin, float front) {
     if (!hit) return row_of_nothing();
 
     const float per_unit = 1.0f / power_of_two_below(SHARED_EDGE_SLACK * distance * max(size1, size2));
-    // All three planes are oriented so that inside is positive, on whichever side the origin is.
+    // All three planes are oriented so that inside is positive, whichever side of the triangle the origin is on.
     const float turn = height > 0.0f ? per_unit : -per_unit;
     // 1 / t = d . n / height is linear in the direction, like the edge functions.
     const Uniform3 per_t = uniform_scale(n, 1.0f / height);

@@ -1,15 +1,15 @@
 // The reflectance of a surface: which part of a light's radiance it reflects towards the eye. From Hughes et al.,
 // Computer Graphics, 3rd ed., chapter 15. src/reference/ does the same in f64.
 
-// Returns base to the power of exponent, both not negative, as x^y = 2^(y log2 x). The logarithm of zero is infinite, so
-// that a base of zero is a special case: 0^0 is 1, other powers of 0 are 0. The built-in pow handles more cases, and is
-// less precise.
+// Returns base to the power of exponent, both not negative, as x^y = 2^(y log2 x). The logarithm of zero is infinite,
+// so that a base of zero is a special case: 0^0 is 1, other powers of 0 are 0. The built-in pow handles more cases, and
+// is less precise.
 varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);
 }
 
-// Returns f(w_i, w_o, n): k_L / pi, and with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
+// Returns f(w_i, w_o, n): without a highlight k_L / pi, with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
 Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
     // A highlight costs a square root, a logarithm and an exponential; it is skipped if no lane has one.

@@ -4,8 +4,9 @@ typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// The floats that a ray-triangle test reads per triangle: computed from its corners, or planes prepared for a common
-// origin. The test's file defines their number; in memory a row consists of ROW_UNITS values of type ROW_UNIT.
+// The floats that a ray-triangle test reads per triangle. They are computed from the triangle's corners, or they are
+// planes prepared for a common origin. The test's file defines the number of floats; in memory, a row consists of
+// ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
 #endif

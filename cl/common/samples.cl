@@ -1,6 +1,7 @@
-// Several samples of each pixel. The image holds the mean of the samples cast so far, to which every frame adds more.
-// `wanted` holds the number of samples of each block of pixels; mark_rough changes it after the first few samples. A
-// pixel with enough samples is treated like a pixel outside the image: its ray is not cast, and nothing is stored.
+// Several samples of each pixel. The image holds the mean of the samples cast so far, and every frame adds further
+// samples. `wanted` holds the number of samples of each block of pixels; mark_rough changes it after the first few
+// samples. A pixel with enough samples is treated like a pixel outside the image: its ray is not cast, and nothing is
+// stored.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"

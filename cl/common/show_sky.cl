@@ -24,7 +24,8 @@ __kernel void show_sky(SHOW_SKY_PARAMETERS) {
         const float4 shown = (float4)(red.each[lane], green.each[lane], blue.each[lane], 0.0f);
 #if SAMPLED
         if (!is_wanted(wanted, earlier, image_size, x.each[lane], y.each[lane])) continue;
-        // The product is rounded, since the mean of zeros and ones times their number is only nearly a whole number.
+        // The mean of zeros and ones, multiplied by their number, is only nearly a whole number, so the product is
+        // rounded.
         const float count = (float)(earlier + 1);
         const uint hits = convert_uint_rte(image[at].w * count);
         if (hits == (earlier ? hits_before[at] : 0)) image[at] += shown / count;

@@ -1,8 +1,8 @@
 // Chooses the points of lights with a radius, and the direction of the sky, to which a pixel's sample casts rays. The
-// choices follow Sobol's sequence in two dimensions, numbered along a Z-order curve through the pixels, so that the
-// samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise Diffusion
-// of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling makes the
-// sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
+// choices follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels,
+// so that the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space
+// Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's
+// scrambling makes the sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
@@ -19,7 +19,7 @@ typedef PASTE(uint, WIDTH) varying_uint;
 typedef struct {
     // The sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light.
     const __global float *numbers;
-    // The number of the first sample of each pixel that this frame casts, and the number of samples (0: see below).
+    // The number of the first sample that this frame casts for each pixel, and the number of samples (0: see below).
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -73,8 +73,8 @@ varying_uint spread_bits(varying_uint bits) {
     return (bits | bits << 1) & 0x55555555u;
 }
 
-// Returns the second coordinate of a point of Sobol's sequence, with its bits reversed. If the bits of the point's
-// number are the coefficients of a polynomial p(x) modulo 2, those of the result are the coefficients of p(x + 1).
+// Returns the second coordinate of a point of Sobol's sequence, as bits in reverse order. If the bits of the point's
+// number are the coefficients of a polynomial p(x) modulo 2, the bits of the result are the coefficients of p(x + 1).
 varying_uint second_of_sobol(varying_uint bits) {
     bits ^= bits >> 16;
     bits ^= bits >> 8 & 0x00ff00ffu;
@@ -89,8 +89,9 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 // Returns the seed of a hash. Each light or sky uses several hashes; `which` is the number of the hash.
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
-// Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; the indices after the
-// last light's belong to the sky. The first two numbers, as a point of the unit square, are also evenly distributed.
+// Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; indices greater than
+// that of the last light belong to the sky. The first two numbers form a point of the unit square, and these points are
+// also evenly distributed.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
@@ -116,7 +117,7 @@ float radius_of(const Soft *soft, int light) {
 // ball then looks like an evenly bright disc from every side.
 Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
     const Vec3 u = numbers_of(soft, light, x, y);
-    // Three of the four coordinates of a point on that sphere.
+    // Three of the four coordinates of a point on the sphere in four dimensions.
     const varying ring = sqrt(1.0f - u.x);
     return scale(vec3(ring * sinpi(2.0f * u.y), ring * cospi(2.0f * u.y), sqrt(u.x) * sinpi(2.0f * u.z)),
                  (varying)(radius_of(soft, light)));
@@ -125,7 +126,7 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 #if SKY
 // Returns a unit vector around a normal, with a probability proportional to the cosine of the angle between them. The
 // vector points to a uniformly distributed point of the unit sphere that touches the surface. This method needs no axes
-// perpendicular to the normal, which could not be continuous everywhere.
+// perpendicular to the normal. No choice of such axes changes continuously with the normal everywhere.
 Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -139,7 +140,7 @@ float reach_of_sky(const Soft *soft) { return soft->numbers[9]; }
 #if ENVIRONMENT
 #include "common/environment.cl"
 #else
-// Returns the sky's radiance in a direction. Below the horizon, it is the radiance of the horizon.
+// Returns the sky's radiance in a direction. Below the horizon, the sky has the radiance of the horizon.
 Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     const Vec3 horizon = splat(LOAD3(soft->numbers + 3));
     const varying height = max(dot3(way, splat(LOAD3(soft->numbers + 6))), (varying)(0.0f));
@@ -147,9 +148,9 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 }
 #endif
 
-// Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of these directions is
-// 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and up. The parabola in cos a that is
-// used here differs from it by at most 0.006.
+// Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of directions around
+// the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and up. The code uses a
+// parabola in cos a, which differs from the exact mean height by at most 0.006.
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);
@@ -162,9 +163,9 @@ Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 }
 #endif
 
-// Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any origins
-// and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test allows for the
-// rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
+// Returns the lanes in which a triangle stops a ray before t_max: Moeller and Trumbore's test, for rays with any
+// origins and unit directions. The triangle is given by a corner, the edges from it, and their 1-norms. The test allows
+// for the rounding error of the weights, as in cast/intersect/moller_trumbore.cl.
 Mask stops(const Vec3 *corner, const Vec3 *e1, const Vec3 *e2, varying size1, varying size2, const Vec3 *from,
            const Vec3 *way, varying t_max) {
     const Vec3 q = cross3(*way, *e2), s = subtract(*from, *corner), r = cross3(s, *e1);

@@ -14,7 +14,7 @@
 #if WIDTH == 16
 // Returns four neighbouring pixels in the image's format.
 float16 interleave(float4 red, float4 green, float4 blue, float4 hit) {
-    // The four channels are separate; the image holds r g b hit, r g b hit, ...
+    // Each argument has one channel of four pixels; the image holds r g b hit, r g b hit, ...
     const float8 rb = (float8)(red.x, blue.x, red.y, blue.y, red.z, blue.z, red.w, blue.w);
     const float8 gh = (float8)(green.x, hit.x, green.y, hit.y, green.z, hit.z, green.w, hit.w);
     return (float16)(rb.s0, gh.s0, rb.s1, gh.s1, rb.s2, gh.s2, rb.s3, gh.s3, rb.s4, gh.s4, rb.s5, gh.s5, rb.s6, gh.s6,

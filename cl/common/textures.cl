@@ -32,8 +32,8 @@
 //
 //     | u v of corner a, u v of corner b | u v of corner c, texture's number or -1, mask's number + 1 or 0 |
 //
-// With mip levels, a third float4 holds the triangle's unit normal, times the side of a texel on the triangle in the
-// scene's units.
+// With mip levels, a third float4 holds the triangle's unit normal, multiplied by the side of a texel on the triangle
+// (in the scene's units).
 #define MAPPED_QUADS (2 + MIPS)
 
 typedef struct {
@@ -90,7 +90,7 @@ typedef struct {
     float ka, kb, kd, ke;
 } Texels;
 
-// Returns the texels of a level around a point of a triangle, which is given by its weights. `ab` and `c` are the
+// Returns the texels of a level around a point of a triangle; w1 and w2 are the point's weights. `ab` and `c` are the
 // triangle's row, `wrap` is the last word of the texture's head.
 Texels texels_at(Level level, uint wrap, float4 ab, float4 c, float w1, float w2) {
     const int width = level.width, height = level.height;
@@ -122,7 +122,7 @@ Uniform3 mixed_colour(const __global uint *words, Texels at) {
 }
 
 #if MIPS
-// Returns the next mip level: it is half as large, rounded down, and follows this one.
+// Returns the next mip level: it is half as large, rounded down, and its texels follow those of `level`.
 Level next_level(Level level) {
     level.first += (uint)(level.width * level.height);
     level.width = max(level.width / 2, 1), level.height = max(level.height / 2, 1);
@@ -145,7 +145,7 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, var
     }
     const float4 cone = textures->cone;
     const varying width = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
-    // On a surface that is seen at an angle, the cone is longer than it is wide: by 1 / cosine.
+    // On a surface that is seen at an angle, the cone covers an ellipse, which is longer than wide: by 1 / cosine.
     const varying across = fabs(dot3(vec3(x.all, y.all, z.all), way));
     return log2(width / across);
 }
@@ -180,8 +180,8 @@ Uniform3 texture_colour(const Textures *textures, int triangle, float w1, float 
 #endif
 }
 
-// Returns a surface whose colour is multiplied by the texture of each lane's triangle, which a ray from the eye meets at
-// distance t. Lanes whose triangle is NO_HIT keep their colour.
+// Returns a surface whose colour is multiplied by the texture of each lane's triangle, which a ray from the eye meets
+// at distance t. Lanes whose triangle is NO_HIT keep their colour.
 Surface textured(Surface surface, const Textures *textures, varying_int triangle, varying w1, varying w2, Vec3 way, varying t) {
     IntLanes id;
     Lanes second, third, level, red, green, blue;

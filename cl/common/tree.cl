@@ -28,8 +28,8 @@
 #define IS_LEAF(word) ((int)(word) < 0)
 #define LEAF_FIRST(word) ((word) & ((1 << LEAF_COUNT_SHIFT) - 1))
 #define LEAF_COUNT(word) (((word) >> LEAF_COUNT_SHIFT) & LEAF_MOST)
-// The factor by which the t of a box's far side is increased, by more than its rounding error (Ize, "Robust BVH Ray
-// Traversal", JCGT 2(2), 2013).
+// The t of a box's far side is multiplied by this factor, which adds more than the rounding error of t (Ize, "Robust
+// BVH Ray Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
 #define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
 

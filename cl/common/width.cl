@@ -38,7 +38,7 @@ typedef int16 varying_int;
 
 typedef varying_int Mask;
 
-// The block of pixels that the lanes of a work-item cover, and their positions in it.
+// The height of the block of pixels that the lanes of a work-item cover, and the lanes' positions in this block.
 #define BLOCK_Y (WIDTH / BLOCK_X)
 #define LANE_X (LANE_NUMBER % BLOCK_X)
 #define LANE_Y (LANE_NUMBER / BLOCK_X)
@@ -90,8 +90,8 @@ int and_of_16(int16 m) { return and_of_8(m.lo & m.hi); }
 #define ALL_NEGATIVE(bits) (PASTE(and_of_, WIDTH)(bits) < 0)
 #endif
 
-// sign_bit(a) returns the sign bits of a. flip_sign(a, sign) flips the sign of a in the lanes in which `sign` has its
-// sign bit set, which multiplies by a sign without a multiplication.
+// sign_bit(a) returns the sign bits of `a`. flip_sign(a, sign) flips the sign of `a` in the lanes in which `sign` has
+// its sign bit set. This has the effect of a multiplication by 1 or -1.
 #if WIDTH == 1
 #define AS_INT(a) as_int(a)
 #define AS_FLOAT(a) as_float(a)

@@ -1,5 +1,6 @@
-// The display transform, for devices with separate memory: three bytes per pixel are transferred to the host instead
-// of sixteen. It uses the tables of src/image/display.rs, so that every byte equals the host's.
+// The display transform, for devices with separate memory: three bytes per pixel are transferred to the host instead of
+// sixteen. The kernel uses the tables of src/image/display.rs, so that every byte equals the byte that the host would
+// compute.
 
 #ifndef SHOWN_VALUES
 #error "SHOWN_VALUES: how many values a shown channel has"
@@ -23,7 +24,7 @@
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];
-    // The table's bound is at most one or two steps too low.
+    // The table's bound is only a few steps too low.
     while (value + 1 < SHOWN_VALUES && smallest[value] <= radiance) value++;
     return (uchar)value;
 }
@@ -50,7 +51,7 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void show_pixels(
         own_hits += pixel.w > 0.0f;
         own_wrong += !(isfinite(pixel.x) && isfinite(pixel.y) && isfinite(pixel.z));
     }
-    // Four bytes at a time are written, which is the unit in which memory is written.
+    // Memory is written in units of four bytes, so four bytes are stored at a time.
     if (begin < count) {
         for (uint i = 0; i < ITEM_BYTES; i += 4) vstore4(vload4(0, bytes + i), 0, rows + 3 * (size_t)begin + i);
     }

@@ -1,4 +1,4 @@
-// Tests whether a device supports a set of lane operations. Computes results for each lane that the host knows. A wrong
+// Tests whether a device supports a set of lane operations. Each lane computes results that the host knows. A wrong
 // result means that the operation does not work on this device. Lane i of group g uses the number (7 i + g) mod 32,
 // which is different in every lane.
 
@@ -24,7 +24,7 @@ __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIB
     answer[3] = (uint)lane_rank(&group, own, 0x0f0f00ffu);
     answer[4] = as_uint(lane_min(&group, (float)own - 15.5f));
     answer[5] = as_uint(lane_max(&group, (float)own - 15.5f));
-    // Tests whether lane_sync makes a lane's store visible to the others.
+    // Tests whether lane_sync makes a lane's store visible to the other lanes.
     words[group.number][group.lane] = own;
     lane_sync(&group);
     answer[6] = words[group.number][31 - group.lane];

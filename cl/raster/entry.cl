@@ -1,6 +1,7 @@
-// The book's rasteriser, with one work-item per triangle. Unlike the book's version, it clips at the near plane and
-// interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion using 2D
-// Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may extend behind the eye.
+// The book's rasteriser, with one work-item per triangle. Unlike the book's version, this rasteriser clips at the near
+// plane and interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion
+// using 2D Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may extend behind the
+// eye.
 //
 // The first kernel finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive floats are
 // ordered like integers). The second kernel finds the triangle with this depth; if there are several, the first of
@@ -9,13 +10,13 @@
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
-// As in the watertight test, an edge function is the difference of two products, each rounded separately, and each
-// factor is a fixed function of corner and pixel. Its sign is therefore exactly opposite in the neighbouring
-// triangle, and all triangles at a vertex are consistent. A pixel on an edge belongs to both sides.
+// As in the watertight test, an edge function is the difference of two products, each rounded separately. Each factor
+// depends only on one corner and the pixel. The function's sign is therefore exactly opposite in the neighbouring
+// triangle, and all triangles at a vertex are consistent. A pixel on an edge belongs to both triangles.
 #pragma OPENCL FP_CONTRACT OFF
 
-// Returns a dot product that is not contracted. Functions defined before the pragma may be contracted, and differently
-// in each place.
+// Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
+// possibly in a different way at each call.
 float exact_dot(Uniform3 a, Uniform3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 // A linear function of the pixel: at(x, y) = c + x * dx + y * dy.
@@ -84,12 +85,13 @@ void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETER
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
     const float x = clamp(uniform_dot(q, sx) / uniform_dot(sx, sx), -1.0f, image_size.x + 1.0f);
     const float y = clamp(uniform_dot(q, sy) / uniform_dot(sy, sy), -1.0f, image_size.y + 1.0f);
-    // One more pixel on each side, since these coordinates are rounded; the edge functions decide exactly.
+    // The bounds include one more pixel on each side, since these coordinates are rounded; the edge functions decide
+    // exactly.
     coverage->low = min(coverage->low, (int2)((int)floor(x) - 1, (int)floor(y) - 1));
     coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
 }
 
-// Finds the pixels that the part of the triangle in front of the near plane may cover.
+// Finds the pixels that a triangle may cover with its part in front of the near plane.
 void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 n = uniform_cross(sx, sy);
@@ -124,7 +126,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),
                            uniform_difference(at.c, from)};
     const Uniform3 n = uniform_cross(uniform_difference(at.b, at.a), uniform_difference(at.c, at.a));
-    // The sign shows on which side of the triangle the eye is.
+    // The sign of this determinant shows on which side of the triangle the eye is.
     const float det = uniform_dot(p[0], n);
     Coverage coverage;
 #if CULL_BACK
@@ -166,7 +168,7 @@ __kernel void raster_depth(RASTER_DEPTH_PARAMETERS) {
     COVERAGE_OF_TRIANGLE
     FOR_COVERED_PIXELS(coverage) {
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // Triangles compete for the pixel. The smallest depth remains, in whatever order they come.
+        // Triangles compete for the pixel. The smallest depth remains, whatever the order of the triangles.
         if (bits != NO_HIT) atomic_min(depth + (size_t)y * image_size.x + x, bits);
     }
 }
@@ -177,8 +179,8 @@ __kernel void raster_nearest(RASTER_NEAREST_PARAMETERS) {
     FOR_COVERED_PIXELS(coverage) {
         const size_t pixel = (size_t)y * image_size.x + x;
         const int bits = depth_bits(&coverage, x, y, eye.w);
-        // The same arithmetic gives the same bits, so a triangle finds out whether the smallest depth is its own. Of
-        // several triangles with this depth, the first is stored.
+        // The same arithmetic gives the same bits as in raster_depth, so equal bits show that the smallest depth is
+        // this triangle's. Of several triangles with this depth, the first is stored.
         if (bits != NO_HIT && bits == depth[pixel]) atomic_min(nearest_triangle + pixel, triangle);
     }
 }

@@ -3,7 +3,7 @@
 #define BLOCKS_ACROSS (TILE_X / BLOCK_X)
 
 #if SAMPLED
-// Returns the index of each lane's sample among the samples of its pixel that the frame casts.
+// Returns the index of each lane's sample among the samples that the frame casts for the lane's pixel.
 varying_int sample_of_lane(int bits) {
     // The lowest bits of a lane's column and row in the vector are its column and row in the pixel.
     const int last = (1 << bits) - 1;
@@ -14,7 +14,7 @@ varying_int sample_of_lane(int bits) {
 // Returns the pixels of a vector of a tile: a block, or a part of a block if pixels have several rays.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
-    // The ray's place in the grid of all rays, divided by the number of sub-pixels across or down.
+    // The ray's position in the grid of all rays, divided by the number of sub-pixels across or down.
     pixels.x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X + LANE_X) >> SUBPIXEL_BITS;
     pixels.y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y + LANE_Y) >> SUBPIXEL_BITS;
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
@@ -100,7 +100,7 @@ uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, i
     return cast;
 }
 
-// Gives the other vectors an empty interval, which overlaps no box, and a reach of less than zero.
+// Gives every vector that is not in `cast` an empty interval, which overlaps no box, and a reach of less than zero.
 void leave_out_others(Slices *slices, uint cast) {
     for (int part = 0; part < PARTS; part++) {
         // Each lane takes the bit of its vector.

@@ -1,10 +1,10 @@
 // A tile of rays with a common origin (the eye, or a light) traverses the tree together. A work-item owns the tile,
 // as VECTORS vectors of WIDTH rays in private memory. A mask such as `live` has one bit for each vector.
 //
-// All children of a node are tested together against the interval of the tile's directions. Each child that is met is
-// then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes only if their
-// vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the rays of the
-// remaining vectors (intersect/).
+// All children of a node are tested together against the interval of the tile's directions. Each child that this
+// interval meets is then tested against the intervals of all vectors (slices.cl). Single rays are tested against boxes
+// only if their vector's interval is too wide to be useful (scattered.cl). A leaf's triangles are tested against the
+// rays of the remaining vectors (intersect/).
 
 #if SAMPLED // a pixel may have several rays, each through a different point of the pixel
 #define SUBPIXELS
@@ -81,10 +81,10 @@ typedef struct {
     const __global float4 *surfaces; // normals in leaf order: three float4 per triangle
 } SurfaceTree;
 
-// With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. For more than one, a
-// pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A tile always has 512 rays,
-// so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each other than rays of
-// neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
+// With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts
+// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A
+// tile always has 512 rays, so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each
+// other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3

@@ -4,7 +4,7 @@
 // no ray of the tile can hit the scene, computes no ray and returns 0.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
-    // First, only intervals of directions are tested, which costs far less than 512 rays.
+    // First, only intervals of directions are tested, which costs far less than testing 512 rays.
     bundle->longest = slice_camera(CAST_ARGUMENTS eye, corner, step_x, step_y, image_size, &slices);
 #if SAMPLED
     leave_out_others(&slices, samples->cast);
@@ -73,7 +73,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     frame_samples.x = sample_x;                  \
     frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
-// A tile is not cast either if all its pixels have enough samples.
+// A tile is also skipped if all its pixels have enough samples.
 #define LEAVE_ENOUGH(image_size)                                       \
     frame_samples.cast = vectors_to_cast(samples, wanted, image_size);     \
     if (!frame_samples.cast) return;
@@ -96,8 +96,8 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
         store_background(CAST_ARGUMENTS image, image_size, background);
 }
 
-// Returns the index at which the tile's part of `nearest` begins. It is ordered tile by tile and not by pixels, since
-// only the next pass reads it.
+// Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered tile by tile and not by pixels,
+// since only the next pass reads `nearest`.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
 // Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.

@@ -1,7 +1,8 @@
 // The leaves of a tile's traversal.
 
 #if CUTOUTS
-// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `place` is its index in leaf order.
+// Returns the lanes of `hits` that hit the surface of a triangle and not a hole. `place` is the triangle's index in
+// leaf order.
 Mask solid_in_tile(const Bundle *bundle, int vector, int place, Mask hits) {
     const Vec3 way = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
     return solid_on_rays(&bundle->tree->masks, leaf_triangle(bundle->tree, place), leaf_corners(bundle->tree, place),
@@ -28,7 +29,7 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
 // `any`, the vectors whose rays are all finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
-    // The last group of eight may be incomplete: bits beyond `count` belong to other leaves' triangles.
+    // A leaf's last eight triangles may be incomplete: bits beyond `count` belong to other leaves' triangles.
     uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
     uint changed = 0;
     for (; worth; worth &= worth - 1) {
@@ -53,7 +54,8 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;
-    // PREPARED triangles at a time; each is tested by all live vectors while its planes are in registers.
+    // The loop prepares PREPARED triangles at a time. Each triangle is tested against all live vectors while its planes
+    // are in registers.
     for (int first = LEAF_FIRST(word); first < end; first += PREPARED) {
         const uint now = test_prepared(bundle, tree, first, min(PREPARED, end - first), live, any);
         changed |= now;

@@ -56,7 +56,7 @@ Surface one_material(const __global float *material) {
     return surface;
 }
 
-// Gathers the materials of a vector's hits. Mostly, all hits have the same material.
+// Gathers the materials of a vector's hits. Usually, all hits have the same material.
 Surface gather_materials(const Lighting *lighting, varying numbers, Mask hits) {
     IntLanes at;
     at.all = AS_INT(numbers);
@@ -131,7 +131,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
-    // The shadow ray ends before t = 1, by the bias.
+    // The shadow ray ends at the distance `bias` before t = 1, which is the hit.
     bundle->inv_t[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
     bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
@@ -146,7 +146,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
 }
 
 // Computes a light's rays to the hits of the tile's vectors. The hits are computed for the first light, and stored for
-// the others. Returns the vectors with any rays.
+// the other lights. Returns the vectors with at least one ray.
 uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting,
                      int light, CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
@@ -159,7 +159,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
     bundle->longest = 0.0f;
     bundle->origin = LOAD3(lighting->lights + LIGHT_FLOATS * light);
     bundle->too_near = FAR;
-    // Vectors with a lane that faces the light.
+    // The vectors in which at least one hit faces the light.
     uint open = 0;
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
@@ -301,7 +301,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         hit |= ANY(bundle->place[vector] != NO_HIT) ? 1u << vector : 0;
     }
 #if SOFT
-    // Several kinds of light need the hits, so they are computed once, before all lights.
+    // Several kinds of light need the hits, so the hits are computed once, before all lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
         const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);

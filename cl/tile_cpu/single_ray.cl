@@ -6,8 +6,8 @@ typedef struct {
     float from[3], way[3]; // the origin and the unit direction
     float reach;           // triangles beyond this distance stop nothing
     // For the test against boxes: the origin and the direction's reciprocals, each in all lanes. Then, for each axis,
-    // the offsets in a node of the sides at which the ray enters and leaves. A ray towards smaller x enters at the high
-    // side.
+    // the offsets (in a node) of the sides at which the ray enters and leaves. A ray towards smaller x enters at the
+    // high side.
     Children origin[3], per_way[3];
     int near_row[3], far_row[3];
 } SingleRay;
@@ -56,8 +56,8 @@ uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
 }
 
 #if CUTOUTS
-// Returns the triangles, among the bits of `hits`, of which the ray hits the surface and not a hole. Bit 0 is the
-// triangle `first`.
+// Returns the bits of `hits` for the triangles that the ray hits at their surface and not at a hole. Bit 0 belongs to
+// the triangle `first`.
 uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits) {
     const Vec3 from = splat(LOAD3(ray->from)), way = splat(LOAD3(ray->way));
     uint solid = 0;

@@ -3,7 +3,7 @@
 #include "tile_cpu/single_ray.cl"
 
 #if ENVIRONMENT
-// Adds the light from the picture of the sky that shiny surfaces mirror at the hits of one vector.
+// Adds the light that shiny surfaces mirror from the picture of the sky, at the hits of one vector of rays.
 void add_mirrored_sky(const Lighting *lighting, const Shaded *shaded, const Pixels *pixels, Mask hits, Vec3 *sum) {
     const Vec3 mirrored = mirrored_sky(&lighting->soft, lighting->light_count + 1, pixels->x, pixels->y, &shaded->surface,
                                        shaded->normal, shaded->to_eye);
@@ -35,7 +35,7 @@ void add_sky(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, cons
         // Rays that point below the surface are not cast.
         Mask open = hits & (dot3(way, own->normal) > 0.0f);
         open &= !are_stopped_alone(&tree->tree, &from, &way, reach, open);
-        // The rays that are still open reach the sky.
+        // The rays that nothing has stopped reach the sky.
         const Vec3 received = multiply(own->surface.lambertian, radiance_of_sky(&lighting->soft, way));
         sum[vector] = select3(open, add(sum[vector], received), sum[vector]);
     }

@@ -1,14 +1,16 @@
-// Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors (Slices).
+// Bounds of a tile's rays: intervals of their directions, for the whole tile (a Cone) and for each of its vectors
+// (Slices).
 
-// The part by which an interval of reciprocals is extended; it is larger than their relative rounding error.
+// Each end of an interval of reciprocals is moved outwards by this part of its value, which is larger than the relative
+// rounding error of a reciprocal.
 #define RECIPROCAL_ROUNDING 3e-7f
-// Components of directions that are smaller than this count as zero.
+// A component of a direction counts as zero if it is smaller than this number.
 #define NO_DIRECTION 1e-20f
 // The smallest 1 / t, so that t is finite.
 #define LEAST_INV_T 1e-37f
 
-// The reciprocals of directions lie between low and high. If the sign of the directions changes, the axis is mixed,
-// and the reciprocals lie below low or above high.
+// The reciprocals of directions lie between low and high. If directions of both signs occur along an axis, the axis is
+// mixed, and the reciprocals lie below low or above high.
 typedef struct {
     float low[3], high[3];
     int mixed[3], negative[3];
@@ -55,7 +57,7 @@ typedef struct {
 // half-lines. An end at zero becomes infinity, represented by FAR.
 void invert_intervals(float16 *low, float16 *high) {
     const float16 least = *low, most = *high;
-    // The reciprocals of a mixed interval lie below 1 / least or above 1 / most.
+    // The reciprocals of an interval that contains zero (`mixed`) lie below 1 / least or above 1 / most.
     const int16 none = least > most, mixed = (least <= NO_DIRECTION) & (most >= -NO_DIRECTION);
     const float16 down = 1.0f / SELECT(mixed, least, most), up = 1.0f / SELECT(mixed, most, least);
     const float16 a = SELECT(mixed & (least >= -NO_DIRECTION), (float16)(-FAR), down - RECIPROCAL_ROUNDING * fabs(down));
@@ -86,7 +88,7 @@ Cone finish_slices(Slices *slices) {
         cone.low[axis] = low.s0;
         cone.high[axis] = high.s0;
     }
-    // Now the intervals of single vectors are converted.
+    // Now the intervals of the tile's vectors are converted, one vector of rays per lane.
     for (int axis = 0; axis < 3; axis++)
         for (int part = 0; part < PARTS; part++) invert_intervals(&slices->low[axis][part], &slices->high[axis][part]);
     return cone;
@@ -97,15 +99,16 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
     const float o[3] = {origin.x, origin.y, origin.z};
     Children entry = (Children)(0.0f), leave = (Children)(reach);
     for (int axis = 0; axis < 3; axis++) {
-        // Rays towards smaller x reach the box's high side first. The cone's sign decides this for the whole tile.
+        // Rays towards smaller x reach the box's high side first. The cone's sign decides for the whole tile which side
+        // is the near one.
         const int negative = cone->negative[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - o[axis];
         const Children far = LOAD_CHILDREN(node + (2 * axis + 1 - negative) * NODE_WIDTH) - o[axis];
         STORE_CHILDREN(near, boxes->near[axis]);
         STORE_CHILDREN(far, boxes->far[axis]);
         if (cone->mixed[axis]) {
-            // Along a mixed axis, rays run in both directions. It bounds the entry only if the origin does not lie
-            // between the box's two sides.
+            // Along a mixed axis, rays run in both directions. A mixed axis bounds the entry only if the origin does
+            // not lie between the box's two sides.
             entry = max(entry, max(near * cone->high[axis], far * cone->low[axis]));
         } else {
             // t = side * (1 / d) for the whole interval of 1 / d: the earliest entry, and the latest exit.
@@ -163,7 +166,7 @@ void update_reach(const Bundle *bundle, Slices *slices, uint changed) {
         const float reach = 1.0f / max(least_lane(bundle->inv_t[vector]), LEAST_INV_T);
         for (int part = 0; part < PARTS; part++)
             // The lane is selected by comparing indices, so that the slices stay in registers. Access by an address
-            // would move them to memory.
+            // would move the slices to memory.
             slices->reach[part] = LANES == (int16)(vector - 16 * part) ? (float16)(reach) : slices->reach[part];
     }
 }

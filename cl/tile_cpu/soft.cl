@@ -27,8 +27,8 @@ uint packet_meets(const PacketBounds *bounds, const __global float *node, float 
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The earliest entry is from the end of the origins' interval that is nearest to the box's near side, the
-        // latest exit from the other end.
+        // The ray that enters earliest begins at the end of the origins' interval that is nearest to the box's near
+        // side. The ray that leaves latest begins at the other end.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;
@@ -95,7 +95,7 @@ void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tre
         const varying distance = sqrt(squared);
         const Vec3 way = scale(offset, 1.0f / distance);
         const varying cosine = dot3(way, own->normal);
-        // No ray is needed to a light that is behind the surface or nearer than the bias.
+        // A light that is behind the surface, or nearer than the bias, needs no ray.
         Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
         if (!ANY(lit)) continue;
         const Vec3 from = along(own->point, (varying)(lighting->bias), way);

@@ -5,7 +5,7 @@
 #error "PADDING_ROWS: rows after a tree's last triangle, as many as are loaded at once"
 #endif
 
-// A vector for each of eight triangles.
+// Eight vectors x, y, z, one for each of eight triangles.
 typedef struct {
     float8 x, y, z;
 } Lanes3;

@@ -15,9 +15,9 @@ void fetch_child(const Tree *tree, uint word) {
     FETCH(at), FETCH(at + 16), FETCH(at + 32), FETCH(at + 48);
 }
 
-// Pushes onto the stack those children of a node that vectors of `live` meet, the nearest last. With `any`, the order
-// does not matter. Returns the new height of the stack. A child's place is the number of children that belong below it,
-// because they are entered later. An example with three children, entered at 5, 2 and 9:
+// Pushes a node's children onto the stack if a vector of `live` meets them, the nearest last. With `any`, the order
+// does not matter. Returns the new height of the stack. A child's position among the pushed children is the number of
+// children below it. Children that are entered later are below. An example with three children, entered at 5, 2 and 9:
 //
 //     5 has one child below it (9), 2 has two (9 and 5), 9 has none  ->  stack, from below: 9 5 2
 int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, const SurfaceTree *tree, uint word,
@@ -39,7 +39,7 @@ int push_children(const Bundle *bundle, const Slices *slices, const Cone *cone, 
     }
     for (uint left = kept; left; left &= left - 1) {
         const int child = LOWEST_BIT(left);
-        // Counting the children below this one sorts them without a loop over pairs.
+        // Counting the children below each child sorts the children without a loop over pairs.
         const uint before = kept & ((1u << child) - 1);
         const float entry = ((const float *)&boxes.entry)[child];
         const uint below =

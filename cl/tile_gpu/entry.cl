@@ -50,9 +50,9 @@
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
 // direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. This is their largest distance from it, as a multiple of the
-// distance between neighbouring rays. The value is the width of a tile in rays, because rays to one surface are not
-// farther apart than this.
+// A pass may be restricted to rays close to the leader. This is the rays' largest distance from the leader, as a
+// multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
+// surface are not farther apart than this.
 #define NEIGHBOURS ((float)TILE_X)
 // This lane, in the middle of the lanes' 8 x 4 pixels, provides the leader if it still has a ray to cast.
 #define MIDDLE_LANE 20
@@ -75,8 +75,8 @@ typedef struct {
     float per_begin, per_end;
 } Ways;
 
-// Returns the component of a ray's direction along the axis of a pass. If it is too small for the ray to join the pass
-// (ALONG_AXIS), returns 0.
+// Returns the component of a ray's direction along the axis of a pass. Returns 0 if this component is too small for the
+// ray to join the pass (see ALONG_AXIS).
 INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
     const float depth = shaft->sign * component(x, y, z, shaft->along);
     return depth > ALONG_AXIS * (fabs(x) + fabs(y) + fabs(z)) ? depth : 0.0f;
@@ -84,11 +84,11 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 #include "tile_gpu/intersect/{intersector}.cl"
 
-// Returns the distance, in slopes, between the leader's ray and the rays of neighbouring pixels. It is the larger of
-// two distances: to the nearer neighbour in the leader's row, and to the nearer neighbour in its column. Returns FAR if
-// there are no neighbours. `distance` is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the
-// index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index wraps around to a more distant
-// ray.
+// Returns the distance, in slopes, between the leader's ray and the rays of neighbouring pixels. The result is the
+// larger of two distances: to the nearer neighbour in the leader's row, and to the nearer neighbour in the leader's
+// column. Returns FAR if there are no neighbours. `distance` is this lane's distance from the leader's ray. In a block
+// of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index wraps
+// around to a more distant ray.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));
@@ -104,10 +104,11 @@ INLINED float spacing_at(Group *group, float distance, int leader) {
 // always joins, unless its direction is zero or not a number (NaN).
 INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Ways *ways, uint todo,
                         const int close, Shaft *shaft, Beam *beam) {
-    // All lanes must agree on one leader, preferably in the middle of the tile, where it represents most rays.
+    // All lanes must agree on one leader. The leader is in the middle of the tile if possible, because the middle is
+    // closest to the other rays.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // The bit of the leader's first ray. Other lanes use their ray with the same bit.
+    // The bit of the first ray in the leader's lane. Each other lane uses its own ray with the same bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);
@@ -115,8 +116,8 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     way.x = lane_get_float(group, way.x, leader);
     way.y = lane_get_float(group, way.y, leader);
     way.z = lane_get_float(group, way.z, leader);
-    // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are the other
-    // components, per unit of z.
+    // The axis of the largest component of the leader's direction becomes the pass's z. Slopes are the other two
+    // components of a direction, per unit of z.
     aim(group, tree, origin, way, shaft);
 
     const float per_leader = reciprocal(fabs(component(way.x, way.y, way.z, shaft->along)));

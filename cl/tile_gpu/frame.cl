@@ -7,8 +7,8 @@
 #endif
 #define TILES_DOWN (LOCAL_Y / TILES_ACROSS)
 
-// A frame may cast several samples of each pixel. Its rays then form a grid that is finer than the image: each pixel
-// has 2^bits columns and 2^bits rows of rays. For 2 bits, the samples of a pixel lie in the grid like this:
+// A frame may cast several samples of each pixel. The frame's rays then form a grid that is finer than the image: each
+// pixel has 2^bits columns and 2^bits rows of rays. For 2 bits, the samples of a pixel lie in the grid like this:
 //
 //      0  1  2  3
 //      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid,
@@ -34,7 +34,7 @@
 // Returns the first column and row of a group's tile in the grid of rays, if tiles cover the whole grid. `row` is the
 // row of work-groups that contains the tile.
 INLINED int2 tile_in_row(Group *group, int row) {
-    // The first tile of the work-group, plus the place of the group's tile within it.
+    // The first tile of the work-group, plus the position of the group's tile within the work-group.
     const int tile_x = (int)get_group_id(0) * TILES_ACROSS + group->number % TILES_ACROSS;
     const int tile_y = row * TILES_DOWN + group->number / TILES_ACROSS;
     return (int2)(tile_x * TILE_X, tile_y * TILE_Y);
@@ -98,7 +98,7 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
     BIND_MASKS(tree)        \
     PLANES_OF_TREE
 
-// A ray from the eye: its place in the grid, and whether it is cast.
+// A ray from the eye: its position in the grid, and whether it is cast.
 typedef struct {
     int x, y, inside;
 #if SAMPLED
@@ -106,8 +106,8 @@ typedef struct {
 #endif
 } EyeRay;
 
-// Returns the ray at a place in the grid. A pixel with enough samples is treated like a pixel outside the image. So is
-// a sub-pixel for which the frame has no sample.
+// Returns the ray at a position in the grid. A pixel with enough samples is treated like a pixel outside the image. A
+// sub-pixel for which the frame has no sample is treated in the same way.
 #if SAMPLED
 INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
     // The lowest bits of a column and a row in the grid are the column and the row in the pixel.
@@ -136,13 +136,14 @@ INLINED EyeRay ray_at(Group *group, int2 at, int2 grid) {
 #define RAY_AT_Y(ray) ((ray).y + 0.5f)
 #endif
 
-// Returns the place of a lane's ray in its tile, which consists of blocks of 8 x 4 rays.
+// Returns the position of a lane's ray in its tile, which consists of blocks of 8 x 4 rays.
 INLINED int2 place_in_tile(Group *group, int ray) {
     const int across = TILE_X / 8, lane = forgotten(group->lane);
     return (int2)(ray % across * 8 + lane % 8, ray / across * 4 + lane / 8);
 }
 
-// Returns the place of a lane's ray in the grid, if tiles cover the whole grid. `row` is the tile's row of work-groups.
+// Returns the position of a lane's ray in the grid, if tiles cover the whole grid. `row` is the tile's row of
+// work-groups.
 INLINED int2 place_in_row(Group *group, int row, int ray) { return tile_in_row(group, row) + place_in_tile(group, ray); }
 
 // Returns a lane's ray in the group's own tile.
@@ -172,7 +173,7 @@ INLINED uint rays_inside(Group *group, int2 grid) {
     return inside;
 }
 
-// Computes the tile's rays from the eye, which begin at the near plane and never end.
+// Computes the tile's rays from the eye. These rays begin at the near plane and never end.
 INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways) {
     EACH_RAY(ray) {
         const Vec3 way = way_of(corner, step_x, step_y, tile_ray(group, ray, grid));
@@ -184,13 +185,13 @@ INLINED void camera_ways(Group *group, CAMERA_PARAMETERS, int2 grid, Ways *ways)
 
 // The largest number of passes: at most one for each of the two directions of each axis. A pass takes all rays whose
 // component along its axis is more than `ALONG_AXIS` of the direction's 1-norm. A leader's component along its own axis
-// is at least a third of that norm, so none of the remaining rays can lead another pass along this axis. Rays whose
-// direction is not a number (NaN) are in no pass.
+// is at least a third of the 1-norm, so none of the remaining rays can lead another pass in the same direction. Rays
+// whose direction is not a number (NaN) are in no pass.
 #define MOST_PASSES 6
 
-// Finds the nearest triangle of each of a tile's rays from the eye, and stores its index in leaf order, or NO_HIT.
-// Returns this lane's rays that hit, one bit each. `beam.place` keeps the nearest hits of all passes, since a pass only
-// changes the hits of its own rays.
+// For each of a tile's rays from the eye, finds the nearest triangle and stores the triangle's index in leaf order, or
+// NO_HIT. Returns this lane's rays that hit, one bit each. `beam.place` keeps the nearest hits of all passes, since a
+// pass only changes the hits of its own rays.
 INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int2 grid, __local uint2 *stack,
                           const Candidates *candidates, __global int *nearest) {
     int unlimited = 0;
@@ -198,8 +199,8 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     Beam beam;
     EACH_RAY(ray) beam.place[ray] = NO_HIT;
     // The loop runs once, unless the tile is so wide that its rays run along several axes. All lanes leave the loop
-    // together, since the calls in it need the whole group. The loop has a single exit, since PoCL repeats the code
-    // after a loop with barriers for each of its exits.
+    // together, since the functions that the loop calls need the whole group. The loop has a single exit, since PoCL
+    // repeats the code after a loop with barriers for each of its exits.
     for (int pass = 0; lane_any(group, todo != 0) && pass < MOST_PASSES; pass++) {
         Ways ways;
         Shaft shaft;

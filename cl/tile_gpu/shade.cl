@@ -21,7 +21,8 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
         }
 #endif
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
-        // Computes the ray from the light again. It is the only ray of its shaft, so the box of slopes is a point.
+        // Computes the ray from the light again. This ray is the only one in its shaft, so the box of slopes is a
+        // point.
         const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
@@ -57,8 +58,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     }
 }
 
-// HAS_LIGHT is true if a pixel receives any light in a round: from lights that reach it or, in the round that includes
-// the sky, from the picture of the sky, which shiny surfaces mirror.
+// HAS_LIGHT is true if a pixel receives any light in a round, either from lights that reach the pixel or from the
+// picture of the sky, which shiny surfaces mirror in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))
@@ -174,7 +175,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     TREE_OF_TILES
     BIND_SOURCES
     const __global float *lights_of_round = lights + LIGHT_FLOATS * first_light;
-    // A hit without light: the fourth component counts hits.
+    // The value of a hit without light. The fourth component is 1, since it counts hits.
     const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     if ((int)get_group_id(1) < queue_rows) {
         const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;

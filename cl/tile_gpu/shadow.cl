@@ -1,9 +1,9 @@
-// Casts the shadow rays of a round of lights: those lights whose shadow rays are cast by the same kernel. The rays run
-// from each light to the hits that face it.
+// Casts the shadow rays of a round of lights. A round consists of the lights whose shadow rays are cast at the same
+// time. The rays run from each light to the hits that face it.
 
 // Limits per tile and light: the number of passes, and the number of words popped from the stack. A pass casts rays
-// that are close to each other. At silhouettes, these limits are never enough. The rays that remain are leftover shadow
-// rays, which are later cast one at a time, each by a whole group.
+// that are close to each other. At silhouettes, these limits are too small for some rays. The rays that remain are
+// leftover shadow rays, which are later cast one at a time, each by a whole group.
 #define SHADOW_PASSES 4
 #define SHADOW_BUDGET 32
 // A lane's word has one bit for each pair of a light of the round and a ray of the lane, ordered by light. The size of
@@ -79,8 +79,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit without its material. This is enough to find which lights the surface faces, and where rays to these
-// lights begin.
+// Returns the hit without its material. The hit's point and normal are enough to find which lights the surface faces,
+// and where rays to these lights begin.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
 #if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
@@ -107,8 +107,8 @@ INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
     return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
 
-// Returns the vector from a light to the end of its shadow ray, which is the distance `bias` before the hit. `offset`
-// points from the hit to the light.
+// Returns the vector from a light to the end of its shadow ray. This end is at the distance `bias` before the hit.
+// `offset` points from the hit to the light.
 INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * rsqrt(dot3(offset, offset)) - 1.0f); }
 
 INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
@@ -160,8 +160,8 @@ INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *s
 }
 
 // Casts a tile's shadow rays from a light to its hits. Returns the rays that nothing blocks. `*left` receives the rays
-// that were not decided. Rays are computed again for each pass, and the indices of hits are read again. Storing them
-// would take registers during the traversal, and a second pass is rare.
+// that were not decided. Rays are computed again for each pass, and the indices of hits are read again. Storing rays
+// and indices would take registers during the traversal, and a second pass is rare.
 INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                        int2 grid, const __global int *nearest, uint hits, Origin light, float bias,
                        __local uint2 *stack, const Candidates *candidates, uint *left) {
@@ -176,7 +176,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
         todo = light_ways(group, tree, surfaces, eye, corner, step_x, step_y, grid, nearest,
                           vec3(light.at.x, light.at.y, light.at.z), bias, todo, &ways);
         if (lane_any(group, todo != 0)) {
-            // A pass takes one ray as its leader and casts the rays close to it; the others wait for the next pass.
+            // A pass takes one ray as its leader and casts the rays close to the leader; all other rays wait for the
+            // next pass.
             const uint active = begin_pass(group, tree, light, &ways, todo, 1, &shaft, &beam);
             const int enough = walk(group, tree, &shaft, &beam, 1, &budget, stack, candidates);
             EACH_RAY(ray) {
@@ -193,7 +194,8 @@ INLINED uint unblocked(Group *group, const Tree *tree, const __global float4 *su
 }
 
 #if SOFT
-// Returns the hits that face a source (a light or the sky). This is for unoccluded light, which nothing blocks.
+// Returns the hits that face a source (a light or the sky). Unoccluded light reaches all these hits, since nothing
+// blocks it.
 INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, int2 grid,
                           const __global int *nearest, uint hits, const Sources *sources, const __global float *lights,
                           int light, float bias) {
@@ -205,12 +207,15 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 }
 #endif
 
-// Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries for the group.
+// Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries of the queue
+// for all lanes of the group.
 INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
-    // There is no early return if no lane has an entry, since one compiler failed after a return here, with barriers.
+    // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
+    // here.
     int first = 0;
-    // One atomic operation per group. A lane with an entry finds its place by its rank among the lanes with entries.
+    // One atomic operation per group. A lane with an entry finds its position in the queue by its rank among the lanes
+    // with entries.
     if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
     first = (int)lane_get(group, (uint)first, 0);
     if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
@@ -240,7 +245,7 @@ INLINED void find_lit(Group *group, const Tree *tree, const __global float4 *sur
             continue;
         }
         if (goes_apart(sources, light)) {
-            // Rays without a common origin are all left over.
+            // All rays without a common origin become leftover shadow rays.
             left_over |= BITS_OF_LIGHT(hits, light);
             continue;
         }

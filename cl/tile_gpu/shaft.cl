@@ -1,7 +1,7 @@
-// The axes of a pass of entry.cl, and the box of its rays' slopes.
+// The axes of a pass (see entry.cl), and the box around the slopes of the pass's rays.
 
-// a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX it is, even if FP_FAST_FMAF is
-// not defined.)
+// a * b + c, with a single rounding if fma is as fast as a product and a sum. (In PTX, fma is as fast, even if
+// FP_FAST_FMAF is not defined.)
 #if defined(FP_FAST_FMAF) || LANE_OPERATIONS >= LANES_BY_PTX_SHUFFLES
 #define MULTIPLY_ADD(a, b, c) fma(a, b, c)
 #else
@@ -70,7 +70,7 @@ INLINED void aim(Group *group, const Tree *tree, Origin origin, Uniform3 leader,
 #endif
 }
 
-// Sets the box of slopes. Its sides are extended for rounding.
+// Sets the box of slopes. The box's sides are moved outwards to allow for rounding.
 INLINED void widen(Shaft *shaft, float low_x, float high_x, float low_y, float high_y) {
     // Rounding errors are proportional to the largest of the numbers x, y and z; for slopes, z is 1.
     const float longest = fmax(fmax(fmax(fabs(low_x), fabs(high_x)), fmax(fabs(low_y), fabs(high_y))), 1.0f);

@@ -7,8 +7,8 @@ typedef struct {
     uint word;   // its word in the node: see common/tree.cl
 } Child;
 
-// Tests whether the shaft meets this lane's child of a node nearer than `reach`. Because of rounding, the test may
-// report additional children, but it never misses one.
+// Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
+// report a child that the shaft does not meet, but it never misses a child that the shaft meets.
 INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
     const uint at = NODE_STRIDE * node; // less than 2^32, since a node has more than 32 triangles below it
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
@@ -22,8 +22,9 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // At each z, a side of the shaft lies at its slope times z, so its extreme positions are at near and at far. The
-    // box of the child must overlap the range between the outermost positions of the two sides.
+    // At each z, a side of the shaft lies at the side's slope times z. The side's extreme positions are therefore those
+    // at z = near and at z = far. The box of the child must overlap the range between the outermost positions of the
+    // two sides.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -66,7 +67,7 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
 }
 
 #if CUTOUTS
-// Returns whether a ray that hits the triangle at an index in leaf order hits its surface, and not a hole.
+// A ray hits the triangle at an index in leaf order: returns whether it hits the triangle's surface, and not a hole.
 INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, place, &corners.a, &corners.b, &corners.c);
@@ -172,7 +173,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // A few rays of a tile take long. They are faster if each is cast by a group of its own, so they are left over.
+        // A few rays of a tile take long. Such rays are faster if each is cast by a group of its own, so they become
+        // leftover rays.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read
@@ -193,7 +195,7 @@ INLINED int is_blocked(Group *group, const Tree *tree, const Shaft *shaft, float
             met = lane_ballot(group, child.met);
             if (met) word = push(group, child, met, 0, stack, &waiting);
         } else {
-            // Each lane prepares one triangle and tests it itself.
+            // Each lane prepares one triangle and tests the ray against it.
             int hit = 0;
             Candidate own;
             float per_depth;

@@ -18,8 +18,8 @@ pub(super) struct Slicer<const N: usize> {
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
-    /// Cuts `region` into slices. It should contain the centres of all primitives, multiplied by two as
-    /// `Primitive::centre` returns them; primitives outside of it go to the first or last slice.
+    /// Cuts `region` into slices. The region should contain the doubled centres of all primitives, as
+    /// `Primitive::centre` returns them. Primitives outside the region go to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
         // An axis along which the region has no extent, or an extent that overflows, has one slice.
@@ -52,7 +52,7 @@ impl<const N: usize> Slicer<N> {
     }
 }
 
-/// A cut of a node: its place, and the two children.
+/// A cut of a node: its axis and position, and the two children.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,
@@ -116,7 +116,7 @@ impl<const N: usize> Bins<N> {
     }
 
     /// Returns the better of `best` and the best cut along one axis. A cut with an empty side has the cost infinity
-    /// times zero. This is NaN, which is not less than any other cost.
+    /// times zero. This cost is NaN, which is not less than any other cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

@@ -1,4 +1,4 @@
-//! Axis-aligned boxes, and a triangle's box with its number in 32 bytes.
+//! Axis-aligned boxes, and the box and number of a triangle in 32 bytes.
 
 use glam::{Vec3, Vec4};
 
@@ -26,7 +26,7 @@ impl Bounds {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
-    /// Returns half the surface area; infinite for the empty box.
+    /// Returns half the surface area, which is infinite for the empty box.
     #[inline(always)]
     pub fn half_area(self) -> f32 {
         let e = self.high - self.low;

@@ -1,8 +1,8 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
-//! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut moves them
-//! to the other buffer, so all reads and writes are sequential. The primitives of large nodes are binned and moved in
-//! chunks on all cores; for smaller nodes, the two halves of a cut are independent tasks.
+//! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut moves the
+//! primitives to the other buffer, so all reads and writes are sequential. The primitives of large nodes are binned and
+//! moved in chunks on all cores; for smaller nodes, the two halves of a cut are independent tasks.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 /// Nodes with more triangles than this are binned and moved on all cores.
 const PARALLEL_NODE: usize = 1 << 16;
-/// Triangles per chunk of such a node.
+/// Triangles per chunk of a node that is binned and moved on all cores.
 const CHUNK: usize = 1 << 14;
 /// A subtree with fewer triangles than this is built by one task.
 const TASK: usize = 1 << 12;
@@ -122,9 +122,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives. The region may be larger than the bounds of the primitives'
-/// centres, since it comes from cutting the parent's region. If no cut is found in it, the search is repeated with
-/// the exact bounds.
+/// Finds the best cut and moves the primitives. The region may be larger than the bounds of the primitives' centres,
+/// since it comes from cutting the parent's region. If no cut is found in this region, the search is repeated with the
+/// exact bounds.
 fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);
@@ -135,7 +135,7 @@ fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: B
     Some(cut)
 }
 
-/// Cuts like `cut`, on all cores.
+/// Does the same as `cut`, but on all cores.
 fn cut_in_chunks(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<FINE>::new(region);

@@ -1,8 +1,8 @@
 //! Bounding volume hierarchies over a mesh's triangles, so that a ray need not be tested against all of them.
 //!
-//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree
-//! collapsed to 2 to 32 children per node, as rows of floats. [`validate`](Bvh::validate) checks either of
-//! them, and [`WideBvh::closest_hit`] traverses a tree on the host.
+//! [`Bvh`] is a binary tree, built on all cores. [`WideBvh`] is the form that a device reads: the same tree collapsed
+//! to 2 to 32 children per node, as rows of floats. [`validate`](Bvh::validate) checks a tree of either form, and
+//! [`WideBvh::closest_hit`] traverses a tree on the host.
 
 mod bins;
 mod bounds;
@@ -21,19 +21,19 @@ use bounds::Bounds;
 pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
-/// A hash of trees over a few fixed meshes. It is part of the key of every point that uses a tree. A change
-/// to the builder or the layout changes these trees; a test then fails until the hash is updated, and such
-/// points are measured again.
+/// A hash of trees over a few fixed meshes. This hash is part of the key of every point that uses a tree. A change to
+/// the builder or the layout changes these trees; a test then fails until the hash is updated, and such points are
+/// measured again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
-    /// The smallest corner of its box.
+    /// The smallest corner of the node's box.
     pub low: [f32; 3],
     /// Distance in nodes to the right child; 0 in a leaf. The left child is the next node.
     pub right: u32,
-    /// The largest corner of its box.
+    /// The largest corner of the node's box.
     pub high: [f32; 3],
     /// Number of triangles below this node, at least 1.
     pub count: u32,
@@ -90,9 +90,9 @@ impl Bvh {
         build::build(mesh, leaf_size)
     }
 
-    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over that many
-    /// triangles: two buffers of boxes, the order, and the nodes twice (in pieces, then joined). It assumes
-    /// that leaves are half full on average.
+    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles:
+    /// two buffers of boxes, the order, and the nodes twice (in pieces, then joined). The estimate assumes that leaves
+    /// are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1);
         let primitive = 2 * size_of::<bounds::Primitive>() as u64 + size_of::<u32>() as u64;

@@ -4,7 +4,7 @@ use super::bins::{Bins, Cut, Slicer};
 use super::bounds::Primitive;
 use rayon::prelude::*;
 
-/// Moves primitives left of the cut to the front of `target`, the others to its back.
+/// Moves primitives left of the cut to the front of `target`, and all other primitives to the back.
 pub(super) fn partition<const N: usize>(
     source: &[Primitive],
     target: &mut [Primitive],
@@ -18,7 +18,7 @@ pub(super) fn partition<const N: usize>(
     }
 }
 
-/// Writes each primitive to both ends and then advances one of them, which avoids a branch that would be
+/// Writes each primitive to both ends and then advances one of the ends, which avoids a branch that would be
 /// mispredicted.
 fn partition_on<const N: usize, const AXIS: usize>(
     source: &[Primitive],
@@ -36,8 +36,8 @@ fn partition_on<const N: usize, const AXIS: usize>(
     }
 }
 
-/// Moves the primitives of each chunk to their side of the cut, on all cores. `chunks` are pieces of the source with
-/// their bins, which determine the size of each piece's two parts.
+/// Moves the primitives of each chunk to their side of the cut, on all cores. `chunks` are pieces of the source, each
+/// with its bins. The bins determine how many primitives of a piece go to each side.
 pub(super) fn partition_chunks<const N: usize>(
     chunks: &[(&[Primitive], Bins<N>)],
     target: &mut [Primitive],

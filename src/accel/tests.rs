@@ -27,7 +27,7 @@ fn random_point(rng: &mut ChaCha8Rng) -> Vec3 {
     Vec3::from_array(rng.random()) * 2.0 - 1.0
 }
 
-/// Returns `count` random triangles of size `edge` in a cube of side 2, then scaled.
+/// Returns `count` random triangles of size `edge` in a cube of side 2, all multiplied by `scale`.
 fn random_mesh(seed: u64, count: usize, edge: f32, scale: f32) -> Mesh {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     mesh_of((0..count).map(|_| {
@@ -181,7 +181,7 @@ fn nodes_on_all_cores_give_a_right_tree() {
 #[test]
 fn nodes_on_all_cores_are_cut_across_any_axis() {
     for axis in Vec3::AXES {
-        // Ten times as long along the axis, so that the first cut is across it.
+        // The mesh is ten times as long along this axis, so that the first cut is across the axis.
         let stretch = Vec3::ONE + 9.0 * axis;
         let mut mesh = random_mesh(16, 70_000, 0.01, 1.0);
         mesh.positions.iter_mut().for_each(|corner| *corner *= stretch);

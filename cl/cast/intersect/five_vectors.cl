@@ -7,14 +7,14 @@
 //
 // The test of Moeller and Trumbore 1997 as in the book: a division per weight, and constants as thresholds. The paper's
 // function `intersect` allocates its five vectors at each test, and frees them afterwards. OpenCL C has no malloc, so
-// here each test has five arrays of its own. The arrays are volatile, and begin at an offset that depends on the scene;
-// otherwise compilers would keep them in registers (with a constant offset, NVIDIA's compiler keeps even volatile
-// arrays there). On a GPU, the arrays are in the work-item's private memory, which is off the chip. Operations:
-// direction x e2 6, a 3, origin - v0 3, first weight 3.
+// here each test has five arrays of its own. The arrays are volatile, and the vectors begin at an index that depends on
+// the scene. Otherwise, compilers would keep the arrays in registers. (With a constant index, NVIDIA's compiler keeps
+// even volatile arrays in registers.) On a GPU, the arrays are in the work-item's private memory, which is off the
+// chip. Operations: 6 for direction x e2, 3 for a, 3 for origin - v0, and 3 for the first weight.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 
-// This test prepares nothing per ray: a probe contains only the smallest distance.
+// This test prepares nothing per ray: a probe contains only t_min, the smallest distance of a hit.
 typedef struct {
     varying t_min;
 } Probe;
@@ -46,16 +46,16 @@ Vec3 kept(volatile varying *at, Vec3 value) {
 }
 
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// it returns 1, hit->lanes may still be empty.
+// the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     volatile varying vector[TEST_VECTORS][3 + 1];
-    // The index at which vectors begin. It is always 0, because no coordinate is larger than 1e38, but the compiler
-    // cannot know that.
+    // The index at which a vector begins in its array. This index is always 0, because no coordinate is larger than
+    // 1e38, but the compiler cannot know that.
     const int from = fabs(row.number[0]) > 1e38f;
     const Uniform3 corner = LOAD3(row.number);
     const Vec3 e1 = kept(vector[E1] + from, splat(uniform_difference(LOAD3(row.number + 3), corner)));
     const Vec3 e2 = kept(vector[E2] + from, splat(uniform_difference(LOAD3(row.number + 6), corner)));
-    // The determinant. If it is near 0, the ray is parallel to the triangle.
+    // If the determinant is near 0, the ray is nearly parallel to the triangle.
     const Vec3 q = kept(vector[Q] + from, cross3(direction, e2));
     const varying a = dot3(e1, q);
     const Mask crosses = fabs(a) > 1e-7f;
@@ -65,7 +65,7 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = crosses & (hit->w1 >= -1e-10f);
     if (!ANY(inside1)) return 0;
 
-    // The weight of the third corner. The first corner's weight is 1 minus the other two.
+    // The weight of the third corner. The first corner's weight is 1 minus the other two weights.
     const Vec3 r = kept(vector[R] + from, cross3(s, e1));
     hit->w2 = dot3(direction, r) / a;
     hit->t = dot3(e2, r) / a;

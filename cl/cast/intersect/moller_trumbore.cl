@@ -4,15 +4,15 @@
 // exact_signs: no
 // operations: 15
 //
-// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997.
-// Weights stay multiplied by |a| until a ray is known to hit, so that a miss costs no division.
-// Operations: direction x e2 6, a 3, origin - v0 3, first weight 3; 6 more for the edges if they are not in a row.
+// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. Weights stay multiplied by
+// |a| until a ray is known to hit, so that a miss costs no division. Operations: 6 for direction x e2, 3 for a, 3 for
+// origin - v0, and 3 for the first weight; 6 more for the edges if they are not stored in a row.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
 #endif
 
-// This test prepares nothing per ray: a probe contains only the smallest distance.
+// This test prepares nothing per ray: a probe contains only t_min, the smallest distance of a hit.
 typedef struct {
     varying t_min;
 } Probe;
@@ -34,11 +34,12 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 #define DISTANCE(size, s) (fabs((s).x) + fabs((s).y) + fabs((s).z))
 #endif
 
-// Each weight is allowed its rounding error, so that a ray along an edge does not fall through between two triangles.
-// The error grows with the distance to the corner and with the edge in the cross product. (Only the watertight test
-// guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no digit of the determinant `a` is
-// correct after rounding. The paper's three thresholds are constants. All other strategies use thresholds that are
-// proportional to the triangle's size, like the rounding errors that they allow for.
+// The bounds of each weight are extended by its rounding error, so that a ray along an edge does not fall through
+// between two triangles. The error grows with the distance to the corner, and with the length of the edge in the cross
+// product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
+// digit of the determinant `a` is correct after rounding. The paper's three thresholds are constants. All other
+// strategies use thresholds that are proportional to the triangle's size, because rounding errors are also proportional
+// to this size.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -57,13 +58,14 @@ Row row_of(Corners corners) {
 }
 
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// it returns 1, hit->lanes may still be empty.
+// the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
-    // The determinant a = e1 . (d x e2). The textbook divides by it: w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
+    // The textbook divides by the determinant a = e1 . (d x e2): w1 = s . q / a, w2 = d . r / a, t = e2 . r / a.
     const Vec3 e1 = splat(row.b), e2 = splat(row.c);
     const Vec3 q = cross3(direction, e2);
     const varying a = dot3(e1, q);
-    // Here numerators are multiplied by the sign of a and compared with |a|: no division, and one test for both faces.
+    // Here the numerators are multiplied by the sign of the determinant and compared with |a|. This test needs no
+    // division, and it is the same for both faces.
     const varying_int sign = sign_bit(a);
     const varying size = fabs(a);
     // 0 <= w1 <= 1 becomes -slack1 <= w1 |a| <= |a| + slack1.
@@ -75,7 +77,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const Mask inside1 = (w1 >= -slack1) & (w1 <= reach1);
     if (!ANY(inside1)) return 0;
 
-    // The second weight, and the condition 1 - w1 - w2 >= 0, in the same way. Most rays miss before this point.
+    // The second weight and the condition 1 - w1 - w2 >= 0 are tested in the same way. Most rays miss before this
+    // point.
     const Vec3 r = cross3(s, e1);
     const varying w2 = flip_sign(dot3(direction, r), sign);
     const varying slack2 = SLACK2(row) * distance;

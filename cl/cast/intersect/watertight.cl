@@ -5,26 +5,27 @@
 // operations: 50
 // contradicts: epsilons=paper because they are numbers of the moller-trumbore test
 //
-// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the
-// ray runs along +z from the origin. An edge function is then the difference of two products, each rounded
-// separately. Its sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
-// triangles. This is only true without contraction to fma. Operations: corners 9, sheared x and y 30 (not contracted),
-// edge functions 9, their sum 2.
+// Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
+// runs along +z from the origin. An edge function is then the difference of two products, each rounded separately. The
+// function's sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
+// triangles. This guarantee only holds without contraction to fma. Operations: 9 for the corners, 30 for sheared x and
+// y (not contracted), 9 for the edge functions, and 2 for their sum.
 
 #include "common/exact_signs.cl"
 
-// The shear of a ray, as the three rows of a matrix. The test is watertight for any fixed function of ray and corner.
-// With rows, no axes have to be permuted if lanes have different dominant axes.
+// The shear of a ray, as the three rows of a matrix. The test is watertight for every shear that depends only on the
+// ray. Because the shear is stored as rows, axes need not be permuted if lanes have different dominant axes.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
 } Probe;
 
-// With dominant axis k, and the others cyclically after it, the rows are e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., and
-// e_k / d_k. All three shears are computed and one is selected: lanes may differ, and a branch would take every path.
+// Let k be the dominant axis, and k+1 and k+2 the next axes in cyclic order. The three rows of the matrix are then
+// e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., and e_k / d_k. All three shears are computed, and each lane selects one.
+// Lanes may have different dominant axes, so that a branch would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
-    // The largest component becomes z, so that no division makes the shear large.
+    // The axis of the largest component becomes z, so that the divisions by this component do not make the shear large.
     const Mask along_x = (size.x >= size.y) & (size.x >= size.z);
     const Mask along_y = !along_x & (size.y >= size.z);
     const varying zero = (varying)(0.0f);
@@ -58,7 +59,7 @@ Row row_of(Corners corners) {
 }
 
 // Finds the lanes whose ray hits the triangle at t_min < t < t_max, and their hits. Returns 0 only if no lane hits. If
-// it returns 1, hit->lanes may still be empty.
+// the function returns 1, hit->lanes may still be empty.
 int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying t_max, Hit *hit) {
     // Corners relative to the origin, then their sheared x and y. z is only computed for hits.
     const Vec3 a = subtract(splat(row.a), origin);
@@ -71,8 +72,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     const varying u = cx * by - cy * bx;
     const varying v = ax * cy - ay * cx;
     const varying w = bx * ay - by * ax;
-    // Inside the triangle, no two of them have opposite signs. A zero counts as inside for both triangles at an edge,
-    // so that no ray leaks.
+    // For a ray inside the triangle, no two edge functions have opposite signs. A zero counts as inside for both
+    // triangles at an edge, so that no ray leaks.
     const varying least = min(min(u, v), w);
     const varying most = max(max(u, v), w);
     const varying det = u + v + w;

@@ -1,8 +1,8 @@
 // meaning: 104 bytes per triangle, nothing shared, as in the paper
 // index_bits: none
 //
-// 26 floats (104 bytes) per triangle, nothing shared, as in the paper:
-// three corners (9), three normals (9), k_L (3), k_G (3), s, kind.
+// Each triangle has 26 floats (104 bytes) of its own, as in the paper: three corners (9), three normals (9), k_L (3),
+// k_G (3), s, kind.
 
 #ifndef SOUP_STRIDE
 #error "SOUP_STRIDE: floats of a triangle"
@@ -59,7 +59,7 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // The stride is 26 floats in the soup, 9 in a copy of the corners alone.
+    // The stride is 26 floats in the soup, and 9 floats in a copy that contains only the corners.
     VERTEX_SPACE const float *at = geometry->vertices + triangle * VERTEX_STRIDE;
     Corners corners;
     corners.a = LOAD3(at);
@@ -72,7 +72,7 @@ Corners corners(const Geometry *geometry, int triangle) {
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
     NORMAL_SPACE const float *normals = geometry->normals + triangle * NORMAL_STRIDE;
     MATERIAL_SPACE const float *material = geometry->materials + triangle * MATERIAL_STRIDE;
-    // Columns in the order of surface_of: normals 0 to 8, the material from 9 on.
+    // The columns have the order that surface_of expects: normals in columns 0 to 8, the material from column 9 on.
     for (int i = 0; i < 9; i++) column[i].each[lane] = normals[i];
     for (int i = 0; i < MATERIAL_FLOATS; i++) column[9 + i].each[lane] = material[i];
 }

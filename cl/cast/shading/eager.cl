@@ -1,11 +1,11 @@
 // meaning: at every hit nearer than the best so far, as the paper does
 // shades: each-nearer-hit
 //
-// Shading at every hit nearer than the best so far, as the paper does. Where surfaces hide each other, shadow rays are
-// also cast for hidden hits, and their results are discarded.
+// Shades every hit that is nearer than the hits before it, as the paper does. Where surfaces hide each other, shadow
+// rays are also cast for hidden hits, and their results are discarded.
 
 void on_nearer_hit(Working *working, const Scene *scene, int triangle, const Hit *hit, Mask nearer) {
-    // Only the lanes of `nearer` hit this triangle; the others keep the weights of their nearest hit.
+    // Only the lanes of `nearer` hit this triangle; the other lanes keep the weights of their nearest hit.
     const Vec3 weights = vec3(1.0f - hit->w1 - hit->w2, hit->w1, hit->w2);
     working_set(working, WEIGHTS, select3(nearer, weights, working_get(working, WEIGHTS)));
     Lanes column[FLOATS_OF_SURFACE];

@@ -3,9 +3,9 @@
 // bytes_per_ray: 108
 //
 // Working vectors in a global pool, from which the kernel allocates each vector separately. This replaces the paper's
-// malloc, which OpenCL C does not have. heap_top counts the varyings that were allocated. The host sets it to zero
-// before a launch, and compares it with the pool's size afterwards. An allocation beyond the pool's end gets the start
-// of the pool, so that nothing is written outside; the host then rejects the image.
+// malloc, which OpenCL C does not have. heap_top counts the varyings that were allocated. The host sets heap_top to
+// zero before it starts the kernel, and compares heap_top with the pool's size afterwards. An allocation beyond the
+// pool's end gets the start of the pool, so that nothing is written outside; the host then rejects the image.
 
 typedef struct {
     volatile __global varying *vector[WORKING_VECTORS];
@@ -16,8 +16,9 @@ typedef struct {
     for (int v = 0; v < WORKING_VECTORS; v++)           \
         working.vector[v] = (__global varying *)heap + heap_allocate(heap_top, heap_size, 3);
 
-// Returns the index of `count` free varyings. This is a bump allocator: its counter only grows, and all work-items
-// contend for it. The pool contains the vectors in the order in which work-items allocate them, which may be any order:
+// Returns the index of the first of `count` free varyings. This is a bump allocator: its counter only grows, and all
+// work-items contend for it. The pool contains the vectors in the order in which work-items allocate them, which may be
+// any order:
 //
 //     | item 7: x y z | item 2: x y z | item 7: x y z | item 0: x y z | ...          heap_top -> next free
 uint heap_allocate(volatile __global uint *heap_top, uint heap_size, uint count) {

@@ -10,8 +10,8 @@
 // dot product with this normal has the right sign. The neighbouring triangle has the same plane with the opposite sign,
 // to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through.
 // Neighbouring triangles therefore overlap a little. Planes are scaled so that this overlap is 1. With a = d.(e2 x e1),
-// the product a t is the same for all rays: the height. A hit lies in front of the ray's origin if a has the height's
-// sign. Planes are multiplied by this sign once, so that no test has to do it.
+// the product of `a` and t is the same for all rays: the height. A hit lies in front of the ray's origin if `a` and the
+// height have the same sign. The planes are multiplied by the height's sign once, so that the tests need not do it.
 
 #define PREPARED TOGETHER
 
@@ -31,7 +31,7 @@ Lanes3 lanes_seen(Lanes3 corner, Uniform3 origin) {
 }
 
 // Returns the normal of the plane through the origin and an edge p - q. The edge's ends p and q are relative to the
-// origin. Swapping p and q only changes all signs.
+// origin. Swapping p and q changes the signs of all components, and nothing else.
 Lanes3 edge_plane(Lanes3 edge, Lanes3 p, Lanes3 q) { return lanes_cross(edge, lanes_sum(p, q)); }
 
 // Stores eight planes, multiplied by `by`.
@@ -41,11 +41,12 @@ void store_plane(Lanes3 plane, float8 by, float to[3][PREPARED]) {
     vstore8(plane.z * by, 0, to[2]);
 }
 
-// Returns the largest powers of two that are not greater than the arguments. Dividing planes by them does not round.
+// Returns the largest powers of two that are not greater than the arguments. Dividing planes by powers of two does not
+// round.
 float8 powers_of_two_below(float8 positive) { return as_float8(as_int8(positive) & 0x7f800000); }
 
-// Prepares the triangles from `first` on. Returns those that a ray can hit, one bit each. Edges are computed from the
-// stored corners: differences of corners relative to a distant origin would have lost their last digits.
+// Prepares the triangles from `first` on. Returns the triangles that a ray can hit, one bit each. Edges are computed
+// from the stored corners, because corners relative to a distant origin have lost their last digits.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
@@ -55,13 +56,13 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
     const Lanes3 n = lanes_cross(e2, e1);
-    // The origin's height above the triangle's plane, times |n|. Its sign shows on which side of this plane the origin
-    // is; all stored planes are multiplied by the sign.
+    // The origin's height above the triangle's plane, times |n|. The height's sign shows on which side of this plane
+    // the origin is; all stored planes are multiplied by the sign.
     const float8 height = a.x * n.x + (a.y * n.y + a.z * n.z);
     const int8 sign = as_int8(height) & (int8)(int)0x80000000;
     const float8 size1 = lanes_size(e1), size2 = lanes_size(e2);
-    // A bound of the rounding error of edges, rounded to a power of two. Dividing planes by it makes the overlap 1,
-    // and does not round.
+    // A bound of the rounding error of edges, rounded to a power of two. Dividing planes by this power of two makes the
+    // overlap 1, and does not round.
     const float8 unit = powers_of_two_below(SHARED_EDGE_SLACK * bundle->longest * lanes_size(a) * max(size1, size2));
     const float8 turn = as_float8(as_int8(1.0f / unit) | sign);
     // 1 / t = d . n / height, oriented so that triangles in front of the origin have a positive d . n.
@@ -82,7 +83,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
 // Tests a prepared triangle against the rays of the live vectors. With `any`, a ray that hits the triangle is finished;
 // otherwise a ray's nearest hit is updated. Returns the vectors in which a ray hit, one bit each.
 uint test_triangle(Bundle *bundle, const Prepared *prepared, int lane, int place, uint live, const int any) {
-    // Twelve floats of one triangle, each a register that all live vectors share.
+    // The floats of one triangle. Each is in a register, and the tests of all live vectors use the same registers.
     const float ax = prepared->a[0][lane], ay = prepared->a[1][lane], az = prepared->a[2][lane];
     const float ux = prepared->edges[0][0][lane], uy = prepared->edges[0][1][lane], uz = prepared->edges[0][2][lane];
     const float vx = prepared->edges[1][0][lane], vy = prepared->edges[1][1][lane], vz = prepared->edges[1][2][lane];

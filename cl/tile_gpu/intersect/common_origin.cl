@@ -1,8 +1,8 @@
 // Prepares and tests a leaf's triangle for the rays of a pass (rays that run mainly along one axis, see entry.cl), as
 // in edge_planes.cl, but with a table: tile_prepare computes the planes of every triangle once per frame, for the eye
-// and for each light. The table has a row of quads (float4) for each axis of the scene. A triangle's quad contains that
-// axis's component of its three planes and of 1/z. Three loads are therefore enough, whatever the axes of the pass.
-// Their addresses are contiguous for the triangles of a leaf.
+// and for each light. The table has a row of quads (float4) for each axis of the scene. In an axis's row, a triangle's
+// quad contains the components of its three planes and of 1/z along this axis. Three loads are therefore enough,
+// whatever the axes of the pass. In each row, the quads of a leaf's triangles are contiguous.
 
 // The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
 //
@@ -29,8 +29,8 @@ INLINED float4 most_along(float4 plane, float low, float high, float4 rest) {
     return most;
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
-// than `worst`. A prepared triangle contains the planes' components along the pass's axes.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst`. A prepared triangle contains the planes' components along the pass's axes.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     const __global float4 *quads = shaft->planes;
     const uint at = (uint)place; // three rows have fewer than 2^32 quads
@@ -60,14 +60,14 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
     const float v = MULTIPLY_ADD(a.y, x, MULTIPLY_ADD(b.y, y, c.y));
     const float w = MULTIPLY_ADD(a.z, x, MULTIPLY_ADD(b.z, y, c.z));
     *per_depth = MULTIPLY_ADD(a.w, x, MULTIPLY_ADD(b.w, y, c.w));
-    // The bitwise or of the three has a sign bit if any of them is negative.
+    // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }
 
 // Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
-// (second dimension). Origin 0 is the eye, the others are a round's lights. Also empties the round's queue, which saves
-// a command.
+// (second dimension). Origin 0 is the eye; the other origins are the lights of a round. Also empties the round's queue,
+// which saves a command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;
@@ -76,7 +76,7 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // A shadow ray is tested in reverse, from its light: front faces are those that face away from the light.
+    // A shadow ray is tested in reverse, from its light, so the sides that face away from the light are front faces.
     const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);

@@ -1,15 +1,16 @@
-// Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Edges are
-// planes through the rays' origin, which neighbouring triangles share to the last bit. The edge functions and 1/z are
-// linear in x and y. A prepared triangle has one vector for each of the corners a, b and c. Its first three components
-// are the plane of the opposite edge, which is not negative inside; the fourth components of the three vectors are the
-// three coefficients of 1/z:
+// Prepares and tests a leaf's triangle for the rays of a pass, as in tile_cpu/intersect/edge_planes.cl. Each edge is a
+// plane through the rays' origin. Neighbouring triangles share the plane of their common edge, to the last bit. The
+// edge functions and 1/z are linear in x and y. A prepared triangle has one vector for each of the corners a, b and c.
+// A vector's first three components are the plane of the opposite edge, whose edge function is not negative inside; the
+// fourth components of the three vectors are the three coefficients of 1/z:
 //
 //     a: | u.x u.y u.z (1/z).x |     b: | v.x v.y v.z (1/z).y |     c: | w.x w.y w.z (1/z).z |
 
-// Returns the plane of an edge p - q. It is scaled so that the number to add for the overlap of neighbouring triangles
-// is 1, and this number is added. The overlap is half as large as in other tests. Swapping p and q only changes all
-// signs before the addition. (Measured on a GPU: with the full overlap, one pixel of two million is dark on terrain;
-// with half of it, no pixel is dark, and none of 60,516 rays leaks.)
+// Returns the plane of an edge p - q. The plane is scaled so that the number to add for the overlap of neighbouring
+// triangles is 1, and this number is added. The overlap is half as large as in other tests. Apart from this added
+// number, swapping p and q changes the signs of all components, and nothing else. (Measured on a GPU: with the full
+// overlap, one pixel of two million is dark on terrain; with half of it, no pixel is dark, and none of 60,516 rays
+// leaks.)
 INLINED Uniform3 edge_between(Uniform3 edge, Uniform3 p, Uniform3 q, float scale) {
     const Uniform3 plane = uniform_cross(edge, uniform3(p.x + q.x, p.y + q.y, p.z + q.z));
     return uniform3(plane.x * scale, plane.y * scale, MULTIPLY_ADD(plane.z, scale, 1.0f));
@@ -20,13 +21,14 @@ INLINED float per_power_of_two_below(float positive) {
     return as_float(0x7f000000 - (as_int(positive) & 0x7f800000));
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
-// than `worst`.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst`.
 //
-// Edges are computed from the stored corners: differences of corners relative to a distant origin would have lost their
-// last digits. `height` is six times the volume between origin and triangle; its sign shows which side is visible, and
-// 1 / z = (x, y, 1) . n / height. With culling, the visible side is reversed for shadow rays, which run towards their
-// light but are tested from it, and for rays that run against their axis, since their coordinates are mirrored.
+// Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
+// `height` is six times the volume between origin and triangle; the sign of `height` shows which side is visible, and 1
+// / z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of rays: shadow rays, because
+// they run towards their light but are tested from the light, and rays that run against their axis, because their
+// coordinates are mirrored.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
@@ -54,7 +56,7 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
            (most_of(shaft, per_z) * 1.00001f > worst);
 }
 
-// Returns a linear function of the slopes x and y.
+// Returns the value of a linear function at the slopes x and y.
 INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
@@ -64,7 +66,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);
     *per_depth = MULTIPLY_ADD(triangle->a.w, x, MULTIPLY_ADD(triangle->b.w, y, triangle->c.w));
-    // The bitwise or of the three has a sign bit if any of them is negative.
+    // `outside` is the bitwise or of the three numbers, so it is negative if any of the numbers is negative.
     const int outside = as_int(u) | as_int(v) | as_int(w);
     return outside >= 0 && *per_depth > nearest && (any || *per_depth < ceiling);
 }

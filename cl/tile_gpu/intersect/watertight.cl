@@ -1,8 +1,8 @@
-// Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are
-// sheared along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis
-// is used instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all
-// triangles, so that a shared corner is sheared in the same way. A prepared triangle contains the corners along the
-// pass's axes, relative to the origin. The fourth component of a is the sign of det for front faces. It is reversed for
+// Prepares and tests a leaf's triangle for the rays of a pass, as in cast/intersect/watertight.cl: corners are sheared
+// along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis is used
+// instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all triangles, so
+// that a shared corner is sheared in the same way. A prepared triangle contains the corners along the pass's axes,
+// relative to the origin. The fourth component of `a` is the sign of det for front faces. This sign is reversed for
 // rays that run against the axis, since their coordinates are mirrored:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
@@ -12,9 +12,9 @@ INLINED float most_turned(const Shaft *shaft, Uniform3 v, float turn) {
     return most_of(shaft, uniform_scale(v, turn));
 }
 
-// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit it at a 1/z greater
-// than `worst`. The bounds allow for many times the rounding error of the test itself, so that they never exclude a ray
-// that hits.
+// Prepares the triangle at an index in leaf order. Returns whether any ray of the shaft may hit the triangle at a 1/z
+// greater than `worst`. The bounds allow for many times the rounding error of the test itself, so that they never
+// exclude a ray that hits.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {
     Uniform3 a, b, c;
     const int used = load_corners(shaft, tree, place, &a, &b, &c);
