@@ -1,6 +1,6 @@
-//! The anchor: a fixed kernel that is timed in every round beside the points of a device. `--cl-dir` cannot
-//! replace it. Two runs can therefore be compared by their ratios to the anchor, even if the machine's speed
-//! changed between them.
+//! The anchor: a fixed kernel that is timed in every round beside the points of a device. `--cl-dir` cannot replace
+//! this kernel. Two runs can therefore be compared by their ratios to the anchor, even if the machine's speed changed
+//! between them.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ const FILE: &str = "anchor/spheres.cl";
 const SPHERES: usize = 1024;
 /// Work-items per work-group.
 const GROUP: usize = 64;
-/// Rays per compute unit. They take a few milliseconds on a CPU and about 0.2 ms on a large GPU.
+/// Rays per compute unit. Casting all rays takes a few milliseconds on a CPU and about 0.2 ms on a large GPU.
 const RAYS_PER_UNIT: usize = 4096;
 /// Number of rays whose distances are compared with those computed on the host.
 const CHECKED: usize = 4096;
@@ -43,7 +43,7 @@ pub fn name(device: &DeviceInfo) -> Result<String> {
 pub struct Anchor {
     queue: Queue,
     kernel: Kernel,
-    // The kernel reads these buffers, so they must live as long as it does.
+    // The kernel reads these buffers, so the buffers must live as long as the kernel does.
     _spheres: Buffer<Float4>,
     _distances: Buffer<f32>,
 }
@@ -123,8 +123,7 @@ fn rays(compute_units: u32) -> usize {
     compute_units.max(1) as usize * RAYS_PER_UNIT
 }
 
-/// Returns centres and squared radii of spheres scattered in front of the eye. They are the same in every
-/// run.
+/// Returns centres and squared radii of spheres scattered in front of the eye. The spheres are the same in every run.
 fn spheres() -> Vec<[f32; 4]> {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut sphere = || {

@@ -23,7 +23,7 @@ pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Optio
     }
 }
 
-/// Reads a stream to its end in another thread, so that the process never waits because its pipe is full.
+/// Reads a stream to its end in another thread, so that the child process never waits because its pipe is full.
 fn reading(mut from: impl Read + Send + 'static) -> JoinHandle<Vec<u8>> {
     spawn(move || {
         let mut bytes = Vec::new();

@@ -10,8 +10,8 @@ pub const TRIANGLE_WORDS: usize = 12;
 /// cl/tile_cpu/intersect/edge_planes.cl).
 pub const PADDING_ROWS: usize = 8;
 
-/// Writes the triangles of `order` into `rows`, 12 words each, with corners exactly as in the mesh, which
-/// watertight tests require. The remaining words of `rows` become zero.
+/// Writes the triangles of `order` into `rows`, 12 words each, without changing a bit of the corners, because
+/// watertight tests need the mesh's exact corners. The remaining words of `rows` become zero.
 ///
 /// | words | content |
 /// |---|---|
@@ -28,8 +28,8 @@ pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     });
 }
 
-/// Writes the normals of the triangles of `order` into `rows`, 12 words each: n0 and the material's number as
-/// bits, then n1 and 0, n2 and 0.
+/// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, as three float4. The fourth
+/// component after n0 is the material's number, as bits; after n1 and n2 it is 0.
 pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];

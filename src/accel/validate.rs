@@ -25,8 +25,8 @@ impl Bvh {
             waiting.push((0, 0, 0));
         }
         while let Some((number, first, level)) = waiting.pop() {
-            // In depth-first order, nodes occur in the order of their numbers. So each occurs once, and there
-            // is no cycle.
+            // In depth-first order, nodes occur in the order of their numbers. So each node occurs once, and there is
+            // no cycle.
             expect_equal("the next node in depth-first order", number, reached)?;
             reached += 1;
             depth = depth.max(level);
@@ -65,8 +65,9 @@ impl Bvh {
 }
 
 impl WideBvh {
-    /// Checks that every triangle lies in exactly one leaf of the layout, every child's box encloses what is
-    /// below it, every node is reached once, unused child slots are marked as such, and the depth is right.
+    /// Checks that every triangle lies in exactly one leaf of the layout, that every child's box encloses all triangles
+    /// below this child, that every node is reached once, that unused child slots are marked as unused, and that the
+    /// depth is right.
     ///
     /// # Errors
     ///

@@ -3,7 +3,7 @@
 use super::WideBvh;
 use glam::DVec3;
 
-/// The closest triangle a ray meets.
+/// The closest triangle that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// The triangle's number in the mesh.
@@ -26,9 +26,9 @@ pub struct Walk {
 impl WideBvh {
     /// Returns the closest hit nearer than `reach`. Nearer boxes are visited first.
     ///
-    /// `test(triangle, reach)` returns the distance at which the ray meets a triangle of the mesh, if that is
-    /// nearer than `reach`. Of several hits at the same distance, the first that is found is
-    /// returned.
+    /// `test(triangle, reach)` returns the distance at which the ray meets a triangle of the mesh. It returns `None` if
+    /// the ray misses the triangle, or if the distance is not below `reach`. Of several hits at the same distance, the
+    /// first that is found is returned.
     pub fn closest_hit(
         &self,
         origin: DVec3,

@@ -18,33 +18,33 @@ use crate::scene::Mesh;
 /// | 2W .. 3W, 3W .. 4W | 2, 3 | smallest and largest y |
 /// | 4W .. 5W, 5W .. 6W | 4, 5 | smallest and largest z |
 /// | 6W .. 7W | 6 | the child word |
-/// | 7W .. stride | | zeros, so that nodes of up to 8 children fill whole cache lines; wider nodes have none |
+/// | 7W .. stride | | zeros that pad nodes of up to 8 children to whole cache lines; wider nodes have no padding |
 ///
-/// so the plane of `axis` on `side` (0 low, 1 high) is row `2 * axis + side`. Bounds are the smallest and
-/// largest of the corners' floats, without rounding.
+/// The plane of `axis` on `side` (0 low, 1 high) is therefore row `2 * axis + side`. Bounds are the smallest and the
+/// largest coordinates of the triangles' corners, without rounding.
 ///
 /// # Child words
 ///
 /// | bits | inner child | leaf |
 /// |---|---|---|
-/// | 31 | 0 | 1, so a signed word is negative |
+/// | 31 | 0 | 1, which makes the word negative if it is read as a signed integer |
 /// | 25 .. 31 | 0 | number of triangles, 0 to 63 |
 /// | 0 .. 25 | its node number | index of its first triangle in leaf order |
 ///
-/// Children come first, unused slots last. An unused slot is a leaf without triangles ([`WideBvh::UNUSED`]).
-/// Its box is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and visiting it does no harm.
+/// Children come first, unused slots last. An unused slot is a leaf without triangles ([`WideBvh::UNUSED`]). The box of
+/// an unused slot is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and a traversal that visits the slot does no harm.
 ///
 /// # Order
 ///
-/// The inner children of a node are contiguous, and subtrees are stored depth first. A node's triangles are
-/// contiguous in leaf order; `order` translates leaf order to the mesh's order.
+/// The inner children of a node are contiguous, and subtrees are stored depth first. A node's triangles are contiguous
+/// in leaf order; `order` maps an index in leaf order to the triangle's number in the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
     /// Children per node: 2, 4, 8, 16 or 32.
     pub width: usize,
-    /// Words from one node to the next.
+    /// Number of words from the start of one node to the start of the next.
     pub stride: usize,
-    /// The nodes' words; floats by their bits.
+    /// The words of all nodes; a float is stored as its bits.
     pub nodes: Vec<u32>,
     /// The triangles' numbers in the mesh, in leaf order.
     pub order: Vec<u32>,
@@ -55,9 +55,9 @@ pub struct WideBvh {
 /// A binary subtree.
 #[derive(Clone, Copy)]
 struct Subtree {
-    /// Its root in the binary tree.
+    /// The index of the subtree's root in the binary tree.
     node: usize,
-    /// Index of its first triangle in leaf order.
+    /// Index of the subtree's first triangle in leaf order.
     first: u32,
     count: u32,
     is_leaf: bool,
@@ -70,8 +70,8 @@ impl Subtree {
         Self { node, first, count: root.count, is_leaf: root.is_leaf(), half_area: root.half_area() }
     }
 
-    /// Returns whether the subtree becomes a node. It becomes a leaf if its triangles fit into a
-    /// leaf.
+    /// Returns whether the subtree becomes an inner node. A subtree becomes a leaf if a leaf can hold all its
+    /// triangles.
     fn is_inner(&self, leaf_size: usize) -> bool {
         self.count as usize > leaf_size && !self.is_leaf
     }
@@ -86,7 +86,7 @@ impl Subtree {
 impl WideBvh {
     /// The supported widths.
     pub const WIDTHS: [usize; 5] = [2, 4, 8, 16, 32];
-    /// The most triangles a leaf can hold.
+    /// The largest number of triangles in a leaf.
     pub const MAX_LEAF_SIZE: usize = 63;
     /// The largest number of triangles, and of nodes, that a child word can index.
     pub const MAX_INDEX: usize = 1 << 25;
@@ -94,7 +94,7 @@ impl WideBvh {
     pub const LEAF: u32 = 1 << 31;
     /// The child word of an unused slot: a leaf without triangles.
     pub const UNUSED: u32 = Self::LEAF;
-    /// The lowest bit of a leaf's triangle count in its child word.
+    /// The position of the lowest bit of a leaf's triangle count in its child word.
     pub const COUNT_SHIFT: u32 = Self::MAX_INDEX.ilog2();
 
     /// Returns the number of words in a node with this many children.
@@ -102,9 +102,9 @@ impl WideBvh {
         if width <= 8 { 8 * width } else { 7 * width }
     }
 
-    /// Builds a mesh's tree in the form that a device reads. Slots that would stay unused in a node are filled by
-    /// splitting its leaves. Trees with 32 children per node are the exception: 32 work-items prepare the triangles
-    /// of a leaf in parallel, so smaller leaves would only mean that more leaves are visited.
+    /// Builds a mesh's tree in the form that a device reads. If a node would have unused slots, its leaves are split to
+    /// fill these slots. Trees with 32 children per node are the exception: 32 work-items prepare the triangles of a
+    /// leaf in parallel, so smaller leaves would only mean that more leaves are visited.
     ///
     /// # Errors
     ///
@@ -115,11 +115,10 @@ impl WideBvh {
     }
 
     /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly replaced
-    /// by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles are replaced
-    /// first. If slots are left, smaller subtrees are replaced too, since testing an unused slot costs as much as
-    /// testing a used one. Leaves therefore become as small as the slots allow, but never smaller
-    /// than the leaves of the binary tree. The binary tree should therefore be built with the leaf
-    /// size that is fastest.
+    /// by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles are replaced first.
+    /// If unused slots remain, smaller subtrees are replaced too, since testing an unused slot costs as much as testing
+    /// a used one. Leaves therefore become as small as the slots allow, but never smaller than the leaves of the binary
+    /// tree. The binary tree should therefore be built with the leaf size that is fastest.
     ///
     /// # Errors
     ///
@@ -162,8 +161,8 @@ impl WideBvh {
         self.nodes.len() / self.stride
     }
 
-    /// Returns the largest number of stack entries that a traversal needs if its stack holds the children not
-    /// yet visited, including the current node's.
+    /// Returns the largest number of stack entries that a traversal needs. The stack holds all children that are not
+    /// yet visited, including those of the current node.
     pub fn stack_size(&self) -> usize {
         self.depth as usize * (self.width - 1) + 1
     }
@@ -186,7 +185,7 @@ impl WideBvh {
         (word & Self::LEAF != 0).then_some(first..first + count as usize)
     }
 
-    /// Appends nodes with unused slots only.
+    /// Appends nodes whose slots are all unused.
     fn add_nodes(&mut self, count: usize) {
         let (words, boxes) = (7 * self.width, 6 * self.width);
         for _ in 0..count {
@@ -197,7 +196,7 @@ impl WideBvh {
         }
     }
 
-    /// Writes a node. The nodes that are appended next become its inner children.
+    /// Writes a node. The nodes that are appended next become the inner children of this node.
     fn write(&mut self, bvh: &Bvh, node: usize, children: &[Subtree], leaf_size: usize) {
         let mut next = self.node_count() as u32;
         for (place, child) in children.iter().enumerate() {
@@ -221,8 +220,8 @@ impl WideBvh {
     }
 }
 
-/// Replaces the largest subtrees with more than `least` triangles by their children, until there are `width`
-/// subtrees or none is left to replace.
+/// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the largest
+/// surface first. Stops when there are `width` subtrees, or when no such subtree remains.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));

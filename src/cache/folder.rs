@@ -17,7 +17,7 @@ fn limit_of(text: Option<&str>) -> u64 {
     told.unwrap_or(DEFAULT_LIMIT_MIB).saturating_mul(1 << 20)
 }
 
-/// Returns the folder `raycl` in the user's cache folder; `None` if the environment names no such folder.
+/// Returns the folder `raycl` in the user's cache folder; `None` if the environment names no cache folder.
 pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }

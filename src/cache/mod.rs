@@ -1,6 +1,6 @@
-//! Stores data for later runs: compiled programs and lists of devices, which raycl can recompute. Each entry
-//! is one file in a folder that belongs to the user. An entry that is corrupt, has another key or belongs to
-//! another user is ignored.
+//! Stores data for later runs: compiled programs and lists of devices, which raycl can recompute. Each entry is one
+//! file in a folder that belongs to the user. raycl ignores an entry that is corrupt, that belongs to another user, or
+//! whose key is not the requested key.
 
 mod entry;
 mod folder;
@@ -12,7 +12,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// Prefix of files that are being written, or that were left by a process that was killed.
+/// Prefix of the names of unfinished files. A process is writing such a file, or was killed while writing it.
 const UNFINISHED: &str = ".unfinished-";
 
 /// A folder of entries. Without a folder, nothing is stored.
@@ -65,7 +65,7 @@ impl Cache {
         self.folder.is_some()
     }
 
-    /// Returns the content stored as a `kind` under this key; `None` if there is no valid entry.
+    /// Returns the content of the entry with this `kind` and key; `None` if there is no valid entry.
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;
@@ -76,8 +76,8 @@ impl Cache {
         Some(content)
     }
 
-    /// Stores an entry, and returns whether this succeeded. If it fails, for example because the disk is
-    /// full, the next run only takes longer.
+    /// Stores an entry, and returns whether this succeeded. If storing fails, for example because the disk is full, the
+    /// next run only takes longer.
     pub fn put(&self, kind: &str, key: &str, content: &[u8]) -> bool {
         let Some(folder) = self.folder() else { return false };
         let bytes = sealed(key, content);
@@ -130,7 +130,7 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Returns the entry of a file, complete or not; `None` if the cache did not create the file.
+/// Returns the entry of a file, even if the file is unfinished; `None` if the cache did not create the file.
 fn entry_of(file: &std::fs::DirEntry) -> Option<Entry> {
     let found = file.metadata().ok().filter(std::fs::Metadata::is_file)?;
     let name = file.file_name();

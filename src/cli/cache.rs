@@ -32,7 +32,7 @@ enum Action {
     Path,
 }
 
-/// The output of `show --json` and `clear --json`. For `clear`, it counts the removed entries.
+/// The output of `show --json` and `clear --json`. For `clear`, the numbers are those of the removed entries.
 #[derive(Serialize)]
 struct Shown {
     /// The cache's folder; null if raycl stores nothing between runs.

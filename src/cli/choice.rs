@@ -51,7 +51,7 @@ impl TypedValueParser for StrategyText {
 }
 
 /// Parses a preset, a list of axes, or both: `naive`, `deferred,width=4`, `vectors=local`. Without a preset, the axes
-/// change `deferred`.
+/// change the preset `deferred`.
 pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
     let name = match parts.peek() {
@@ -69,9 +69,9 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     Ok(strategy)
 }
 
-/// Returns the strategy for a task, and its local size. The strategy is the one in `text`, or else the fastest one
-/// known, with the axes in `set` changed. If `set` chooses the watertight test, the fastest strategy with that test
-/// is taken.
+/// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
+/// fastest one known, or if `set` requests the watertight test, the fastest one with this test. Then the axes in `set`
+/// are changed.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -90,7 +90,7 @@ pub fn chosen_strategy(
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // One work-item casts a whole tile, which is enough work for a work-group.
+    // One work-item casts a whole tile, so a work-group of one work-item has enough work.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
 }
@@ -100,7 +100,7 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Refuses a key that is probably a misspelt axis, and suggests that axis. No key of a scene resembles an
+/// Refuses a key that is probably a misspelt axis, and suggests that axis. No key of a scene resembles the name of an
 /// axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
@@ -113,8 +113,8 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     }
 }
 
-/// Returns the device to render on: the first that matches `pattern` or the user's settings, or else the most
-/// capable one.
+/// Returns the device to render on: the first device that matches `pattern`. Without `pattern`, returns the first
+/// device that matches the user's settings; without settings, the most capable device.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| match (pattern, settings::device()) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
@@ -157,7 +157,7 @@ mod tests {
         let set = [("intersector".to_owned(), Intersector::WATERTIGHT.name().to_owned())];
         let chosen = chosen_strategy(None, &set, &limits, Task::default()).unwrap();
         assert_eq!(chosen, of(true));
-        // The chosen strategy differs in more than the ray-triangle test.
+        // The chosen strategy differs from the fastest strategy in more than the ray-triangle test.
         assert_ne!(Strategy { intersector: Intersector::WATERTIGHT, ..of(false).0 }, chosen.0);
     }
 

@@ -18,7 +18,7 @@ pub enum Colour {
     Never,
 }
 
-/// The choice made by [`choose`]: 0 means none, or `auto`.
+/// The choice made by [`choose`]: 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
 /// Sets the choice for the whole process: the option's, else the environment's, else the setting's.

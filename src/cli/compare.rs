@@ -18,16 +18,16 @@ pub struct Args {
     before: PathBuf,
     /// The folder of the newer results
     after: PathBuf,
-    /// Report a change as "same" if it is certainly smaller than PERCENT
+    /// Report a change as "same" if its whole 95% interval is within PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare the times as they were measured. Without this option, each time is first divided by a time from the same
-    /// run that shows the machine's speed, such as that of the anchor kernel
+    /// Compare the times as they were measured. Without this option, each time is first divided by another time of the
+    /// same run, such as that of the anchor kernel, to allow for changes of the machine's speed
     #[arg(long)]
     times: bool,
-    /// Exit with 1 if a single point, one strategy's points on average, or all points except baselines on average are
-    /// certainly slower by more than PERCENT, or if a point was measured in BEFORE but could not be measured in
-    /// AFTER. At most one in 50 comparisons of equal programs fails by chance
+    /// Exit with 1 after a statistically significant slowdown of more than PERCENT: of a single point, of the mean of
+    /// one strategy's points, or of the mean of all points except baselines. Also exit with 1 if a point was measured
+    /// in BEFORE but could not be measured in AFTER. At most one in 50 comparisons of equal programs fails by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder

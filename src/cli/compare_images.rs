@@ -49,8 +49,8 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel. For 8-bit pictures it is a fraction of white (255), and for radiance the
-    /// difference itself.
+    /// The largest error of a channel. For 8-bit pictures, the error is a fraction of white (255); for radiance, it is
+    /// the difference itself.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
@@ -112,8 +112,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
         }
     }
-    // For 8-bit pictures the peak is white. For radiance it is the brightest channel of the expected picture, but
-    // at least white.
+    // For 8-bit pictures the peak is white. For radiance, the peak is the brightest channel of the expected picture,
+    // but at least white.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;
@@ -164,7 +164,7 @@ mod tests {
         found.pixels[37] = [0.0, 1.0 / 255.0, 0.0];
         let report = compare(&found, &expected, None);
         assert_eq!((report.largest_error_at, report.different_pixels), (Some([7, 3]), 1));
-        // One channel of 300 is off by 1/255: 20 log10(255) + 10 log10(300).
+        // One of 300 channel values is wrong by 1/255, so the ratio is 20 log10(255) + 10 log10(300) decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
     }
 

@@ -66,7 +66,7 @@ struct Compilation {
     microscope: Option<Microscope>,
 }
 
-/// The image size. The compiled code does not depend on it, so any size will do.
+/// The image size. The compiled code does not depend on the size, so any size will do.
 const IMAGE_SIZE: [u32; 2] = [64, 64];
 
 /// Builds the program of every strategy.
@@ -110,8 +110,8 @@ fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     Ok(out)
 }
 
-/// Turns off the cache of NVIDIA's compiler unless the user has set its variable: the compiler prints the number of
-/// registers only when it compiles a program.
+/// Turns off the cache of NVIDIA's compiler, unless the user has set the environment variable of this cache. The
+/// compiler prints the number of registers only when it compiles a program.
 fn disable_caches() {
     if std::env::var_os(CACHE_DISABLE).is_none() {
         // SAFETY: the command has just begun: no driver is loaded and no other thread could read the

@@ -15,8 +15,8 @@ pub struct Args {
     check: bool,
 }
 
-/// Updates or checks the numbers. A check fails on any difference, an update only on differences that rewriting cannot
-/// remove.
+/// Updates or checks the numbers. A check fails on any difference. An update fails only on differences that rewriting
+/// cannot remove.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {
@@ -33,7 +33,7 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// Formats differences: file, line, the text there, and the text that the records give.
+/// Formats differences: the file, the line, the document's text, and the text that the records give.
 fn listed(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
         format!("{file}:{line}: the document has '{stands}', the records give {records_say}")

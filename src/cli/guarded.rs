@@ -1,6 +1,6 @@
-//! Protects commands from drivers that crash or hang while they list their devices. A command that starts
-//! drivers does its work in a child process. If a driver ends that process, the drivers are tried one by one,
-//! and the work is started again without those that fail.
+//! Protects commands from drivers that crash or hang while they list their devices. A command that starts drivers does
+//! its work in a child process. If a driver ends the child process, raycl tries the drivers one by one, and starts the
+//! work again without the drivers that fail.
 
 use crate::device::drivers::{Driver, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
@@ -22,14 +22,14 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process, and ends as the child ends. A command that reads standard
-/// input cannot be run twice. A command that shows pictures gets an allocator with huge pages. Commands that only
-/// measure do not, since the workers of a run do not use huge pages either.
+/// Runs this process's command line in a child process, and ends as the child ends. A command that reads standard input
+/// cannot be run twice. A command that shows pictures gets an allocator with huge pages. Commands that only measure do
+/// not get this allocator, since the workers of a run do not use huge pages either.
 ///
 /// # Errors
 ///
-/// Fails if a driver ended the child, and running the command again without the drivers that fail is impossible or
-/// ends in the same way.
+/// Fails if a driver ended the child, and the command cannot run again without the failing drivers. Also fails if a
+/// driver ends the command again.
 pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));
@@ -38,7 +38,7 @@ pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
     end_as(without_broken(&cause, reads_standard_input)?)
 }
 
-/// Tries the drivers one by one, and runs the command again without those that fail.
+/// Tries the drivers one by one, and runs the command again without the drivers that fail.
 fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
@@ -76,7 +76,7 @@ fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
     command.status().map_err(failed)
 }
 
-/// Returns why a driver does not list its devices when it is the only driver; `None` if it does.
+/// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
 fn why_broken(driver: &Driver) -> Result<Option<String>> {
     let folder = tempfile::tempdir().map_err(failed)?;
     let alone = only(std::slice::from_ref(driver), folder.path()).map_err(failed)?;
@@ -92,7 +92,7 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
 }
 
-/// Signals that a process causes itself; others come from outside.
+/// Signals that result from a fault of the process itself. Other signals come from outside the process.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
 #[cfg(unix)]
@@ -107,8 +107,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process as another process ended: with that one's exit code, or with 128 plus the number of the signal
-/// that ended it, as shells do. Values are not dropped then, so the caller must have removed its temporary folders.
+/// Ends this process as another process ended: with the same exit code, or with 128 plus the number of the signal that
+/// ended the other process, as shells do. No destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     match status.code() {
         Some(0) => Ok(()),
@@ -121,11 +121,11 @@ fn end_as(status: ExitStatus) -> Result<()> {
 #[cfg(target_os = "linux")]
 pub fn ends_with_its_parent() {
     use rustix::process::{Signal, set_parent_process_death_signal};
-    // If the system does not support this, the work continues to its end.
+    // If the system does not support this signal, the work continues after the parent's end.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
 }
 
-/// Does nothing: on systems other than Linux, the work continues to its end.
+/// Does nothing on systems other than Linux: the work continues after the parent's end.
 #[cfg(not(target_os = "linux"))]
 pub fn ends_with_its_parent() {}
 

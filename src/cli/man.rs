@@ -29,7 +29,7 @@ pub struct Args {
 /// A page's name and its text in roff.
 type Page = (String, Vec<u8>);
 
-/// Prints one page, or writes all.
+/// Prints one page, or writes all pages to a folder.
 pub fn run(args: Args) -> Result<()> {
     let pages = pages()?;
     let Some(out) = &args.out else { return print_one(&pages, args.command.as_deref()) };

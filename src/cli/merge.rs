@@ -18,12 +18,12 @@ use std::time::Duration;
 
 Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if a point is missing or failed, 2 for a mistake in the arguments.")]
 pub struct Args {
-    /// The folder that `raycl run --shard` wrote, as given there with --out
+    /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of devices whose name, platform or driver contains this. Results of the baselines on the
-    /// host are always merged. If no device with results matches, NAME counts as a missing device
-    /// [default: all devices with results]
+    /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
+    /// host are always merged. If no device with results matches, NAME counts as a missing device [default: all devices
+    /// with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: going (running), hung, lost,
@@ -34,7 +34,7 @@ pub struct Args {
     /// network file system may show old data for some time; choose more SECONDS than that time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
-    /// Print one JSON object per point instead of tables; with --status, one per process
+    /// Print one JSON object per point instead of tables; with --status, one object per process
     #[arg(long)]
     json: bool,
     /// Print nothing but errors. With --status, this option has no effect
@@ -54,7 +54,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
-    // An interval depends on all launches, but each attempt knew only its own.
+    // A point's 95% interval depends on all launches (worker processes), but each attempt knew only its own launches.
     renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
     let of_config = |key| folder.config(key).unwrap_or_default();
     folder.summarise(&of_config("question"), &of_config("expectation"))?;

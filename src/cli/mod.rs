@@ -108,7 +108,7 @@ enum Command {
     Kernel(kernel::Args),
     /// Compile kernels, and report their registers, bytes of memory, memory instructions and binary
     Compile(compile::Args),
-    /// Measure a device's peak rates: multiply-adds, copies, local memory, launches, latencies
+    /// Measure a device's peak rates: multiply-adds, copies, local memory, kernel launches, latencies
     Peak(peak::Args),
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
@@ -117,7 +117,7 @@ enum Command {
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]
     Figures(figures::Args),
-    /// Compare `render`'s choices of a strategy with measurements, for contributors
+    /// Check `render`'s choices of strategies against measurements, for contributors
     #[command(hide = true)]
     Rule(rule::Args),
     /// Show or clear the cache of compiled programs and lists of devices
@@ -131,8 +131,8 @@ enum Command {
 }
 
 impl Command {
-    /// Returns whether the command starts drivers in its own process. Commands that measure the points of an experiment
-    /// leave that to workers.
+    /// Returns whether the command starts drivers in its own process. For commands that measure the points of an
+    /// experiment, worker processes start the drivers.
     fn starts_drivers(&self) -> bool {
         match self {
             Self::Render(_)
@@ -167,7 +167,7 @@ impl Command {
 }
 
 impl Cli {
-    /// Parses the process's arguments. A mistake in them ends the process with exit code 2 and a suggestion.
+    /// Parses the process's arguments. A mistake in the arguments ends the process with exit code 2 and a suggestion.
     ///
     /// # Errors
     ///
@@ -175,7 +175,7 @@ impl Cli {
     pub fn read() -> Result<Self> {
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
-        // The command line's choice of colour also applies to the message about a mistake in it.
+        // The command line's choice of colour also applies to a message about a mistake in the command line.
         colour::choose(colour::typed(&words), settings::colour());
         let read = Self::parse_words(&words)
             .unwrap_or_else(|error| renamed::explain(shown(error, words.into_iter())).exit());

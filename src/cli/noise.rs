@@ -32,7 +32,7 @@ pub struct Args {
     quiet: bool,
 }
 
-/// The experiment's files. They are built in, so that the command needs no other files.
+/// The experiment's files, built into raycl so that the command needs no other files.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),

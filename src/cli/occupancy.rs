@@ -51,8 +51,8 @@ pub struct Args {
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
-    /// Print the predicted occupancy and the measured time of each point of a run whose record contains the kernels'
-    /// numbers of registers. DIR is a folder of results, or its file records.jsonl
+    /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
+    /// contains its kernels' numbers of registers. DIR is a folder of results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
     /// Print the paper's Figure 5, and how many threads per multiprocessor the paper's 63 registers per work-item allow

@@ -83,15 +83,15 @@ pub(super) struct Wanted<'a> {
     pub given: &'a str,
     /// The devices to measure.
     pub patterns: &'a [String],
-    /// The folder of kernels that replaces the built-in ones.
+    /// The folder of kernels that replace the built-in kernels.
     pub cl_dir: Option<&'a Path>,
     /// True if the command ends at once when another process is measuring on a device.
     pub no_wait: bool,
 }
 
 impl Wanted<'_> {
-    /// Reads the peak rates from the file, or starts child processes that measure them, since the process of
-    /// `raycl run` starts no driver itself.
+    /// Reads the peak rates from the file, or starts child processes that measure them. The process of `raycl run`
+    /// itself starts no driver.
     pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         if self.given != "measure" {
             return Peak::read(Path::new(self.given));
@@ -115,7 +115,7 @@ impl Wanted<'_> {
                 .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
-        // The child's messages go to the user: they say which process it waits for, or why it failed.
+        // The child's messages go to the user: they say which process the child waits for, or why the child failed.
         command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
         command.args(self.no_wait.then_some("--no-wait"));
         if let Some(folder) = self.cl_dir {

@@ -12,7 +12,7 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's layout. The text at its end is the latest argument of `works_on`; it has about half of a line of 80
+/// The bar's layout. The text at the bar's end is the latest argument of `works_on`. This text has about 40 of 80
 /// columns.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
@@ -69,7 +69,7 @@ pub struct Lines {
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then.
     since: Option<(Instant, usize)>,
-    /// Number of steps finished since then that belong to points that were never timed.
+    /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
 }
 
@@ -136,7 +136,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Makes an observer for runs with these total numbers of points and steps, which reports to `inner`.
+    /// Makes an observer that reports to `inner`, for runs with these total numbers of points and steps.
     pub fn of(all: [usize; 2], inner: Box<dyn Observer>) -> Self {
         Self { inner, all, done: 0, taken: 0, stage: String::new(), begun: false }
     }
@@ -202,7 +202,7 @@ pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
         return Box::new(Lines::default());
     }
     let bar = ProgressBar::new(0);
-    // The template is a constant. If it were wrong, indicatif's default would be used.
+    // The template is a constant. If the template were wrong, indicatif's default would be used.
     let style = ProgressStyle::with_template(STYLE).unwrap_or_else(|_| ProgressStyle::default_bar());
     bar.set_style(style.with_key("left", left));
     Box::new(Bar { bar })
@@ -218,7 +218,7 @@ fn line(record: &Record) -> String {
             format!("{point}: {median_ms:.3} ms, n = {}", record.samples_ms.len())
         }
         (outcome, _) => {
-            // A compiler's log has many lines; only the first is shown, and the record has all.
+            // A compiler's log has many lines. Only the first line is shown; the record contains the whole log.
             let reason = record.reason.as_deref().and_then(|reason| reason.lines().next());
             format!("{point}: {}: {}", outcome.name(), reason.unwrap_or_default())
         }
@@ -284,7 +284,7 @@ mod tests {
         assert_eq!(lines.left(), ", about 3m left");
         lines.taken = 30;
         assert_eq!(lines.left(), "");
-        // The time of an earlier stage says nothing about the next one.
+        // The time of an earlier stage says nothing about the time of the next stage.
         lines.resumes(5, 15);
         assert_eq!(lines.left(), "");
     }

@@ -117,7 +117,8 @@ impl Args {
     }
 }
 
-/// Renders one picture, with `--watch` another one after every change, or the frames of a moving picture.
+/// Renders one picture, or the frames of a moving picture. With `--watch`, renders the picture again after every
+/// change.
 pub fn run(args: Args) -> Result<()> {
     if let Some(devices) = &args.devices {
         return split::run(&args, devices);
@@ -226,7 +227,7 @@ fn judged(
     args.verify.map(check).transpose()
 }
 
-/// Saves a picture; returns its radiance if it has one.
+/// Saves a picture. Returns the picture's radiance; `None` if the picture has only displayed colours.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
@@ -241,8 +242,8 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
 
-/// Prints the report; to standard error if the picture goes to standard output. Without `--watch`, it then ends the
-/// process.
+/// Prints the report; to standard error if the picture goes to standard output. Without `--watch`, the function then
+/// ends the process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     match (args.json, args.quiet) {
         _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
@@ -309,8 +310,8 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// Returns the files of `--layers`, if requested. A .png of a layer must not replace the picture; an .exr may, since it
-/// also contains the picture.
+/// Returns the files of `--layers`, if requested. A .png of a layer must not replace the picture. An .exr may replace
+/// it, since an .exr also contains the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))

@@ -98,8 +98,8 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     let taken = [args.resume, args.force];
     let mut run = run::Args::of(config, &args.out.join(name), &args.device, &args.set, taken);
     run.no_wait = args.no_wait;
-    // The page needs the devices' peak rates, to check the latencies that the paper states and to explain why a
-    // memory is fastest.
+    // The page needs the devices' peak rates, to check the latencies that the paper states and to explain which memory
+    // is fastest.
     run.peak = (name == "figure-8").then(|| "measure".to_owned());
     run
 }

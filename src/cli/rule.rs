@@ -1,5 +1,5 @@
-//! `raycl rule`, for contributors: compares the choices of the rule by which `render` chooses a strategy with
-//! measurements, and computes the rule's constants from measurements.
+//! `raycl rule`, for contributors. `render` chooses a strategy by a rule. This command checks the rule's choices
+//! against measurements, and computes the rule's constants from measurements.
 
 use super::choice::one_device;
 use super::turn::hold;
@@ -12,7 +12,7 @@ use crate::rule::{Case, Measured, Sweep, cases, source};
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
-/// The default number of rounds. The least time of all rounds counts.
+/// The default number of rounds. The shortest time of all rounds counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.

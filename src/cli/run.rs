@@ -38,7 +38,7 @@ use std::time::Duration;
 /// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
 const INTERRUPTED: i32 = 130;
 
-/// The default time limit for one step of a point.
+/// The default time limit for the first image of a point, including building its kernels, and for each later frame.
 const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 /// Arguments of `raycl run`.
@@ -72,15 +72,15 @@ pub struct Args {
     /// With --resume, measure failed points again
     #[arg(long, requires = "resume")]
     retry_failed: bool,
-    /// Time limit in seconds for one step of a point: building its kernels and casting its first
-    /// image, or casting one later frame
+    /// Time limit in seconds for building a point's kernels and casting its first image, and for casting each later
+    /// frame
     #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = parse_seconds)]
     hang_limit: Duration,
     /// Distribute the points over several devices of the same model, instead of measuring every point on every device
     #[arg(long)]
     spread: bool,
     /// Also report the speed as a share of the device's peak rates. raycl reads the peak rates from FILE, written by
-    /// `raycl peak --out`, or without FILE measures them first
+    /// `raycl peak --out`. Without FILE, raycl first measures them
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
     /// If another process is measuring on the device, end at once instead of waiting for it
@@ -106,9 +106,10 @@ pub struct Args {
     /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With --cl-dir given twice: exit with 1 if, with the second folder, a single point, one strategy's points on
-    /// average, or all points on average are certainly slower by more than PERCENT, or if a point was measured
-    /// with the first folder but could not be measured with the second
+    /// With --cl-dir given twice: exit with 1 if the second folder causes a statistically significant slowdown of more
+    /// than PERCENT: of a single point, of the mean of one strategy's points, or of the mean of all points except
+    /// baselines. Also exit with 1 if a point was measured with the first folder but could not be measured with the
+    /// second
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
@@ -222,7 +223,7 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// Refuses a folder of shards. Its results are merged from attempts, so a run must not write to it.
+/// Refuses a folder of shards. The results in such a folder are merged from attempts, so a run must not write there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
@@ -287,7 +288,7 @@ fn choice(args: &Args) -> Choice {
     Choice { force: args.force, elsewhere: "--out DIR" }
 }
 
-/// Returns the number of points and of steps in a run; a step is one launch of one point.
+/// Returns the number of points and of steps in a run; a step is one launch (worker process) of one point.
 pub(super) fn count(args: &Args, devices: &[DeviceInfo]) -> Result<[usize; 2]> {
     let experiment = config::load(&args.config, &args.set)?;
     let infos = chosen(args, &experiment, devices)?;
@@ -335,7 +336,7 @@ fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
 }
 
-/// Returns a flag that the first SIGINT or SIGTERM sets; a second one ends the process at once.
+/// Returns a flag that the first SIGINT or SIGTERM sets; a second signal ends the process at once.
 fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {

@@ -79,8 +79,7 @@ impl Subject {
         Ok((strategy, self.local_size.unwrap_or(usual)))
     }
 
-    /// Builds the program and uploads the scene. Without a requested local size, as many tiles share a
-    /// work-group as fit.
+    /// Builds the program and uploads the scene. If no local size is requested, a work-group gets as many tiles as fit.
     pub fn prepare(
         &self,
         session: &mut Session,
@@ -146,8 +145,8 @@ mod tests {
         assert!(away([10, 40]) > 1.5 * away([40, 10]), "{} {}", away([10, 40]), away([40, 10]));
     }
 
-    /// Not even a work-group with one tile fits on the device. The error message then names the last local size that
-    /// was tried.
+    /// Not even a work-group with one tile fits on the device. The error message names the last local size that was
+    /// tried.
     #[test]
     fn a_local_size_is_made_smaller_unless_it_was_requested() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

@@ -86,7 +86,7 @@ struct Report {
     frames: u32,
     /// The time from the first frame to the last.
     seconds: f64,
-    /// The number of frames after the first, divided by this time.
+    /// The number of frames after the first, divided by `seconds`.
     frames_per_s: f64,
     /// The median device time of a frame.
     frame_ms: f64,

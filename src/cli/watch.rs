@@ -10,16 +10,16 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Extensions of files that may affect the picture even if they have not been read. Formats of pictures are not among
-/// them, so that pictures that other commands write do not count.
+/// Extensions of files that may affect the picture even if they have not been read. Formats of pictures are not listed,
+/// so that pictures that other commands write do not count.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// Editors write a file in several steps; it is complete this long after the last of them.
+/// Editors write a file in several steps. The file counts as complete this long after the last step.
 const QUIET: Duration = Duration::from_millis(80);
 
 /// Files that are watched.
 pub struct Watched {
     changes: Receiver<()>,
-    /// The watcher. Files are watched until it is dropped.
+    /// The watcher. Files are watched until this value is dropped.
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
     folders: Vec<(PathBuf, RecursiveMode)>,
@@ -58,8 +58,8 @@ impl Watched {
         Ok(Self { changes, watcher, folders, inputs })
     }
 
-    /// Returns whether a file has changed since the last call. If one has, the function first waits for the pause
-    /// after the change.
+    /// Returns whether a file has changed since the last call. If a file has changed, the function first waits for the
+    /// pause after the change.
     pub fn has_changed(&mut self) -> bool {
         self.follow();
         self.changes.try_recv().is_ok() && quiet(&self.changes)
@@ -69,7 +69,7 @@ impl Watched {
     fn follow(&mut self) {
         for folder in self.inputs.folders() {
             if !self.folders.iter().any(|watched| covers(watched, &folder)) {
-                // If a folder cannot be watched, the others still are.
+                // If a folder cannot be watched, the other folders are still watched.
                 let _ = self.watcher.watch(&folder, RecursiveMode::NonRecursive);
                 self.folders.push((folder, RecursiveMode::NonRecursive));
             }
@@ -90,8 +90,8 @@ pub fn folders(scene: &Path, kernels: Option<&Path>) -> Vec<(PathBuf, RecursiveM
 }
 
 /// Calls `action` once, and again after every change of a watched file. A failed action is reported and does not end
-/// the loop, since the next change may correct the mistake. Unless `quiet` is set, a line says each time that the
-/// command is waiting.
+/// the loop, since the next change may correct the mistake. Unless `quiet` is set, prints a line before each wait for a
+/// change.
 pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Result<()>) -> Result<()> {
     loop {
         let done = action();

@@ -92,7 +92,7 @@ impl Document {
         }
     }
 
-    /// Adds the location `span` to an input error that has none.
+    /// Adds the location `span` to an input error that has no location.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
@@ -179,7 +179,7 @@ fn in_bounds(array: &DeArray<'_>, table: &DeTable<'_>) -> bool {
     table.keys().all(|key| key.get_ref().parse::<usize>().is_ok_and(|place| place < array.len()))
 }
 
-/// Returns serde's message without the names of Rust types, and what serde expected.
+/// Returns serde's message without the names of Rust types, and the part of it that says which value serde expected.
 fn in_plain_words(message: &str) -> (String, String) {
     let words = [
         ("expected i64", "expected a whole number"),

@@ -1,5 +1,5 @@
-//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`]. Its only types of
-//! TOML are the values to set in scenes. Every mistake is reported with its line.
+//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`]. An `Experiment`
+//! contains types of TOML only for the values to set in scenes. Every mistake is reported with its line.
 
 mod document;
 mod lists;
@@ -53,7 +53,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
 }
 
 /// Returns the experiment that the `text` of a config describes. `path` is the config's name in messages; paths of
-/// scenes are relative to its folder.
+/// scenes are relative to the folder of `path`.
 pub fn parse(path: &Path, text: String, overrides: &[(String, String)]) -> Result<Experiment> {
     let document = Document::new(path.display().to_string(), text, overrides)?;
     let wire = document.read().map_err(|error| scene_instead(path, document.text()).unwrap_or(error))?;

@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in the range. The message for any other value calls it `what`.
+/// Returns `value` if it is in the range. For any other value, the error message uses the name `what`.
 pub fn whole(
     document: &Document,
     value: i64,

@@ -72,8 +72,8 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
     Ok(choices)
 }
 
-/// Returns a copy of the choice with one more changed value. The copy's suffix names the value by the last part of its
-/// key.
+/// Returns a copy of the choice with one more changed value. The copy's suffix names the value by the last part of the
+/// value's key.
 fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
     let short = key.rsplit('.').next().unwrap_or(key);

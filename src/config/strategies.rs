@@ -171,7 +171,7 @@ fn named(
 }
 
 /// Returns the entry's own name, followed by the axes for which the entry lists several values. If the entry has no
-/// name, returns the preset's, followed by these axes and by every axis that differs from the preset.
+/// name, returns the preset's name, followed by these axes and by every axis that differs from the preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");

@@ -21,7 +21,7 @@ pub struct Experiment {
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
-    /// True if scenes are compared with each other; if so, they are measured in the same rounds.
+    /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
     pub compare_scenes: bool,
     /// Words that select devices; "all" selects every usable one. Empty if the config names none.
     pub devices: Vec<String>,
@@ -135,7 +135,7 @@ impl Baseline {
     }
 }
 
-/// Limits of a smaller device to imitate. They never raise the device's own limits.
+/// Limits of a smaller device to imitate. These limits never raise the device's own limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Emulate {
     /// Size in bytes of a work-group's `__local` memory.
@@ -145,7 +145,8 @@ pub struct Emulate {
 }
 
 impl Emulate {
-    /// Returns the limits of `device`, with each of them lowered to the one given here if that is smaller.
+    /// Returns the limits of `device`. A limit that is given here replaces the device's limit if the given limit is
+    /// smaller.
     pub fn apply(&self, device: DeviceLimits) -> DeviceLimits {
         let lower = |own: u64, cap: Option<u64>| cap.map_or(own, |cap| cap.min(own));
         DeviceLimits {
@@ -167,10 +168,11 @@ impl fmt::Display for Emulate {
 /// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames cast before the first sample of a launch; fewer if they take over a tenth of the time limit.
+    /// Number of frames cast before the first sample of a launch (worker process). The number is smaller if these
+    /// frames take over a tenth of the time limit.
     pub warmup: u32,
-    /// Number of launches: worker processes that measure a group one after another and share its samples.
-    /// With one launch, results are only preliminary.
+    /// Number of launches: worker processes that measure a group one after another. The group's samples are divided
+    /// among the launches. With one launch, results are only preliminary.
     pub launches: u32,
     /// Smallest number of samples of a point, unless the time is up.
     pub min_samples: u32,
@@ -178,7 +180,7 @@ pub struct Timing {
     pub max_samples: u32,
     /// Milliseconds for the samples of a point, averaged over its group.
     pub time_limit_ms: f64,
-    /// Seed for the order of launches and rounds.
+    /// Seed for the order of launches (worker processes) and rounds.
     pub seed: u64,
     /// A group stops when the standard deviation divided by the mean is below this for each of its points.
     pub relative_sigma: f64,

@@ -13,7 +13,7 @@ use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
 use crate::error::{Result, nearest};
 
-/// The largest number of launches of a group.
+/// The largest number of launches (worker processes) of a group.
 pub(super) const MOST_LAUNCHES: i64 = 100;
 /// The largest number of samples of a point.
 pub(super) const MOST_SAMPLES: i64 = 1_000_000;

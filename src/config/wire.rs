@@ -89,7 +89,7 @@ pub enum SceneValues {
     One(toml::Value),
 }
 
-/// Limits of a smaller device to imitate. They never raise the device's own limits.
+/// Limits of a smaller device to imitate. These limits never raise the device's own limits.
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Emulate {
@@ -105,12 +105,12 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Number of frames cast before the first sample of a launch; fewer if they take over a tenth of the time
-    /// limit [default: 2].
+    /// Number of frames cast before the first sample of a launch (worker process) [default: 2]. The number is smaller
+    /// if these frames take over a tenth of the time limit.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Number of launches: new processes, at different times, that share the samples of a point. With 1, the 95%
-    /// intervals are too narrow [default: 3].
+    /// Number of launches: worker processes that measure a point at different times [default: 3]. The point's samples
+    /// are divided among the launches. With 1 launch, the 95% intervals are too narrow.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,
     /// Smallest number of samples of a point, unless the time is up [default: 10].
@@ -122,7 +122,7 @@ pub struct Timing {
     /// Milliseconds for the samples of a point, averaged over its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
-    /// Seed for the order of launches and rounds [default: 1].
+    /// Seed for the order of launches (worker processes) and rounds [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
     /// Stop when the standard deviation divided by the mean is below this for each point of a group [default:

@@ -17,13 +17,13 @@ use crate::sources::Sources;
 /// All devices, and platforms without devices.
 #[derive(Clone, Debug, Default)]
 pub struct Survey {
-    /// Every device of every platform, in the loader's order; an unusable one states the reason.
+    /// Every device of every platform, in the loader's order. An unusable device states why it is unusable.
     pub devices: Vec<Device>,
     /// Platforms without devices.
     pub empty_platforms: Vec<String>,
 }
 
-/// Lists every device of every platform; an unusable one states the reason. `sources` contains the kernel
+/// Lists every device of every platform. An unusable device states why it is unusable. `sources` contains the kernel
 /// that tests how work-items can share a tile on a device.
 ///
 /// Returns an error at once if there is no platform or no device.
@@ -85,8 +85,8 @@ fn devices_of(platform: ocl::Platform) -> Vec<ocl::Device> {
     ocl::Device::list(platform, Some(ocl::flags::DEVICE_TYPE_ALL)).unwrap_or_default()
 }
 
-/// Opens a device that was listed in an earlier run; `None` if it is missing or if any of its properties has
-/// changed. Only the driver of its platform is started.
+/// Opens a device that was listed in an earlier run; `None` if it is missing or if any of its properties has changed.
+/// Only the driver of the device's platform is started.
 pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let _turn = turn();
     let _patience = Patience::of_guarded();
@@ -113,8 +113,8 @@ fn no_platform() -> Error {
         .with_help(HOW_TO_GET_ONE)
 }
 
-/// Returns the number of platforms. This must be queried before the `ocl` crate is used: without platforms,
-/// each of its enumerations sleeps 10 seconds, and some panic.
+/// Returns the number of platforms. The number must be queried before the `ocl` crate is used: without platforms, each
+/// enumeration of that crate sleeps 10 seconds, and some enumerations panic.
 fn platform_count() -> Result<u32> {
     /// CL_PLATFORM_NOT_FOUND_KHR.
     const NOT_FOUND: i32 = -1001;

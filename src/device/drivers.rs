@@ -1,5 +1,4 @@
-//! The drivers that an OpenCL loader would start. They can be tried one by one, so that a broken one can be
-//! left out.
+//! The drivers that an OpenCL loader would start. raycl can try each driver alone, and so find the broken drivers.
 
 use std::ffi::OsString;
 use std::io;
@@ -9,7 +8,7 @@ use std::path::{Path, PathBuf};
 pub(super) const VENDORS: &str = "/etc/OpenCL/vendors";
 /// The variable that names another folder, one .icd file, or one library.
 const FOLDER: &str = "OCL_ICD_VENDORS";
-/// The variable that names another folder if the previous one is not set.
+/// The variable that names another folder if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The variable that names further libraries.
 const LIBRARIES: &str = "OCL_ICD_FILENAMES";
@@ -41,8 +40,9 @@ pub fn installed() -> Vec<Driver> {
     found(set(FOLDER).as_deref(), &usual).into_iter().chain(named).collect()
 }
 
-/// Returns the drivers that a loader finds in the usual folder. If the environment names a folder, an .icd file or a library instead,
-/// only those are found; an .icd file whose name has no slash is searched for in the usual folder first.
+/// Returns the drivers that a loader finds in the usual folder. If the environment names another folder, an .icd file
+/// or a library, returns only the drivers that are named there. An .icd file whose name has no slash is first searched
+/// for in the usual folder.
 fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
     let folder = told.unwrap_or(usual);
     if told.is_none() || folder.is_dir() {
@@ -69,9 +69,9 @@ fn is_icd(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "icd")
 }
 
-/// Returns the variables under which a loader finds these drivers and no others. Their .icd files are put
-/// into `folder`, which must be empty and must outlive the loader. For a driver that is named as a library,
-/// an .icd file is written too, since not every loader reads a variable that names libraries.
+/// Returns the variables under which a loader finds these drivers and no others. The .icd files of these drivers are
+/// put into `folder`, which must be empty and must outlive the loader. For a driver that is named as a library, an .icd
+/// file is written too, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
 ///
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(found(None, folder.path()).len(), 2);
         assert_eq!(found(Some(folder.path()), Path::new("/none")).len(), 2);
         assert_eq!(found(Some(&a), Path::new("/none")), icd(&a));
-        // ocl-icd does the same: it first looks for a name without a slash in its folder.
+        // ocl-icd does the same: it first searches its folder for a name that has no slash.
         assert_eq!(found(Some(Path::new("a.icd")), folder.path()), icd(&a));
         assert_eq!(found(Some(Path::new("c.icd")), folder.path()), icd(Path::new("c.icd")));
         let library = Driver::Library("libone.so.1".into());

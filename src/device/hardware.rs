@@ -1,5 +1,5 @@
-//! Properties of a device's hardware that OpenCL's core does not report: compute capability, clock, timer,
-//! PCI bus. Any of them may be missing, which does not make the device unusable.
+//! Properties of a device's hardware that OpenCL's core does not report: compute capability, clock, timer, PCI bus. The
+//! device is usable even if some of these properties are missing.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,5 +1,5 @@
-//! Finds the devices of an earlier run in the cache. Then only the driver of the selected device is
-//! started, and the device's lane operations are not tested again.
+//! Finds the devices of an earlier run in the cache. If the devices are found there, only the selected device's driver
+//! is started, and the device's lane operations are not tested again.
 
 use super::discover::{again, discover};
 use super::drivers::VENDORS;
@@ -17,9 +17,9 @@ const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 
-/// Returns the device that `choose` picks, by its index among all; `None` if it picks none. The devices of an
-/// earlier run are used if drivers and environment are unchanged and the chosen device still reports the same
-/// properties. Otherwise all devices are listed.
+/// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
+/// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
+/// all devices are listed.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -28,8 +28,8 @@ pub fn pick_one(
     let key = key(sources)?;
     let known =
         cache.get(KIND, &key).and_then(|bytes| serde_json::from_slice::<Vec<DeviceInfo>>(&bytes).ok());
-    // A device that is not in the stored list may be new. In that case all devices are listed anew, and messages
-    // refer to the new list.
+    // A device that is not in the stored list may be new. If the stored list lacks the device, all devices are listed
+    // anew, and messages refer to the new list.
     let place = known.as_deref().and_then(|known| choose(known).ok().flatten());
     let found = known.as_deref().zip(place).and_then(|(known, place)| again(known.get(place)?));
     if found.is_some() {
@@ -40,7 +40,7 @@ pub fn pick_one(
     Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
 }
 
-/// Lists all devices, and stores them for [`pick_one`] in this and other processes.
+/// Lists all devices, and stores the list for [`pick_one`] in this and other processes.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
     listed(cache, &key(sources)?, sources)
 }
@@ -70,8 +70,8 @@ fn key(sources: &Sources) -> Result<String> {
     Ok(parts.collect::<Vec<_>>().join("\n"))
 }
 
-/// Returns the path and the text of every file in a folder, or of the one file: the text of an .icd file names the
-/// driver's library.
+/// Returns the path and the text of a file, or of every file in a folder. The text of an .icd file names the driver's
+/// library.
 fn drivers(path: &Path) -> Vec<String> {
     let in_folder = std::fs::read_dir(path).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
     let mut files: Vec<PathBuf> = in_folder.collect();

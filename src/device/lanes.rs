@@ -7,8 +7,8 @@ use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// The implementations of the operations in cl/common/lanes.cl, slowest first. The macros
-/// LANES_BY_* in that file have these values as numbers.
+/// The implementations of the operations in cl/common/lanes.cl, slowest first. In that file, the macros LANES_BY_* have
+/// the same values as numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
@@ -23,9 +23,9 @@ pub enum LaneOperations {
     Ptx,
 }
 
-/// Number of lanes in a group.
+/// Number of lanes in a group of work-items that share a tile.
 const LANES: usize = GROUP_LANES as usize;
-/// Number of groups in the tested work-group.
+/// Number of groups of 32 lanes in the tested work-group.
 const GROUPS: usize = 4;
 /// Number of answers per lane.
 const ANSWERS: usize = 8;
@@ -36,8 +36,8 @@ const AMONG: u32 = 0x0f0f_00ff;
 const PROBE: &str = "probe/lanes.cl";
 
 impl LaneOperations {
-    /// Returns the number of tiles per work-group that is fastest: several if groups need not wait for each
-    /// other.
+    /// Returns the fastest number of tiles per work-group: several, if the work-items of one tile need not wait for
+    /// those of another tile.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
@@ -52,7 +52,7 @@ impl LaneOperations {
         }
     }
 
-    /// Returns the fastest implementation that a device's extensions suggest and that passes the test there.
+    /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this device.
     pub(super) fn find(
         info: &DeviceInfo,
         platform: ocl::Platform,
@@ -85,9 +85,9 @@ pub(super) fn probe(sources: &Sources) -> Result<String> {
     Ok(list + &sources.read_joined(PROBE)?)
 }
 
-/// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept
-/// inline PTX. On a CPU, one thread executes a whole work-group, and drivers emulate sub-groups by barriers; kernels
-/// that use such sub-groups in loops crash or hang on PoCL 5.0, although the test passes there.
+/// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept inline PTX.
+/// On a CPU, one thread executes a whole work-group, and drivers emulate sub-groups by barriers. Kernels that use such
+/// sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.is_cpu || info.limits.work_group_size < LANES * GROUPS {
         &[]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The limits of a device and its main properties, as its driver reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DeviceLimits {
-    /// Bytes of `__local` memory of a work-group. Never exceed it: otherwise PoCL 3.1 aborts the process.
+    /// Bytes of `__local` memory of a work-group. Never exceed this limit: otherwise PoCL 3.1 aborts the process.
     pub local_bytes: u64,
     /// Bytes of `__constant` memory of a kernel.
     pub constant_bytes: u64,
@@ -30,9 +30,8 @@ pub struct DeviceLimits {
     pub lane_operations: LaneOperations,
 }
 
-/// Returns the number of rays per vector that suits a device. On a CPU that is the reported number of floats
-/// per native vector, rounded down to 1, 2, 4, 8 or 16; elsewhere it is 1, because lanes are work-items
-/// there.
+/// Returns the number of rays per vector that suits a device. On a CPU, the number is the reported number of floats per
+/// native vector, rounded down to 1, 2, 4, 8 or 16. On other devices it is 1, because their lanes are work-items.
 pub(super) fn native_width(is_cpu: bool, reported: u64) -> u32 {
     if !is_cpu {
         return 1;

@@ -81,7 +81,7 @@ impl DeviceKind {
     }
 }
 
-/// Compiler built-ins beyond OpenCL C. Kernels use them if the device's compiler supports them.
+/// Compiler built-ins beyond OpenCL C. Kernels use a built-in if the device's compiler supports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.
@@ -118,8 +118,8 @@ pub struct DeviceInfo {
     /// Further properties of its hardware.
     #[serde(default)]
     pub hardware: Hardware,
-    /// Environment variables that affect what its driver compiles or how it runs, as set in the process that
-    /// listed it.
+    /// Environment variables that affect what the device's driver compiles or how the driver runs, with their values in
+    /// the process that listed the device.
     #[serde(default)]
     pub settings: Vec<variables::Setting>,
     /// Number of cores that the process may use, for devices that run on them.
@@ -164,8 +164,8 @@ impl DeviceInfo {
         }
     }
 
-    /// Returns everything that identifies the device and its driver. It is used to find the device again, and
-    /// is part of keys.
+    /// Returns everything that identifies the device and its driver. The returned text is used to find the device
+    /// again, and is part of keys.
     pub fn identity(&self) -> String {
         let twin =
             if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
@@ -184,8 +184,8 @@ impl DeviceInfo {
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
     }
 
-    /// Returns what affects its times in addition to its identity, as part of keys: compute units, cores, threads and
-    /// the driver's variables.
+    /// Returns the facts beyond the device's identity that affect its times: compute units, cores, threads and the
+    /// driver's variables. These facts are part of keys.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -217,15 +217,14 @@ impl DeviceInfo {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns whether its compiler has an option to print registers and spills. The binaries of such a
-    /// compiler are PTX.
+    /// Returns whether its compiler has an option to print registers and spills. A compiler with this option produces
+    /// PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
     }
 
-    /// Returns whether its driver can return a compiled program's binary without further work. To return it, PoCL
-    /// would compile every kernel again, since it compiles kernels for a local size, which is only known at the
-    /// launch.
+    /// Returns whether its driver can return a compiled program's binary without further work. PoCL would compile every
+    /// kernel again to return a binary: it compiles kernels for a local size, which is only known when a kernel starts.
     pub fn has_binaries_at_hand(&self) -> bool {
         !self.platform.to_lowercase().contains("portable computing language")
     }
@@ -235,9 +234,9 @@ impl DeviceInfo {
         self.extensions.iter().any(|extension| extension == name)
     }
 
-    /// Returns the largest number of bytes of `__local` memory that a kernel's *arguments* may take. NVIDIA's
-    /// driver (580) supports 48 KiB declared in a kernel, but fails a launch with an argument of 48 KiB; 47
-    /// KiB works.
+    /// Returns the largest number of bytes of `__local` memory that a kernel's *arguments* may take. With NVIDIA's
+    /// driver (580), a kernel may declare 48 KiB, but a kernel with an argument of 48 KiB fails to start. An argument
+    /// of 47 KiB works.
     pub fn local_argument_bytes(&self) -> u64 {
         let reserved = if self.vendor.to_lowercase().contains("nvidia") { 1024 } else { 0 };
         self.limits.local_bytes.saturating_sub(reserved)

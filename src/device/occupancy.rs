@@ -9,8 +9,7 @@ pub use table::{MULTIPROCESSORS, Multiprocessor, multiprocessor};
 const WARP: u64 = 32;
 /// Largest number of threads in a group, on every capability here.
 const MAX_GROUP_THREADS: u32 = 1024;
-/// Bytes of `__local` memory that a group may have, unless the driver is asked for more, which is impossible
-/// in OpenCL.
+/// Bytes of `__local` memory that a group may have. CUDA programs can ask the driver for more; OpenCL programs cannot.
 const MAX_GROUP_LOCAL_BYTES: u64 = 48 * 1024;
 /// Largest number of registers of a group from capability 3.0 on. Below 3.0, a group may use all registers of the
 /// multiprocessor.
@@ -91,7 +90,7 @@ pub fn occupancy(
     }
 }
 
-/// A number that fits, or the arithmetic that shows why not even one group does.
+/// A result for groups that fit, or the arithmetic that shows why not even one group fits.
 type Fits<T> = std::result::Result<T, String>;
 
 /// Refuses a group that exceeds a limit for a single group or thread.
@@ -111,8 +110,8 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
     Ok(())
 }
 
-/// Returns the number of groups that the registers allow. Registers are allocated to whole warps: in units of
-/// 64 on 2.x, for an even number of warps; in units of 256 from 3.0 on.
+/// Returns the number of groups that the registers allow. Registers are allocated to whole warps. On compute capability
+/// 2.x, the unit is 64 registers and the number of warps is even; from 3.0 on, the unit is 256 registers.
 fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
     let wanted = WARP * u64::from(registers.max(1));
     let granularity = sm.warp_granularity;
@@ -141,7 +140,7 @@ fn groups_by_local(sm: &Multiprocessor, local_bytes: u64) -> u64 {
     sm.local_bytes.checked_div(taken).unwrap_or(u64::MAX)
 }
 
-/// Returns the bytes of `__local` memory that the system reserves in each group: 1 KiB from 8.0 on.
+/// Returns the bytes of `__local` memory that the system reserves in each group: 1 KiB from compute capability 8.0 on.
 fn reserved_local_bytes(sm: &Multiprocessor) -> u64 {
     if sm.compute_capability.starts_with(['8', '9']) { 1024 } else { 0 }
 }
@@ -207,7 +206,8 @@ mod tests {
             assert_eq!(groups, 0);
             assert!(limiter.to_string().contains(part), "{limiter}");
         }
-        // The 128 Ki registers are all that the multiprocessor of 3.7 has, and twice what a group may have.
+        // A multiprocessor of compute capability 3.7 has 128 Ki registers in total. This is twice the number that one
+        // group may have.
         assert!(matches!(of("3.7", 128, 0, 1024).limiter, Limiter::CannotLaunch(_)));
     }
 

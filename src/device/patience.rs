@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 /// The environment variable that marks a process which does a command's work on behalf of another process;
 /// that other process handles its exit.
 pub const GUARDED: &str = "RAYCL_GUARDED";
-/// The exit code of a process whose driver did not answer. It is only used between processes of raycl.
+/// The exit code of a process whose driver did not answer. Only raycl's own processes use this code.
 pub const HUNG: i32 = 124;
-/// Much longer than a driver takes to start.
+/// The time limit; drivers start in much less time.
 const LIMIT: Duration = Duration::from_secs(60);
 /// An environment variable for tests: the limit in milliseconds.
 const LIMIT_OF_TEST: &str = "RAYCL_TEST_DRIVER_LIMIT_MS";
@@ -24,7 +24,7 @@ pub struct Patience {
 }
 
 impl Patience {
-    /// Starts the limit if another process handles the exit of this one.
+    /// Starts the time limit if another process handles the exit of this process.
     pub(super) fn of_guarded() -> Option<Self> {
         std::env::var_os(GUARDED).is_some().then(Self::begin)
     }
@@ -46,8 +46,8 @@ impl Patience {
             }
             end(&message)
         });
-        // A driver that hangs while it is loaded holds the loader's lock. Starting a thread and its first use
-        // of thread-local values take that lock too, so both must be done before.
+        // A driver that hangs while it is loaded holds the loader's lock. Starting a thread takes the same lock, and so
+        // does the thread's first use of thread-local values. Both must therefore be done before the driver is loaded.
         let _ = is_ready.recv();
         Self { answered }
     }

@@ -19,8 +19,8 @@ pub fn quieting(device: Device) -> &'static str {
     if pocl { "-w" } else { "" }
 }
 
-/// Discards standard error as long as this lives. PoCL's compiler prints remarks while it generates debug
-/// information, and no option stops it.
+/// Discards standard error as long as this value lives. PoCL's compiler prints remarks while it generates debug
+/// information, and no option stops these remarks.
 #[cfg(unix)]
 pub struct Hush {
     stderr: Option<OwnedFd>,
@@ -47,7 +47,7 @@ impl Drop for Hush {
     }
 }
 
-/// On other systems, messages are shown.
+/// On systems other than Unix, messages are shown.
 #[cfg(not(unix))]
 pub struct Hush;
 

@@ -9,8 +9,8 @@ const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 /// Returns the devices that match the patterns, each once, in the order of the patterns; without patterns,
 /// every usable device.
 ///
-/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or
-/// of a device's name or vendor, upper or lower case. A pattern that matches no usable device is a user
+/// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or of a
+/// device's name or vendor. The case of letters does not matter. A pattern that matches no usable device is a user
 /// error.
 pub fn select<'a>(devices: &'a [Device], patterns: &[String]) -> Result<Vec<&'a Device>> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
@@ -23,8 +23,8 @@ pub fn select_infos<'a>(infos: &'a [DeviceInfo], patterns: &[String]) -> Result<
     Ok(selected(&all, patterns)?.into_iter().map(|place| &infos[place]).collect())
 }
 
-/// Returns the usable device to cast on if none is named: a GPU before an accelerator before a CPU, then the
-/// one with the most compute units, then the first.
+/// Returns the usable device to cast on if no device is named. GPUs come before accelerators, and accelerators before
+/// CPUs. Of several devices of the same kind, returns the device with the most compute units, or the first such device.
 pub fn pick_default(devices: &[Device]) -> Option<&Device> {
     let infos: Vec<_> = devices.iter().map(|device| &device.info).collect();
     preferred(&infos).map(|place| &devices[place])
@@ -65,7 +65,7 @@ fn selected(infos: &[&DeviceInfo], patterns: &[String]) -> Result<Vec<usize>> {
     Ok(chosen)
 }
 
-/// Returns the usable devices that match one pattern; at least one.
+/// Returns the usable devices that match one pattern. If there is no such device, returns an error.
 fn usable(infos: &[&DeviceInfo], pattern: &str) -> Result<Vec<usize>> {
     let matching: Vec<_> = (0..infos.len()).filter(|&place| matches(infos[place], pattern)).collect();
     let (fine, broken): (Vec<_>, Vec<_>) =

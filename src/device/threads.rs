@@ -1,18 +1,19 @@
-//! Limits the number of PoCL's threads, and pins them to processors. By default PoCL starts one thread per processor
-//! of the machine, even if the process may run on fewer. It leaves the placement of its threads to the system, which
-//! can put two of them on the same processor for seconds while another processor is idle.
+//! Limits the number of PoCL's threads, and pins them to processors. By default PoCL starts one thread per processor of
+//! the machine, even if the process may run on fewer. PoCL leaves the placement of its threads to the system, which can
+//! put two threads on the same processor for seconds while another processor is idle.
 
 use super::DeviceKind;
 
 /// PoCL's environment variables for the number of its threads: the one of version 5 and later, and the older
 /// one, which all versions read.
 const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
-/// The environment variable for the compute units of all of PoCL's drivers, read if those above are not set
-/// (version 6).
+/// The environment variable for the number of compute units of all PoCL's drivers. PoCL 6 reads it if neither of the
+/// variables above is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 
-/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the
-/// process may run on according to its affinity and control groups. Empty if the user has set one of them.
+/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may use
+/// at once according to its affinity and control groups. Returns no variables if the user has set one of PoCL's
+/// variables for the number of threads.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
 }
@@ -20,8 +21,9 @@ pub fn thread_variables() -> Vec<(&'static str, String)> {
 /// PoCL's environment variable for pinning each of its threads to the processor of the same number.
 const PINNED: &str = "POCL_AFFINITY";
 
-/// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Empty if the user has set
-/// the variable, or if the process may run only on some of the first processors, or only for part of the time.
+/// Returns the variables to set before a driver is loaded, so that PoCL pins its threads. Returns no variables if the
+/// user has set `POCL_AFFINITY`, if the processors of the process are not the first processors of the machine, or if
+/// the process may use them only for part of the time.
 pub fn pinning_variables() -> Vec<(&'static str, String)> {
     let is_set = std::env::var_os(PINNED).is_some();
     if is_set || !are_the_first(&processors(), allowed()) {
@@ -30,13 +32,13 @@ pub fn pinning_variables() -> Vec<(&'static str, String)> {
     vec![(PINNED, "1".to_owned())]
 }
 
-/// Returns whether these are the first processors of the machine, and as many as the process may use at once.
-/// PoCL pins its threads to just these.
+/// Returns whether these are the first processors of the machine, and as many as the process may use at once. PoCL pins
+/// its threads to exactly these processors.
 fn are_the_first(processors: &[usize], threads: usize) -> bool {
     processors.iter().copied().eq(0..threads)
 }
 
-/// Returns the numbers of the processors that the process may run on; none if the system does not tell.
+/// Returns the numbers of the processors that the process may run on; none if the system does not report them.
 #[cfg(target_os = "linux")]
 fn processors() -> Vec<usize> {
     use rustix::thread::{CpuSet, sched_getaffinity};
@@ -44,7 +46,7 @@ fn processors() -> Vec<usize> {
     own.map_or_else(|_| Vec::new(), |own| (0..CpuSet::MAX_CPU).filter(|number| own.is_set(*number)).collect())
 }
 
-/// Returns the numbers of the processors that the process may run on; none if the system does not tell.
+/// Returns the numbers of the processors that the process may run on; none if the system does not report them.
 #[cfg(not(target_os = "linux"))]
 fn processors() -> Vec<usize> {
     Vec::new()

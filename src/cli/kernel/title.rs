@@ -11,7 +11,7 @@ pub(super) struct Title<'a> {
     pub strategy: Strategy,
     pub workload: Workload,
     pub builtins: Builtins,
-    /// `None` if the program is for any device.
+    /// `None` if the program is not for a particular device.
     pub device: Option<Device>,
     pub options: &'a str,
 }
@@ -86,7 +86,7 @@ pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     if foot.is_empty() { foot } else { format!("\n{foot}") }
 }
 
-/// Splits options into defines, as `NAME=VALUE`, and others.
+/// Splits compiler options into macro definitions, as `NAME=VALUE`, and all other options.
 fn parted(options: &str) -> (String, String) {
     let (mut defines, mut others) = (Vec::new(), Vec::new());
     let mut words = options.split_whitespace();

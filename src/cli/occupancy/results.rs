@@ -1,4 +1,5 @@
-//! Predicted occupancy next to measured times, for the points of a run whose registers are known.
+//! Predicted occupancy next to measured times, for those points of a run whose kernels have a known number of
+//! registers.
 
 use crate::device::occupancy::multiprocessor;
 use crate::error::{Error, Result};
@@ -7,9 +8,9 @@ use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
-/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. Points whose registers
-/// or occupancy are unknown are left out. If a compute capability is given, the prediction is for this capability
-/// and not for the device's own.
+/// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. Points with an unknown number
+/// of registers or an unknown occupancy are omitted. If a compute capability is given, the prediction is for this
+/// capability and not for the device's own.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -34,9 +35,9 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
     super::super::print(text(&points))
 }
 
-/// Returns the kernel that casts a point's primary rays, with its occupancy. The occupancy is predicted for the
-/// given compute capability; if none is given, it is the recorded one. `None` if the kernel's registers or its
-/// occupancy are unknown.
+/// Returns the kernel that casts a point's primary rays, with its occupancy. The occupancy is predicted for the given
+/// compute capability; if no capability is given, the recorded occupancy is returned. `None` if the kernel's number of
+/// registers or its occupancy is unknown.
 fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
     let kernel = record.main_kernel()?.clone();
     let items = record.local_size?.iter().product();

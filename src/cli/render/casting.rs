@@ -23,7 +23,7 @@ pub enum Picture {
 pub struct Shows<'a> {
     pub display: Display,
     pub target: &'a Target,
-    /// The program that converts it on a device with separate memory.
+    /// The program that converts the image on a device with separate memory.
     pub program: Option<&'a ShowProgram>,
 }
 
@@ -36,14 +36,15 @@ pub struct Cast {
     pub read_ms: f64,
     /// Number of samples per pixel.
     pub sampling: Sampling,
-    /// How many pixels got each number of samples, if pixels differ.
+    /// For each number of samples, how many pixels got this number; `None` if all pixels got the same number.
     pub counts: Option<SampleCounts>,
     /// The parts from which the picture is computed, if it is verified and has soft light at half resolution.
     pub parts: Option<LightParts>,
 }
 
 impl Cast {
-    /// Returns the requested samples per pixel, and how many each pixel got if pixels differ.
+    /// Returns the requested number of samples per pixel. If pixels got different numbers, also returns how many pixels
+    /// got each number.
     pub fn sampled(&self) -> (Sampling, Option<&SampleCounts>) {
         (self.sampling, self.counts.as_ref())
     }
@@ -54,8 +55,8 @@ impl Cast {
     }
 
     /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
-    /// `per_hit` of them. Soft light at half resolution needs two additional pictures, each with a quarter of the
-    /// pixels; of all three pictures, only one of the small ones has shadow rays.
+    /// `per_hit` shadow rays. Soft light at half resolution needs two additional pictures, each with a quarter of the
+    /// pixels. In this case only one of these two small pictures has shadow rays.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -70,11 +71,11 @@ impl Cast {
     }
 }
 
-/// The first frame includes the first use of memory and often compilation. With several frames, its time is only
-/// used if it is longer than this, so that both are negligible.
+/// The time of the first frame includes the first use of memory, and often compilation. If several frames are cast, the
+/// first frame counts only if it takes longer than this limit, which makes both parts negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Returns whether the first frame is one of the requested ones. For a single picture, no second frame is
+/// Returns whether the first frame counts as one of the requested frames. For a single picture, no second frame is
 /// cast.
 fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
@@ -100,7 +101,7 @@ pub fn cast(
         cast.map_err(Refused::at("the launch")).map_err(refused)
     };
     let first = frame()?;
-    // Some drivers compile a kernel at its first launch, which counts as build time.
+    // Some drivers compile a kernel when it first starts. This time counts as build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();
@@ -181,12 +182,12 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// The size of a piece. A frame, its triangles and its tree are each larger, so that each is transferred in several
-    /// pieces.
+    /// The size of a piece. A frame, its triangles and its tree are each larger than a piece, so each of them is
+    /// transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
-    /// Calls a function with a caster for a scene. With `is_apart`, the device, even if it is a CPU, is treated as a
-    /// device with separate memory.
+    /// Calls a function with a caster for a scene. With `is_apart`, the device is treated as a device with separate
+    /// memory, even if the device is a CPU.
     fn with_caster<T>(
         strategy: &str,
         is_apart: bool,
@@ -259,7 +260,8 @@ mod tests {
             counts: None,
             parts: None,
         };
-        // Three more rays for each of 2 x 2 pixels, and two lights with two samples each.
+        // Each of the 2 x 2 half-resolution pixels adds three primary rays to the 9 of the whole picture, and has four
+        // shadow rays: two lights with two samples each.
         assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
     }
 }

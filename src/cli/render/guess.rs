@@ -1,6 +1,6 @@
-//! Guesses, before a scene is read, which program its picture needs, so that the program can be built early:
-//! the program that this scene needed last time, or one that is likely for the size of an OBJ file. A wrong guess
-//! only costs time.
+//! Guesses which program a scene's picture needs, so that the program can be built before the scene is read. The guess
+//! is the program that this scene needed last time. For a new OBJ file, the guess follows from the file's size. A wrong
+//! guess only costs time.
 
 use super::{Args, hurry, is_dressed};
 use crate::cache::Cache;
@@ -115,7 +115,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     Some((strategy, known))
 }
 
-/// Returns the number of samples per pixel. A bare mesh has its own default. The name of the scene's file decides
+/// Returns the number of samples per pixel. A bare mesh has a default of its own. The name of the scene's file decides
 /// whether it is a bare mesh, since the file has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");

@@ -12,8 +12,8 @@ use crate::strategy::Strategy;
 use crate::verify::{Verdict, verify};
 use std::path::Path;
 
-/// Returns an error if a value of the picture is infinite or not a number, even without `--verify`.
-/// `fate` tells the user where the picture is.
+/// Returns an error if a value of the picture is infinite or not a number, even without `--verify`. `fate` is the part
+/// of the message that says where the picture is.
 pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];
@@ -25,15 +25,15 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     )))
 }
 
-/// Tells the user where a picture with values that are not finite is.
+/// Returns the words that tell the user where a wrong picture was saved.
 pub(super) fn saved_at(path: &Path) -> String {
     format!("the picture was saved for inspection: {}", path.display())
 }
 
-/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels that hit
-/// something. If the picture's soft light was cast in half pictures, `parts` contains the pictures from which the
-/// filter made the final one: these are compared with the reference, and the final picture is compared with the result
-/// of the same filter on the host.
+/// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels whose rays
+/// hit a triangle. If the picture's soft light was cast in half pictures, `parts` contains the pictures from which the
+/// filter made the final picture. In this case the parts are compared with the reference, and the final picture is
+/// compared with the result of the same filter on the host.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -58,7 +58,7 @@ pub(super) fn check(
     let rounds = sampling.rounds().concat();
     let Some(parts) = parts else { return compare(scene, image, Some(hits), &rounds, counts) };
     let whole = compare(scene, &parts.whole, Some(parts.hits), &rounds, counts)?;
-    // The half pictures show the field of view of the whole one.
+    // The half pictures show the field of view of the whole picture.
     let camera = scene.camera.covering([image.width, image.height]);
     let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;

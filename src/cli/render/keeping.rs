@@ -1,5 +1,5 @@
 //! Stores a program in the cache if the driver needs a long time to return the program's binary. The picture does not
-//! wait for this: a background process with low priority does it.
+//! wait: a background process with low priority stores the program.
 
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};
@@ -29,7 +29,8 @@ struct Order {
     anew: bool,
 }
 
-/// Starts a background process that stores a program, if that is worthwhile. Returns whether it has started.
+/// Starts a background process that stores a program, if storing it is worthwhile. Returns whether the process has
+/// started.
 pub fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
@@ -50,8 +51,8 @@ fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool
     begin(cache, spec) && start(&order).is_ok()
 }
 
-/// Records that a background process will store the program. Returns `false` if another process is storing it already,
-/// or if this cannot be recorded.
+/// Records that a background process will store the program. Returns `false` if another process is already storing the
+/// program, or if the record cannot be written.
 fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
     let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);

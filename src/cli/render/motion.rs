@@ -77,7 +77,8 @@ impl Motion {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
 
-    /// Returns the frames that this process renders; `None` if there are fewer frames than processes and it has none.
+    /// Returns the frames that this process renders; `None` if this process has no frame, because there are fewer
+    /// frames than processes.
     fn share(&self, all: Frames) -> Result<Option<Frames>> {
         match self.shard {
             None => Ok(Some(all)),
@@ -86,7 +87,7 @@ impl Motion {
     }
 }
 
-/// Reports that there are more processes than frames, so that this one has none to render.
+/// Reports that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
     let text = format!("this shard has no frame of {}..{}: nothing to do", all.first, all.last);
     match (args.json, args.quiet) {
@@ -195,8 +196,8 @@ fn tell(args: &Args, report: &Report) -> Result<()> {
     }
 }
 
-/// Casts frames; each is encoded while the next one is cast. Returns their device times in milliseconds. The
-/// driver is only used on this thread.
+/// Casts frames; each is encoded while the next one is cast. Returns the frames' device times in milliseconds. Only
+/// this thread uses the driver.
 fn cast_into(
     mut stage: Stage<'_>,
     sink: Sink,

@@ -30,8 +30,9 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Adds the parts to the timeline. Work done in parallel counts once. Of the driver's start, only the time after
-    /// loading counts; of the build, only the time after both; and of the tree, only the time after all three.
+    /// Adds the parts to the timeline. Work done in parallel counts once. The parts are, in this order: loading the
+    /// scene, starting the driver, building the program, building the tree. Of each part, only the time after the end
+    /// of all earlier parts counts.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
@@ -42,8 +43,8 @@ impl Opened {
     }
 }
 
-/// Loads the scene while the driver starts, which takes about 30 ms on one core. Builds the tree and the program early
-/// if possible.
+/// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
+/// program early if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
@@ -77,7 +78,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 
 /// Builds the tree of the strategy with which the scene will be cast.
 fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
-    // Verification needs more memory, so the session builds the tree after it has checked that there is enough.
+    // Verification needs more memory, so the tree is built later, after a check that there is enough memory.
     if args.verify.is_some() {
         return None;
     }
@@ -86,7 +87,7 @@ fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strate
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
-/// Builds the guessed program. If that fails, the session builds the right program later and reports any errors.
+/// Builds the guessed program. If the build fails, raycl builds the right program later and reports any errors.
 fn early(
     args: &Args,
     sources: &Sources,
@@ -103,7 +104,7 @@ fn early(
     Some((spec, built))
 }
 
-/// Returns the program for the display transform if the device does not share the host's memory. If it cannot
+/// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
 /// be built, the host applies the transform.
 fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
     if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {

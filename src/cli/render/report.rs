@@ -35,8 +35,7 @@ pub struct Report {
     pub samples: u32,
     /// The mean number of samples per pixel, which is smaller than `samples` if sampling is adaptive.
     pub mean_samples: f64,
-    /// Number of samples of soft light per pixel of a picture of half the width and height; 0 if every sample casts
-    /// soft light.
+    /// Number of soft-light samples per pixel of the half picture; 0 if soft light is not cast at half resolution.
     pub half_light_samples: u32,
     /// Time for reading the scene and making its triangles.
     pub load_ms: f64,
@@ -44,7 +43,7 @@ pub struct Report {
     pub discover_ms: f64,
     /// Time for building the tree over the triangles; 0 without a tree.
     pub tree_ms: f64,
-    /// Time for building the program, including compilation at the first launch.
+    /// Time for building the program, including compilation when a kernel first starts.
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.
     pub build_from_cache: bool,
@@ -77,7 +76,7 @@ pub struct Report {
     /// Primary rays x triangles divided by the time of the primary pass, or of the frame if passes are fused;
     /// null if not every triangle is tested.
     pub tests_per_s: Option<f64>,
-    /// Number of frames of which the times are medians.
+    /// Number of timed frames; each time is the median of these frames.
     pub frames: u32,
     /// Largest use of the host's memory, predicted.
     pub host_bytes: u64,

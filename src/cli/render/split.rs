@@ -37,9 +37,9 @@ struct Report {
     /// Primary and shadow rays of all samples, divided by the longest device time.
     frame_rays_per_s: f64,
     devices: Vec<Row>,
-    /// Devices that were left out because they would have slowed the frame down.
+    /// Devices that were not used, because they would have slowed the frame down.
     left_out: Vec<LeftOut>,
-    /// Number of frames of which the times are medians.
+    /// Number of timed frames; each time is the median of these frames.
     frames: u32,
     /// Time of the whole command.
     total_ms: f64,
@@ -60,7 +60,7 @@ struct Row {
     strategy: String,
     /// Work-items per work-group, across and down.
     local_size: [u32; 2],
-    /// Its pixel rows: the first, and the one after the last.
+    /// The device's pixel rows: the first row, and the row after the last.
     rows: [u32; 2],
     frame_ms: f64,
     primary_ms: Option<f64>,

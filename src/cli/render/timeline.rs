@@ -40,7 +40,7 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Ends a part. `others` are parts to which some of this time belongs, with their durations in milliseconds.
+    /// Ends a part. `others` lists other parts that took some of this time, with their durations in milliseconds.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;

@@ -6,7 +6,8 @@ use crate::record::{Record, read_lines};
 use std::path::{Path, PathBuf};
 
 /// Returns the expected duration of the run, from earlier records of points with the same names or strategies. `done`
-/// contains this run's records so far. Their points are not measured again, except failed ones with `--retry-failed`.
+/// contains this run's records so far. The points in `done` are not measured again, except failed points with
+/// `--retry-failed`.
 pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> {
     let done: Vec<String> = done
         .iter()

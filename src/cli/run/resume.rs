@@ -5,7 +5,8 @@ use crate::error::Error;
 use crate::report::quote;
 use std::path::Path;
 
-/// Adds the command that continues the run to an error's help. A mistake in the input is returned unchanged.
+/// Returns the error, with the command that continues the run added to its help. An error about a mistake in the input
+/// is returned unchanged.
 pub fn say_how_to_resume(error: Error, args: &Args, out: &Path) -> Error {
     let command = format!("to continue from here: {}", resuming(args, out));
     match &error {

@@ -46,8 +46,8 @@ fn longest(plan: &ShardPlan) -> Duration {
     Duration::try_from_secs_f64(1e-3 * longest_ms).unwrap_or_default()
 }
 
-/// Guesses from the words of `--device` whether any selects a GPU, if this machine does not have the devices: a word
-/// that names no CPU counts as a GPU. `None` if there is no word other than `all`.
+/// If this machine does not have the devices, guesses from the words of `--device` whether a GPU is selected: a word
+/// that does not name a CPU counts as the name of a GPU. `None` if there is no word other than `all`.
 fn by_words(devices: &[String]) -> Option<bool> {
     let is_gpu = |word: &str| !PROCESSORS.iter().any(|processor| word.contains(processor));
     let words = devices.iter().map(|word| word.to_lowercase()).filter(|word| word != "all");

@@ -56,7 +56,7 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // The plan is looked for last, since another shard may have begun in the folder meanwhile.
+    // This check for a plan comes last, since another shard may have begun in the folder meanwhile.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 

@@ -7,12 +7,13 @@ use crate::program::Sources;
 use crate::record::Folder;
 use crate::report::Comparison;
 
-/// Changes that are certainly smaller than this fraction count as equal.
+/// A change counts as "same" if its whole 95% interval is within this fraction.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the points of the second folder compare with those of the first. Returns an error with exit code 1 if,
-/// with the second folder, the mean of all points, the mean of one strategy's points or a single point is certainly
-/// slower by more than `limit_percent`, or a point fails that the first folder measured.
+/// Prints how the points of the second folder compare with those of the first. Returns an error with exit code 1 if the
+/// second folder causes a statistically significant slowdown of more than `limit_percent`: of the mean of all points,
+/// of the mean of one strategy's points or of a single point. Also returns this error if a point fails with the second
+/// folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {
@@ -28,7 +29,7 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
 }
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several
-/// devices or machines measure; two folders of kernels cannot be compared then.
+/// devices or machines measure; in this case two folders of kernels cannot be compared.
 pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     let folders = &args.cl_dir;
     if folders.len() == 1 && args.fail_on_regression.is_some() {

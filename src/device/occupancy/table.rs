@@ -18,9 +18,9 @@ pub struct Multiprocessor {
     pub registers_per_thread: u32,
     /// `__local` bytes.
     pub local_bytes: u64,
-    /// Unit in bytes in which `__local` memory is allocated.
+    /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,
-    /// Registers are allocated to multiples of this many warps.
+    /// Registers are allocated for a multiple of this many warps.
     pub warp_granularity: u64,
 }
 

@@ -26,7 +26,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
 }
 
 impl Frames {
-    /// Returns this range, or an error if it does not end within the `count` frames that there are.
+    /// Returns this range, or an error if the range ends after the last of `count` frames.
     pub fn within(self, count: u32) -> Result<Self> {
         if self.last <= count {
             return Ok(self);
@@ -91,7 +91,7 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the missing frames. `key` returns the key of a frame, which identifies its picture; it is only called
+    /// Returns the missing frames. `key` returns the key of a frame, which identifies its picture. `key` is only called
     /// for frames whose file exists. A file that holds a different picture is an error, unless files may be replaced.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();

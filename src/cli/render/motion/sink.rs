@@ -50,8 +50,8 @@ impl Sink {
         target.check_folder()
     }
 
-    /// Makes the output whose kind follows from the file's name. It receives the frames `wanted`, out of `count`
-    /// frames.
+    /// Makes the output whose kind follows from the file's name. The output receives the frames `wanted`, out of
+    /// `count` frames.
     pub fn of(args: &Args, wanted: Frames, count: u32, rate: u16) -> Result<Self> {
         let (target, size) = (target(args), args.subject.size());
         if target.is_standard_output() {
@@ -92,7 +92,7 @@ impl Sink {
     }
 }
 
-/// Returns the error if a rate is given for numbered pictures, which have no rate.
+/// Returns the error for a rate that is given with numbered pictures, which have no rate.
 fn no_rate(rate: u16, target: &Target) -> Error {
     let name = target.path().display();
     Error::input(format!("--rate {rate} has no effect: '{name}' is written as numbered pictures"))
@@ -104,8 +104,8 @@ const MOST_WRITERS: usize = 4;
 /// Number of cores per picture that is being encoded. An encoder uses several cores, but not all the time.
 const CORES_OF_WRITER: usize = 4;
 
-/// Returns how many pictures of a size are encoded at the same time. On a small machine one is enough, since casting
-/// needs the cores too.
+/// Returns how many pictures of a size are encoded at the same time. On a small machine, only one picture is encoded at
+/// a time, since casting needs the cores too.
 fn writers(size: [u32; 2]) -> usize {
     writers_on(std::thread::available_parallelism().map_or(1, usize::from), size)
 }
@@ -186,7 +186,7 @@ mod tests {
         let mut all = written.lock().unwrap().clone();
         all.sort_unstable();
         assert_eq!(all, (0..1000).collect::<Vec<_>>());
-        // On a busy machine, the other threads may write many frames before the thread of frame 10 goes on.
+        // On a busy machine, the other threads may write many frames before the thread of frame 10 continues.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
     }

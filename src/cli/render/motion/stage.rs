@@ -44,8 +44,8 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. Returns
-    /// `None` if the buffers do not suit the scene. Then only the program is kept, so that there is room for new
+    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. If the buffers
+    /// do not suit the scene, returns `None` and frees everything except the program, so that there is room for new
     /// buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
@@ -56,7 +56,7 @@ impl Stage<'_> {
         Ok(None)
     }
 
-    /// Uploads a scene with its tree; the program is compiled only if the last one does not suit it.
+    /// Uploads a scene with its tree. A program is compiled only if the last program does not suit the scene.
     fn prepare(&mut self, scene: &Arc<Scene>) -> Result<Ready, Refused> {
         let session = Session::new(self.queue.clone(), &self.device.info, self.sources, Arc::clone(scene));
         let session = session.sampling(self.sampling).with_program(self.program.take());
