@@ -1,4 +1,4 @@
-//! Errors that end a command, and who made the mistake.
+//! Errors that end a command: mistakes of the user, failures of the run, and interruptions.
 
 mod nearest;
 mod quoted;
@@ -62,7 +62,7 @@ const FAULT: &str = "this is a bug in raycl: please report it, with the command"
 #[derive(Debug, Error, Diagnostic)]
 #[error("{message}")]
 pub struct InputError {
-    /// The problem, with the value and what was expected.
+    /// The problem, with the wrong value and the expected one.
     pub message: String,
     /// The file that contains the mistake; the lines around `span` are shown.
     #[source_code]
@@ -94,9 +94,9 @@ impl Error {
         Self::run(message).with_help(FAULT)
     }
 
-    /// Returns an error for a mistake at `span` in the file `name` with the given text. If the span covers
-    /// several lines, only its part in the first line is marked. If this line is too long for a terminal, it is
-    /// not shown, and the message gives the numbers of the line and the column.
+    /// Returns an error for a mistake at `span` in a file with this name and this text. If the span covers several
+    /// lines, only its part in the first line is marked. If this line is too long for a terminal, it is not shown,
+    /// and the message gives the numbers of the line and the column.
     pub fn in_file(
         name: impl AsRef<str>,
         text: impl Into<String>,
@@ -124,8 +124,8 @@ impl Error {
         }))
     }
 
-    /// Returns an error for a mistake in a file whose text must not be shown. The file is neither named on
-    /// the command line nor in the folder of the file that names it, so it may belong to anybody.
+    /// Returns an error for a mistake in a file whose text must not be shown. The command line does not name this
+    /// file, and the file that names it is in another folder, so it may belong to anybody.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \
@@ -182,7 +182,7 @@ impl Error {
     }
 
     /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error
-    /// keeps the remedy of the old one, unless that is the default.
+    /// keeps the old error's remedy, unless this is the default remedy.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };
@@ -227,8 +227,7 @@ mod tests {
         let meant = format!("did you mean `{}`?", there.display());
         assert_eq!(remedy(&missing, ErrorKind::NotFound), meant);
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
-        // The name for standard input is a single character, so every file in the current folder whose name is a
-        // single character would be similar.
+        // The name for standard input has one character, so every file name of one character would be similar.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
     }
 

@@ -1,17 +1,16 @@
-//! Environment variables that drivers read: those that affect times or pictures, and those that are only
-//! stored.
+//! Environment variables that drivers read. Some affect times or pictures; a run only stores the others.
 
-/// The environment variables of one driver that affect what it compiles, its number of threads or how it
-/// launches kernels. A name that ends in `*` stands for all names that begin with the part before it.
+/// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
+/// kernels. A name that ends in `*` stands for all names that begin with the part before the `*`.
 struct Driver {
     /// A word of the platform's name, in lower case.
     platform: &'static str,
     deciding: &'static [&'static str],
 }
 
-/// The only list of these variables. The key of a point contains those of its device's driver that are set.
-/// Sources: PoCL's documentation of 3.1 and later and the names in its library, NVIDIA's CUDA programming
-/// guide, Intel's guides of its OpenCL and DPC++ runtimes.
+/// The only list of variables that affect times or pictures. A point's key contains the variables of its device's
+/// driver, if they are set. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's
+/// CUDA programming guide, and Intel's guides to its OpenCL and DPC++ runtimes.
 const DRIVERS: [Driver; 3] = [
     Driver {
         platform: "portable computing language",
@@ -63,10 +62,11 @@ const DRIVERS: [Driver; 3] = [
     },
 ];
 
-/// Variables that match a pattern above, but only increase the driver's output.
+/// Variables that match a pattern above, but only make the driver print more.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
-/// A variable above that affects only where threads run, and so times, but nothing that is compiled.
+/// The variable of `DRIVERS` that chooses the cores on which threads run. It affects times, but not the compiled
+/// code.
 const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables of drivers and loaders, including those for caches, for logs and for hiding devices.
@@ -91,7 +91,7 @@ pub fn deciding(platform: &str) -> Vec<Setting> {
     deciding_of(platform, variables())
 }
 
-/// Returns whether one of these settings may affect what the driver compiles.
+/// Returns whether a variable that is set may affect the driver's compiled code.
 pub fn compiles(setting: &Setting) -> bool {
     !setting.starts_with(PLACES)
 }
@@ -102,7 +102,7 @@ pub fn all() -> Vec<Setting> {
     settings(variables(), known)
 }
 
-/// Returns all variables that are set. Invalid UTF-8 in them is replaced.
+/// Returns all environment variables that are set, with invalid UTF-8 replaced.
 fn variables() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os()
         .map(|(name, value)| (name.to_string_lossy().into_owned(), value.to_string_lossy().into_owned()))

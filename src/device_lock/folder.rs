@@ -1,5 +1,5 @@
-//! The folder of the device locks. All users of a machine share it, so that their measurements wait for each
-//! other.
+//! The folder of the device locks. All users of a machine share this folder, so that their measurements wait for
+//! each other.
 
 use crate::error::Error;
 use crate::record::own_file;
@@ -19,7 +19,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Returns the folder that the variable names, or else the shared one.
+    /// Returns the folder that `RAYCL_LOCK_DIR` names, or else the shared folder.
     pub fn of_machine() -> Self {
         match std::env::var_os(VARIABLE).filter(|path| !path.is_empty()) {
             Some(path) => Self::named(Path::new(&path)),
@@ -55,7 +55,7 @@ impl Folder {
         Ok(file)
     }
 
-    /// Returns whether `file` is still the file of this name in the folder, and was not reached by a link.
+    /// Returns whether the folder still has `file` under the lock's name, and this name is not a link.
     #[cfg(unix)]
     pub fn still_has(&self, lock: &str, file: &File) -> bool {
         use std::os::unix::fs::MetadataExt as _;
@@ -65,7 +65,7 @@ impl Folder {
         named.is_file() && (named.dev(), named.ino()) == (open.dev(), open.ino())
     }
 
-    /// Returns whether `file` is still the file of this name in the folder.
+    /// Returns whether the folder still has a file under the lock's name.
     #[cfg(not(unix))]
     pub fn still_has(&self, lock: &str, _file: &File) -> bool {
         self.path(lock).exists()
@@ -88,7 +88,7 @@ impl Folder {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
         }
-        // Another user may have placed a link here.
+        // Another user may have replaced the folder by a link.
         match self.path.symlink_metadata()?.is_dir() {
             true => Ok(()),
             false => Err(IoError::new(ErrorKind::NotADirectory, "it is not a folder")),
@@ -96,7 +96,7 @@ impl Folder {
     }
 }
 
-/// Returns the path that all processes use, whatever their TMPDIR.
+/// Returns the path of the shared folder, which does not depend on a process's TMPDIR.
 fn shared_path() -> PathBuf {
     let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
     temporary.join("raycl-locks")

@@ -1,4 +1,4 @@
-//! The process that holds a device. The lock's file describes it, so that waiting processes can name it.
+//! The process that holds a device. The lock's file describes this process, so that waiting processes can name it.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::Path;
 
-/// The longest text that is read or shown, since the lock's file may have been written by anybody.
+/// Largest number of bytes that are read from a lock's file, since anybody may have written the file.
 const LONGEST_BYTES: u64 = 4096;
 /// Largest number of a command's characters that are shown.
 const LONGEST_COMMAND: usize = 200;
@@ -39,7 +39,7 @@ impl Holder {
         file.write_all(&serde_json::to_vec(self)?)
     }
 
-    /// Reads a lock's file. If this fails, all fields are 0 or empty.
+    /// Reads a lock's file. If the file cannot be read, all fields are 0 or empty.
     pub fn read(path: &Path) -> Self {
         let mut text = String::new();
         let read = File::open(path).and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text));

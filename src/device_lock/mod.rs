@@ -17,7 +17,8 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// The time between two checks whether the device is free or the user has interrupted the process.
+/// The interval at which a waiting process checks whether the device is free or the user has interrupted the
+/// process.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// The locks of the devices, and whether to wait for a lock that another process holds.
@@ -27,23 +28,23 @@ pub struct Locks {
     wait: bool,
 }
 
-/// A lock on a device, released when dropped. The operating system releases it however the process ends.
+/// A lock on a device, released when dropped. The operating system releases the lock, however the process ends.
 pub struct Held {
     file: File,
 }
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // The next holder overwrites what remains in the file. Closing the file would not release the lock: a
-        // process that is being started also has the file open until it runs its own program.
+        // The next holder overwrites what remains in the file. Closing the file might not release the lock: while a
+        // child process is being started, it shares the open file.
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
 }
 
 impl Locks {
-    /// Returns the locks in the folder that `RAYCL_LOCK_DIR` names, or else in the shared folder. Without
-    /// `wait`, a device that is in use is an error.
+    /// Returns the locks in the folder that `RAYCL_LOCK_DIR` names, or else in the shared folder. If `wait` is
+    /// false, a device that is in use causes an error.
     pub fn of_machine(wait: bool) -> Self {
         Self { folder: Folder::of_machine(), wait }
     }
@@ -53,8 +54,8 @@ impl Locks {
         Self { folder: Folder::named(folder), wait }
     }
 
-    /// Takes a device's lock as soon as it is free. While it waits, it calls `says` with a line that
-    /// describes the holder. An interruption ends the wait.
+    /// Takes a device's lock as soon as no other process holds the lock. While waiting, this function calls `says`
+    /// with a line that describes the holder. An interruption ends the wait.
     pub fn take(
         &self,
         device: &LockName,
@@ -87,8 +88,8 @@ impl Locks {
         }
     }
 
-    /// Takes the locks of several devices. All processes take them in the same order, so no two
-    /// processes can wait for each other.
+    /// Takes the locks of several devices. All processes take the locks in the same order, so no two processes can
+    /// wait for each other.
     pub fn take_all(
         &self,
         mut devices: Vec<LockName>,

@@ -55,7 +55,7 @@ impl Documents {
         self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
     }
 
-    /// Returns every document's name with its differences from the records.
+    /// Returns every difference between a document and the records, with the document's name.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;

@@ -28,7 +28,7 @@ pub enum Told {
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The frame's median: the default if a query names no figure.
+/// The median of the frame's time: the figure of a query that does not name one.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [

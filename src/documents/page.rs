@@ -1,5 +1,5 @@
-//! A document. It may contain blocks between markers, numbers followed by a query in a comment, and other
-//! numbers.
+//! A document. Documents contain blocks between markers, numbers that are followed by a query in a comment, and
+//! other numbers.
 
 use super::of_record::Told;
 use super::query::Query;

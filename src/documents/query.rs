@@ -16,7 +16,7 @@ use serde_json::Value;
 
 /// The default number of significant digits.
 const DIGITS: i32 = 3;
-/// The source name for times that the paper published; they are part of the program.
+/// The source name for the times that the paper published. The program itself contains these times.
 const PUBLISHED: &str = "published";
 /// The source name for the number of threads on a multiprocessor, which is computed.
 const OCCUPANCY: &str = "occupancy";
@@ -100,7 +100,7 @@ impl<'a> Query<'a> {
     }
 }
 
-/// The value of one operand of a query. Its record is stored only if the value is a frame's median.
+/// The value of one operand of a query. The record is stored only if the value is a frame's median.
 struct Side {
     told: Told,
     median_of: Option<Record>,
@@ -126,8 +126,8 @@ fn operand(sources: &Sources, (name, words): &(&str, Vec<&str>)) -> Result<Side,
     }
 }
 
-/// Returns the quotient of two figures. For two medians, the quotient is computed from pairs of
-/// samples that were measured close in time, like the ratios in all reports.
+/// Returns the quotient of two figures. The quotient of two medians is computed like the ratios in all reports:
+/// from pairs of samples that were measured close in time.
 fn quotient(one: &Side, other: &Side) -> Told {
     if let (Some(one), Some(other)) = (&one.median_of, &other.median_of) {
         let few = || Told::Nothing("not enough samples".into());
@@ -185,7 +185,7 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
     }
 }
 
-/// Returns the exponent of the power law by which the medians of some records grow with the figure `across`.
+/// Fits a power law to the medians of some records over their figure `across`, and returns the exponent.
 fn grown(records: &[&Record], across: &str) -> Told {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Told::Number(value, _) => Some(value),
@@ -199,7 +199,7 @@ fn grown(records: &[&Record], across: &str) -> Told {
         .map_or(Told::Nothing("too few".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
 }
 
-/// Returns whether a word matches a record: its name, preset, scene, a baseline's strategy, its local size
+/// Returns whether a word names a value of a record: its name, its scene, a baseline's strategy, its local size
 /// ("8x8"), its image size ("@800x500"), its number of triangles ("triangles=1026"), or a value of an axis
 /// ("width=8").
 fn is(record: &Record, word: &str) -> bool {
@@ -226,7 +226,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::path::Path;
 
-    /// Answers a query from the folder of records for tests.
+    /// Answers a query from the records that are stored for tests.
     fn answer(query: &str) -> Result<Told, String> {
         let folders = BTreeMap::from([("old".to_owned(), "tests/data/old-results".to_owned())]);
         let sources = Sources::new(Path::new(env!("CARGO_MANIFEST_DIR")), folders);

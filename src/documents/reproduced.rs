@@ -9,7 +9,7 @@ use serde_json::Value;
 /// The verdicts that are counted, in the order of the counts.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
-/// Returns the results that a reproduction has, as JSON, for the only device in the records.
+/// Returns the results of a reproduction as JSON, for the only device in its records.
 fn found(sources: &Sources, device: &Device) -> Result<Value, String> {
     let folders: Result<Vec<_>, _> = device.folders.iter().map(|name| sources.folder(name)).collect();
     let json = Reproduction::of(&folders?).and_then(|page| page.json()).map_err(|error| error.to_string())?;
@@ -39,8 +39,8 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Returns the number of claims for each verdict, then one row per claim with its verdict and one
-/// comparison that decided it.
+/// Returns the number of claims for each verdict, then one row per claim: its verdict, and one comparison that
+/// decided the verdict.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let found: Vec<Value> = devices.iter().map(|device| found(sources, device)).collect::<Result<_, _>>()?;
     let of = |device: &Value| device["claims"].as_array().cloned().unwrap_or_default();

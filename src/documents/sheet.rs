@@ -58,7 +58,7 @@ struct Table {
     columns: Vec<Column>,
 }
 
-/// A row. Its words are part of the query of each of its cells. They are also its heading, unless a
+/// A row. Its words are part of the query of each of its cells. The words are also the row's heading, unless a
 /// separate heading is given.
 #[derive(Deserialize)]
 #[serde(untagged)]
@@ -113,14 +113,14 @@ enum Bold {
 pub struct Sheet {
     /// The records from which queries are answered.
     pub sources: Sources,
-    /// Phrases with numbers that have no record: numbers from the paper, of options and of versions, and results of
-    /// arithmetic. The longest come first.
+    /// Phrases with numbers that have no record: numbers from the paper, options, versions, and results of
+    /// arithmetic. The longest phrases come first.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
     made: RefCell<HashMap<String, Lines>>,
 }
 
-/// The lines of a block, or why it has none.
+/// The lines of a block, or the reason why it has none.
 type Lines = std::result::Result<Vec<String>, String>;
 
 impl Sheet {

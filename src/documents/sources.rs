@@ -25,7 +25,8 @@ pub struct Sources {
 }
 
 impl Sources {
-    /// Makes the sources of a repository; `folders` maps first parts of names to folders.
+    /// Makes the sources of a repository. `folders` states which folder the first part of a source's name
+    /// represents.
     pub fn new(root: &Path, folders: BTreeMap<String, String>) -> Self {
         Self { root: root.to_owned(), folders, read: RefCell::default() }
     }

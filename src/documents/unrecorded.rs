@@ -1,4 +1,4 @@
-//! Finds numbers in documents that neither come from a query nor are listed as facts.
+//! Finds the numbers of a document that have no source: they neither come from a query nor are listed as facts.
 
 /// State carried from line to line.
 #[derive(Default)]
@@ -28,8 +28,8 @@ impl Fences {
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns the words of a line that contain digits, except words in code, names, and words that
-/// belong to a fact. A fact that contains another fact must come before that fact.
+/// Returns a line's words that contain digits. Code, names and words of facts are omitted. If one fact contains
+/// another, the longer fact must come first.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;
@@ -56,7 +56,7 @@ fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }
 
-/// Returns a line without its code spans, except those that contain a number with a unit.
+/// Returns a line without its code spans. Spans that contain a number with a unit remain.
 fn without_code(line: &str) -> String {
     let part = |(place, part): (usize, &str)| {
         let is_code = place % 2 == 1 && !has_unit(part);
@@ -79,7 +79,7 @@ fn without_links(line: &str) -> String {
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// Returns a text without a phrase, except where a letter, a digit or a part of a number adjoins it.
+/// Returns a text without a phrase. The phrase remains where it adjoins a letter, a digit or a part of a number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut kept = String::new();
@@ -95,7 +95,7 @@ fn without(text: &str, phrase: &str) -> String {
     kept + rest
 }
 
-/// Returns whether the text before a phrase belongs to the same word.
+/// Returns whether the phrase continues the last word of the text before it.
 fn number_begins(phrase: &str, before: &str) -> bool {
     let first_is_number = phrase.starts_with(|c: char| c.is_alphanumeric());
     let part = before.ends_with(|c: char| c.is_alphanumeric() || c == '-' || c == '±');
@@ -104,7 +104,7 @@ fn number_begins(phrase: &str, before: &str) -> bool {
     first_is_number && (part || decimal)
 }
 
-/// Returns whether the text after a phrase belongs to the same word.
+/// Returns whether the text after a phrase continues the phrase's last word.
 fn number_goes_on(after: &str) -> bool {
     let mut next = after.chars();
     match next.next() {

@@ -1,6 +1,5 @@
-//! Builds programs before the points that use them are checked. Several processes do this, since a driver
-//! compiles one program at a time in a process. Each program is built once, however many scenes, sizes and
-//! launches use it.
+//! Builds programs before the points that use them are checked. Several processes build programs, since a driver
+//! compiles only one program at a time in each process. Each program is built once, even if many points use it.
 
 mod builder;
 #[cfg(test)]
@@ -19,7 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often a waiting process checks whether the user has interrupted the run.
+/// The interval at which a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
 /// A program, identified by its device and the hash of its source and options. A program that uses
 /// a tree also depends on the depth of the tree's stack. The hash does not contain this depth; the
@@ -35,7 +34,7 @@ pub struct Program {
 }
 
 impl Program {
-    /// Returns its name in the cache of its device's programs.
+    /// Returns the program's name in its device's cache of programs.
     fn name(&self) -> String {
         let tree = self.scene.as_ref().map(|scene| format!("{scene} {FINGERPRINT}"));
         format!("{} {}", self.hash, tree.unwrap_or_default())
@@ -77,7 +76,7 @@ pub struct Tally {
     pub compiled: usize,
     /// Number of programs that came from the cache.
     pub kept: usize,
-    /// Sum of the times for building each program.
+    /// Sum of the build times of all programs.
     pub work_ms: f64,
     /// Time for which the run waited for programs.
     pub waited_ms: f64,
@@ -123,8 +122,7 @@ impl Drop for Closing<'_> {
 }
 
 impl Ahead {
-    /// Makes the programs of a run; `kept[i]` contains the stored programs of the device of worker
-    /// `i`.
+    /// Makes the empty list of a run's programs. `kept[i]` contains the stored programs of worker `i`'s device.
     pub fn new(kept: Vec<Kept>) -> Self {
         Self { kept, ..Self::default() }
     }
@@ -151,7 +149,7 @@ impl Ahead {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Requests the programs of points, in their order.
+    /// Requests the programs of points, in the order of the points.
     pub fn order<'a, N: Needs + 'a>(&self, points: impl IntoIterator<Item = &'a N>) {
         let mut state = self.locked();
         for order in points.into_iter().filter_map(N::order) {
@@ -169,8 +167,8 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Requests the program of a point and waits until it is built. The point for which it was built receives the
-    /// result.
+    /// Requests the program of a point and waits until it is built. The point for which the program was built
+    /// receives the result.
     pub fn need(&self, point: &mut impl Needs, interrupted: &AtomicBool) -> Result<()> {
         let start = Instant::now();
         self.order([&*point]);
@@ -189,15 +187,15 @@ impl Ahead {
         Ok(())
     }
 
-    /// Builds programs, as one builder, until the run ends. If a process dies or hangs, its program
-    /// stays unbuilt; the point's own worker will try again and report the error.
+    /// Does the work of one builder: builds programs until the run ends. If a process dies or hangs, its program
+    /// stays unbuilt. The point's own worker then tries again and reports the error.
     fn serve(&self, builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
         while let Some(order) = self.next() {
             let mut built = usual.build(&order, patience);
-            // The driver took the program from its own cache, so no compiler printed its number of
-            // registers. A process without that cache compiles it again.
+            // The driver took the program from its own cache, so no compiler printed its number of registers. A
+            // process without the driver's cache compiles the program again.
             if built.as_ref().is_some_and(|built| built.lacks_log) {
                 built = without_driver_cache.build(&order, patience);
             }

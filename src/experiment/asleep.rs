@@ -1,5 +1,5 @@
-//! For tests: a device that casts nothing, and workers whose frames only wait. With them, tests on one
-//! machine can imitate many machines, and processes that are killed. No device is opened and no lock taken.
+//! For tests: a device that casts nothing, and workers whose frames only wait. With such workers, tests on one
+//! machine can imitate many machines, and processes that are killed. No device is opened, and no lock is taken.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -46,7 +46,7 @@ pub fn device(frame_ms: f64) -> DeviceInfo {
     }
 }
 
-/// Returns whether a device is one of those that cast nothing.
+/// Returns whether a device is a device for tests, which casts nothing.
 pub fn is_asleep(device: &DeviceInfo) -> bool {
     device.platform == PLATFORM
 }

@@ -75,16 +75,16 @@ impl<'a> Checker<'a> {
         }))
     }
 
-    /// Builds a point's program, including the parts that its driver compiles at a launch, and stores it in
-    /// the cache; `None` if that fails.
+    /// Builds a point's program and stores it in the cache; `None` if this fails. Also casts a frame, since some
+    /// drivers compile parts of a program only then.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
         build_kernel(self.session(scene)?, strategy, local_size).ok()
     }
 
-    /// Casts a point once and compares its image with the reference. The comparison is skipped if the image has the
-    /// hash `verified`, the hash of an image that was compared in an earlier launch. Fills in `record` on the way.
+    /// Casts a point once and compares its image with the reference. If the image has the hash `verified`, an
+    /// identical image has already been compared, and the comparison is skipped. Also fills in `record`.
     pub fn check(
         &mut self,
         point: &Point,
@@ -145,7 +145,7 @@ fn build_kernel(
 ) -> std::result::Result<Built, Refused> {
     let prepared = session.prepare(strategy, SMALLEST, local_size)?;
     let start = Instant::now();
-    // If the launch fails, the point's check will report it.
+    // If the kernel cannot be launched, the point's check will report the error.
     let frame = prepared.caster().map(|caster| caster.cast());
     let frame_ms = frame.ok().and_then(std::result::Result::ok).map_or(0.0, |frame| frame.frame_ms);
     let key = prepared.program.stored_as().map(str::to_owned);
@@ -156,8 +156,8 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key, lacks_log })
 }
 
-/// Casts the first frame, during which drivers may still compile, and adds memory needs, build
-/// times and counts to the record.
+/// Casts the first frame, during which drivers may still compile. Adds memory needs, build times and counts to the
+/// record.
 fn cast_kernel(
     session: &mut Session,
     strategy: &Strategy,

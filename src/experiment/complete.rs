@@ -6,7 +6,7 @@ use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::SensorReading;
 
-/// A timed frame: its launch, when it was taken, and its times.
+/// A timed frame: its launch (by worker processes), the moment of its measurement, and its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
     /// The launch's number in the folder of results.
@@ -17,9 +17,8 @@ pub struct Taken {
     pub times: FrameTimes,
 }
 
-/// Adds the results of a point's samples to its record. Intervals are computed later, since they need the
-/// points that were measured together with it.
-/// Samples that were preempted are counted, and have no part in these results.
+/// Adds the results of a point's samples to its record. Intervals are computed later, since they depend on all
+/// points of a group. Preempted samples are counted, but do not affect these results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
     let remaining = without_preempted(taken);
@@ -62,8 +61,8 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Returns a warning if launching a frame takes longer than casting it, so that the frame is too small to be
-/// compared. The minimum of each is used, since other work on the host makes launches longer.
+/// Returns a warning if launching a frame takes longer than casting it. Such a frame is too small for comparisons.
+/// Both times are minima over all samples, since other work on the host slows launching down.
 fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;

@@ -1,7 +1,6 @@
-//! Lists devices in a child process. A driver that crashes while it is listed then ends only that
-//! process. Besides, the run itself then never starts a driver, so that its workers inherit no
-//! driver state: if a process has started NVIDIA's driver (580), the driver lists no device in the
-//! process's children.
+//! Lists devices in a child process. If a driver crashes, only this child process ends. Besides, the run itself
+//! never starts a driver, so that its workers inherit no driver state. For example, after a process has started
+//! NVIDIA's driver (580), the driver lists no device in the process's children.
 
 use super::protocol::DeviceList;
 use crate::cache::Cache;
@@ -19,8 +18,8 @@ use std::time::Duration;
 /// Far longer than drivers take to list their devices.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Returns all devices, as listed by a child process. If that process dies, a second one is tried, since the cause
-/// may have come from outside the process.
+/// Returns all devices, as listed by a child process. If this process dies, a second one is tried, since something
+/// outside the process may have ended it.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,
@@ -38,11 +37,11 @@ fn failed(why: impl std::fmt::Display) -> Error {
     )
 }
 
-/// Returns why a child process with these environment variables lists no device; `None` if it lists one.
+/// Returns why a child process with these environment variables sends no valid answer; `None` if it sends one.
 ///
 /// # Errors
 ///
-/// Fails if that process cannot be started.
+/// Fails if the child process cannot be started.
 pub fn lists_devices(variables: &[(&str, OsString)]) -> Result<Option<String>> {
     let answer = ask_with(None, variables)?;
     Ok(answer.err())

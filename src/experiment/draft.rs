@@ -1,4 +1,4 @@
-//! The data of a point that is known before anything is tried: the first half of its record, and its key.
+//! The data that is known about a point before it is tried: the first half of its record, and its key.
 
 use super::host::Identity;
 use super::{KeyParts, Point, Work, key};
@@ -21,7 +21,7 @@ pub struct Drafter<'a> {
     pub sources: &'a Sources,
 }
 
-/// A scene with the notes from reading it, and its hash, which takes time to compute.
+/// A scene, the notes from reading its file, and its hash. Computing the hash takes time.
 pub struct Hashed {
     /// The scene.
     pub scene: Arc<Scene>,
@@ -38,8 +38,8 @@ impl From<Loaded> for Hashed {
 }
 
 impl Drafter<'_> {
-    /// Returns the record of a point on `device` before it is tried. If two points have equal keys, the same work is
-    /// measured in the same way.
+    /// Returns the record of a point on `device`, before the point is tried. Points with equal keys measure the
+    /// same work in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let mut tree = "";
@@ -73,8 +73,8 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The key does not require a built tree: the tree's depth follows from the scene,
-                // the strategy and the code that builds it.
+                // The key does not require a built tree: the tree's depth follows from the scene, the strategy and
+                // the code that builds trees.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };
@@ -115,7 +115,7 @@ mod tests {
     use crate::config;
     use std::path::Path;
 
-    /// Returns the key of a point of a config that ends with these lines.
+    /// Makes a config that ends with these lines, and returns the key of a point in it.
     fn key_with(lines: &str) -> String {
         let text = format!(
             "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\

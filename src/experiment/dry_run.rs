@@ -14,11 +14,11 @@ pub struct Forecast {
     pub label: String,
     /// The device's name in records.
     pub device: String,
-    /// The bytes it needs; `None` for a caster on the host.
+    /// The bytes that the point needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why it does not fit on the device; `None` if it fits.
+    /// Why the point does not fit on the device; `None` if it fits.
     pub refused: Option<String>,
-    /// Why it is not measured on the device, if its preset is meant for another kind.
+    /// Why the point is not measured on the device, if its preset is meant for another kind of device.
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,

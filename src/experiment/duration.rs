@@ -37,7 +37,7 @@ struct Known {
     /// Time of a check that only hashes the picture, and time of a check that compares the picture
     /// with the reference.
     check_ms: [f64; 2],
-    /// Number of samples per launch, if measured by the same stopping rule.
+    /// Number of samples per launch, if the record was measured by the same stopping rule.
     rounds: Option<usize>,
 }
 
@@ -70,9 +70,9 @@ impl Run<'_> {
         Ok(expected)
     }
 
-    /// Returns the expected time in milliseconds of each point of the plan for one device, in
-    /// groups of comparable points. Times come from `earlier` records, or else from the amount of
-    /// computation. A cost has the same index as its point in the plan.
+    /// Returns the expected time in milliseconds of each point of the plan for one device, in groups of comparable
+    /// points. Times come from `earlier` records, or else from the amount of computation. Each cost states the
+    /// index of its point in the plan.
     pub fn costs(&self, earlier: &[Record]) -> Result<Vec<Vec<Cost>>> {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         let by_name = by_name(earlier);
@@ -192,8 +192,8 @@ mod tests {
     use super::*;
     use crate::experiment::fixtures;
 
-    /// Three points: two were sampled four times per launch; the third has no known number of
-    /// rounds, so the estimate uses the number of the other two.
+    /// Three points. Two were sampled four times per launch. The third has no known number of rounds, so the
+    /// estimate assumes four rounds for it too.
     const POINTS: [Known; 3] = [
         Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
         Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
@@ -245,8 +245,8 @@ mod tests {
 
     #[test]
     fn a_warm_up_of_long_frames_ends_early() {
-        // The 2 ms point casts both of its warm-up frames. For the others the estimate is capped at a tenth
-        // of the 30 ms limit, plus one frame.
+        // The point with frames of 2 ms casts both of its warm-up frames. For the other points, the estimate is
+        // capped at a tenth of the 30 ms limit, plus one frame.
         let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
         assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
     }

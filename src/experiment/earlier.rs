@@ -1,5 +1,5 @@
-//! Reads the results of earlier attempts at the same part of an experiment. Their folders are not changed,
-//! since one of the attempts may still be running.
+//! Reads the results of earlier attempts at the same part of an experiment. The folders of these attempts are not
+//! changed, since one of the attempts may still be running.
 
 use crate::error::Result;
 use crate::record::journals::{RECORDS, SAMPLES};
@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 /// Records, and samples of launches in which at least one point has no record.
 #[derive(Debug, Default)]
 pub struct Before {
-    /// For each point, later attempts' records follow earlier ones.
+    /// For each point, records of later attempts follow those of earlier attempts.
     pub records: Vec<Record>,
-    /// Launches are renumbered so that each number is unique; each sample states the attempt and launch that took it.
+    /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it
+    /// was taken.
     pub samples: Vec<Sample>,
 }
 
@@ -58,7 +59,7 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Reads a journal; an attempt that was killed early does not have one.
+/// Reads a journal. An attempt that was killed early has no journal.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }

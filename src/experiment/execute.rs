@@ -1,4 +1,4 @@
-//! Runs a plan: measures the missing results, group by group, and summarises all of them.
+//! Runs a plan: measures the missing results, group by group, and summarises all results.
 
 use super::group::OpenGroup;
 use super::launches::{Waiting, serve};
@@ -14,9 +14,8 @@ use std::collections::{HashMap, HashSet};
 use std::sync::atomic::AtomicBool;
 
 impl Run<'_> {
-    /// Measures every point that has no result yet. Writes the records of all points to disk and
-    /// returns them. After an error or an interruption, every point that was finished before it is
-    /// on disk too.
+    /// Measures every point that has no result yet. Writes the records of all points to disk and returns them.
+    /// After an error or an interruption, the records of all points finished until then are on disk too.
     pub fn execute(
         &self,
         results: &mut Results,
@@ -45,8 +44,7 @@ impl Run<'_> {
         })
     }
 
-    /// Passes the points that have no result yet to `measure`, and summarises the results of the
-    /// plan.
+    /// Calls `measure` with the points that have no result yet, then summarises the plan's results.
     fn measure(
         &self,
         results: &mut Results,
@@ -95,9 +93,8 @@ impl Run<'_> {
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns whether a record of a point is final. If a point was skipped because its preset is
-    /// meant for another kind of device, its record is not final if the point is to be measured
-    /// now.
+    /// Returns whether a record of a point is final. A point may have been skipped because its preset is meant for
+    /// another kind of device. Its record is not final if the point is to be measured now.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())
@@ -110,8 +107,8 @@ struct Missing {
 }
 
 impl Missing {
-    /// Returns the points of a group to be measured. If any point of a block is missing, its control point is
-    /// measured too, even if it has a record.
+    /// Returns the points of a group to be measured. If any point of a block is missing, the block's control point
+    /// is measured too, even if the control point has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);
@@ -126,8 +123,7 @@ impl Missing {
     }
 }
 
-/// Records as skipped every point whose preset is meant for another kind of device. Returns the
-/// other points.
+/// If a point's preset is meant for another kind of device, records the point as skipped. Returns the other points.
 fn pass_over(
     group: Vec<PendingPoint>,
     launches: usize,

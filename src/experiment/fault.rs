@@ -76,8 +76,8 @@ impl FromStr for Fault {
 }
 
 impl Fault {
-    /// Makes the worker fail if this is the step and point of the fault. `hang` and `hold` create a
-    /// file in the folder of results, for which a test waits; `hold` continues when that file is
+    /// Makes the worker fail if this is the step and point of the fault. The faults `hang` and `hold` create a file
+    /// in the folder of results, and a test waits for this file. With `hold`, the worker continues when the file is
     /// removed.
     pub fn strike(&self, step: Step, point: usize, folder: &Path) {
         if (step, point) == (self.step, self.point) {

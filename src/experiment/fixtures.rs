@@ -18,7 +18,7 @@ pub(super) fn experiment(lines: &str) -> Experiment {
     config::parse(&config, text, &[]).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Returns locks in a folder that no test makes, for runs whose devices are not locked.
+/// Returns locks in a folder that does not exist, for runs that lock no device.
 pub(super) fn no_locks() -> Locks {
     Locks::in_folder(Path::new("no-locks"), false)
 }

@@ -1,5 +1,5 @@
-//! A group of points that are compared with each other, including casters on the host. In every launch each
-//! point is checked, then those that passed are timed together.
+//! A group of points that are compared with each other, including casters on the host. In every launch (by new
+//! worker processes), each point is checked. The points that pass are then timed together.
 
 #[cfg(test)]
 mod tests;
@@ -27,7 +27,7 @@ pub struct OpenGroup {
     points: Vec<PendingPoint>,
     /// Number of complete launches, in which every point was sampled.
     whole: usize,
-    /// The number of visits to the group, each by the workers of another launch.
+    /// The number of visits to the group. Each launch, with its own worker processes, visits the group once.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
@@ -52,7 +52,7 @@ impl OpenGroup {
         self.visits
     }
 
-    /// Returns its unfinished points.
+    /// Returns the group's unfinished points.
     pub fn points(&self) -> &[PendingPoint] {
         &self.points
     }
@@ -61,29 +61,29 @@ impl OpenGroup {
         self.points.iter().map(PendingPoint::task)
     }
 
-    /// Returns whether all its points are casters on the host.
+    /// Returns whether all points of the group are casters on the host.
     pub fn is_on_host(&self) -> bool {
         self.points.iter().all(|pending| pending.record.is_baseline())
     }
 
-    /// Returns whether it may be measured on this device.
+    /// Returns whether the group may be measured on this device.
     pub fn may_go_to(&self, device: usize) -> bool {
         self.home.is_none_or(|home| home == device)
     }
 
-    /// Binds the group to a device, since points that are compared must be measured on the same one.
+    /// Binds the group to a device, since points that are compared must be measured on the same device.
     pub fn settle(&mut self, device: usize) {
         self.home = Some(device);
         self.points.iter_mut().for_each(|pending| pending.device = device);
     }
 
-    /// Returns whether all its points have their records.
+    /// Returns whether all points of the group have their records.
     pub fn is_finished(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Measures one launch. If it loses a worker, the whole launch is repeated in fresh workers. While points
-    /// are timed, no other process measures on their devices.
+    /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
+    /// While points are timed, no other process measures on their devices.
     pub fn visit(
         &mut self,
         run: &Run<'_>,
@@ -118,8 +118,8 @@ impl OpenGroup {
         if self.whole == launches { self.finish(sink) } else { Ok(()) }
     }
 
-    /// Takes over launches of an earlier session in which every point has enough samples. Incomplete launches are
-    /// dropped, since another process would measure the rest of each.
+    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches
+    /// are dropped, since other worker processes would measure the rest of them.
     fn adopt(&mut self, rule: &StoppingRule, launches: usize, sink: &mut impl ResultSink) {
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
@@ -139,8 +139,8 @@ impl OpenGroup {
         sink.advances(self.whole * self.points.len());
     }
 
-    /// Checks every point; for a point that fails, stores its record. On the first visit, a point is checked
-    /// as soon as its program is built, while those of later points are still being built.
+    /// Checks every point, and stores the records of points that fail. On the first visit, a point is checked as
+    /// soon as its program is built. Meanwhile, the programs of later points are built.
     fn check(
         &mut self,
         run: &Run<'_>,
@@ -149,8 +149,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        // Like checks, starting drivers and building programs would disturb the measurement of
-        // another process, so they wait until the devices are free.
+        // Starting drivers and building programs would disturb another process's measurement, as checks would. Both
+        // wait until the devices are free.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;
@@ -171,7 +171,7 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
-                    // A later launch's record adds nothing: its picture has the same hash.
+                    // The record of a later launch adds nothing, since its picture has the same hash.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -237,7 +237,7 @@ impl OpenGroup {
         Ok(end)
     }
 
-    /// Completes the records of its points, which all stop together.
+    /// Completes the records of the group's points. Measuring stopped for the same reason at all of them.
     fn finish(&mut self, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let completed = |mut pending: PendingPoint| {
@@ -267,7 +267,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Copies the names of a draft to its checked record, since a worker only knows about one folder of kernels.
+/// Copies the names of a draft to its checked record, since a worker knows only one folder of kernels.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

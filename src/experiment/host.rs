@@ -1,5 +1,5 @@
-//! Baselines: the serial and the parallel caster on the host, timed by the host's clock. Also the properties
-//! that affect their times.
+//! Baselines: the serial and the parallel caster on the host, timed by the host's clock. Also the properties of the
+//! host that affect the times of baselines.
 
 use crate::config::Baseline;
 use crate::image::Radiance;
@@ -15,7 +15,7 @@ pub struct Identity {
     pub device: String,
     /// The number of cores that raycl may use, and the number of its threads.
     pub state: String,
-    /// The source it is compiled from, and the compiler's options.
+    /// The baselines' source, and the compiler's options.
     pub program: String,
 }
 
@@ -31,7 +31,7 @@ impl Identity {
     }
 }
 
-/// Returns what identifies this kind of host, as used in keys of its casters.
+/// Returns a text that identifies this kind of host, from the properties that are in the keys of its baselines.
 pub fn host_identity() -> String {
     let Identity { device, state, program } = Identity::of_this_process();
     format!("{device} | {state} | built {}", &blake3::hash(program.as_bytes()).to_hex()[..8])

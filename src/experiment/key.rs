@@ -8,7 +8,8 @@ pub struct KeyParts<'a> {
     pub scene_hash: &'a str,
     /// Platform, version, device and driver; "host" and the processor's model for a baseline.
     pub device: &'a str,
-    /// Compute units, cores allowed and the driver's variables; for a baseline, cores allowed and threads.
+    /// The numbers of compute units and of usable cores, and the driver's variables; for a baseline, the numbers of
+    /// usable cores and of threads.
     pub state: &'a str,
     /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), as displayed.
     pub emulate: &'a str,
@@ -18,8 +19,8 @@ pub struct KeyParts<'a> {
     pub local_size: &'a str,
     /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of the source, the defines and the build options; for a baseline, of its source and of how
-    /// raycl was built.
+    /// The hash of the source, the defines and the build options; for a baseline, of its source and of raycl's own
+    /// build options.
     pub program_hash: &'a str,
     /// [`Timing`](crate::config::Timing), as displayed.
     pub timing: &'a str,
@@ -27,8 +28,8 @@ pub struct KeyParts<'a> {
     pub tree: &'a str,
 }
 
-/// Returns the key of a measurement: 32 hexadecimal digits of BLAKE3 over the parts. The length of each part
-/// is hashed before it, so that different parts never result in the same input.
+/// Returns the key of a measurement: 32 hexadecimal digits of BLAKE3 over the parts. The length of each part is
+/// hashed before the part, so that different parts never result in the same input.
 pub fn key(parts: &KeyParts<'_>) -> String {
     let KeyParts { scene_hash, device, state, emulate, strategy, .. } = *parts;
     let KeyParts { local_size, image_size, program_hash, timing, tree, .. } = *parts;

@@ -1,5 +1,5 @@
-//! The order of launches. Every group is visited once per launch. Between two visits of a group all others
-//! have their turn, in a different order each time.
+//! The order of launches. Every group of points is visited once per launch, each time by new worker processes.
+//! Between two visits of a group, all other groups are visited, each time in a different order.
 
 use super::Run;
 use super::group::OpenGroup;
@@ -37,7 +37,7 @@ impl Waiting {
             .collect();
         let turn = u64::from(visits) << 32 | next.len() as u64;
         let chosen = if visits == 0 { 0 } else { round_order(next.len(), turn, self.seed)[0] };
-        // The order of the others stays the same.
+        // The order of the remaining groups stays the same.
         Some(groups.remove(next[chosen]))
     }
 
@@ -48,8 +48,8 @@ impl Waiting {
     }
 }
 
-/// Visits groups until none is left: all groups, or those that may be measured on one device. After an error
-/// no other group is taken.
+/// Visits all groups, or those that may be measured on one device, until they are finished. After an error, no
+/// other group is visited.
 pub fn serve(
     run: &Run<'_>,
     waiting: &Waiting,

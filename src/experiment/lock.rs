@@ -6,15 +6,15 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-/// A lock on a folder, released when dropped. The operating system releases it however the process ends.
+/// A lock on a folder, released when dropped. The operating system releases the lock, however the process ends.
 pub struct Lock {
     file: File,
 }
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Closing the file would not always release the lock: a child process that is being started shares the open
-        // file until it runs its own program.
+        // Closing the file might not release the lock: while a child process is being started, it shares the open
+        // file.
         let _ = self.file.unlock();
     }
 }
@@ -35,7 +35,7 @@ impl Lock {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
-            // Some network file systems do not support locks. On these, raycl runs without a lock.
+            // Some network file systems do not support locks. On such a file system, raycl runs without a lock.
             Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }

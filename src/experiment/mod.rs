@@ -1,10 +1,9 @@
 //! Runs an experiment: the plan, the checks of each point before it is timed, the rounds of measurement, and
 //! the folder of results.
 //!
-//! A [`Run`] holds the plan, the journal and the progress; its points run in worker processes, one per device
-//! at a time.
-//! [`Run::execute`] asks a worker to check a point or to cast a frame of it. The worker replies with a record or a
-//! sample. The supervisor handles workers that die or hang.
+//! A [`Run`] has an experiment, its devices and its kernels. The experiment's points run in worker processes, one
+//! point at a time on each device. [`Run::execute`] asks a worker to check a point or to cast one of its frames.
+//! The worker replies with a record or a sample. The supervisor handles workers that die or hang.
 
 mod ahead;
 pub mod asleep;

@@ -12,7 +12,7 @@ pub trait Observer: Send {
     fn begins(&mut self, points: usize, steps: usize);
     /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
-    /// Is called when this many more steps have been finished.
+    /// Is called when more steps have been finished, with their number.
     fn advances(&mut self, _steps: usize) {}
     /// Describes the current work, in a few words.
     fn works_on(&mut self, what: &str);

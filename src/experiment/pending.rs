@@ -18,7 +18,7 @@ use std::collections::HashMap;
 pub struct PendingPoint {
     /// Its index in the plan.
     pub point: usize,
-    /// The device whose worker runs it.
+    /// The device whose worker casts the point.
     pub device: usize,
     /// The number of its scene.
     pub scene: usize,
@@ -26,14 +26,14 @@ pub struct PendingPoint {
     pub label: String,
     /// Its record so far.
     pub record: Record,
-    /// Why it is not measured on its device, if its preset is meant for another kind.
+    /// Why the point is not measured on its device, if its preset is meant for another kind of device.
     pub not_for: Option<String>,
-    /// True if the device can hold it, as far as that is known before a tree is built. If false,
-    /// its program is not built, and its check reports the reason.
+    /// True if the device can hold the point, as far as that is known before a tree is built. If false, the point's
+    /// program is not built, and the point's check reports the reason.
     pub fits: bool,
-    /// The result of building its program ahead, if it was built for this point.
+    /// The result of building the point's program, if the program was built for this point.
     pub built: Option<Built>,
-    /// The hash of its picture, once the picture has been compared with the reference.
+    /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
     /// Its samples from complete launches.
     pub taken: Vec<Taken>,
@@ -82,8 +82,8 @@ impl Run<'_> {
         plan.points.get(place).is_some_and(|point| point.device.is_none())
     }
 
-    /// Returns every point on every device or the host: its index in the plan for one device, its device (`None` is
-    /// the host), and its key and names as in its record.
+    /// Returns every point on every device or the host. A point is returned as its index in the plan for one
+    /// device, its device (`None` is the host), and the key and names of its record.
     pub fn planned_points(&self) -> Result<Vec<(usize, Option<usize>, PlannedPoint)>> {
         let plan = self.plan();
         let of: HashMap<usize, (usize, Option<usize>)> =
@@ -96,7 +96,7 @@ impl Run<'_> {
         Ok(groups.iter().flatten().filter_map(planned).collect())
     }
 
-    /// Returns why a point is not measured on a device, if its preset is meant for another kind.
+    /// Returns why a point is not measured on a device, if its preset is meant for another kind of device.
     pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
         match point.work {
             Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].not_for(device?.kind),
@@ -112,7 +112,7 @@ impl Run<'_> {
         Requirements::check(&self.experiment.strategies[strategy].strategy, &workload, &limits).is_ok()
     }
 
-    /// Returns whether the point is measured on every device, whatever its kind.
+    /// Returns whether the point is measured on devices of every kind.
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
             Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].meant_for.is_none(),
@@ -178,8 +178,8 @@ fn labels(sources: [&Sources; 2]) -> [String; 2] {
     if one == other { [format!("{one}, A"), format!("{other}, B")] } else { [one, other] }
 }
 
-/// Labels a point with the folder of kernels that it uses, when two folders are compared. Its
-/// record then names no preset, since a preset's name implies the built-in kernels.
+/// Labels a point with the folder of kernels that it uses, when two folders are compared. The point's record then
+/// names no preset, since a preset's name implies the built-in kernels.
 fn of_kernels(record: &mut Record, label: &str) {
     record.name = format!("{} ({label})", record.name);
     record.preset = None;
@@ -205,7 +205,7 @@ mod tests {
         };
         let groups = run.pending_points(&run.plan(), &[piece(1, [0, 1]), piece(2, [2, 3])]).unwrap();
         let records: Vec<&Record> = groups.iter().flatten().map(|pending| &pending.record).collect();
-        // The second block borrows the control point, so it has three points.
+        // The second block also measures the control point, so it has three points.
         let sides: Vec<_> = records.iter().map(|record| record.local_size.unwrap()[0]).collect();
         assert_eq!(sides, [2, 1, 2, 4, 8]);
         let control = Some(&records[0].key);

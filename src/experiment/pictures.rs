@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Saves pictures in a folder of results, without replacing any.
 pub struct Pictures {
     folder: PathBuf,
-    /// Names of saved pictures by their hash, so that points with identical images share one.
+    /// Names of saved pictures by their hash, so that points with identical images share a file.
     saved: HashMap<blake3::Hash, String>,
 }
 
@@ -26,8 +26,8 @@ impl Pictures {
         hash(image).to_hex()[..32].to_owned()
     }
 
-    /// Saves a picture under the first of `names` that is free, else under its hash. Returns its path
-    /// relative to the folder.
+    /// Saves a picture under the first free name of `names`, else under the last one with the picture's hash added.
+    /// Returns the file's path relative to the folder.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {
@@ -39,26 +39,26 @@ impl Pictures {
         Ok(path)
     }
 
-    /// Saves a drawing under `name`, or with its hash added if another picture has that name. Returns its
-    /// path.
+    /// Saves a drawing under `name`. If another picture has this name, the drawing's hash is added to the name.
+    /// Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
         let path = self.place(&[name], drawn, &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
         Ok(path)
     }
 
-    /// Returns the first of `names` that is free, else the last with its hash added.
+    /// Returns the path for the first free name of `names`, else for the last one with the picture's hash added.
     fn place(&self, names: &[&str], shown: &RgbImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
         let free = |path: &String| match image::open(self.folder.join(path)) {
-            // A file that cannot be read is not the same picture.
+            // A file that is missing or cannot be read contains no other picture.
             Err(_) => true,
             Ok(there) => there.to_rgb8() == *shown,
         };
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
 
-    /// Saves the picture that `make` returns, unless a file of that name exists. Returns its path.
+    /// Saves the picture that `make` returns, unless a file of this name exists. Returns the file's path.
     pub fn picture_once(&self, name: &str, make: impl FnOnce() -> RgbImage) -> Result<String> {
         let path = path_of(name);
         let file = self.folder.join(&path);

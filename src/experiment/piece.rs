@@ -10,9 +10,10 @@ use std::collections::HashMap;
 pub struct Piece {
     /// Their indices in the plan.
     pub points: Vec<usize>,
-    /// The number of the block that they form, if any.
+    /// The number of the block that these points form, if any.
     pub block: Option<u32>,
-    /// The index of the control point, which all blocks of a group measure. It may or may not be one of `points`.
+    /// The index of the control point, which all blocks of a group measure. `points` need not contain the control
+    /// point.
     pub control: Option<usize>,
 }
 
@@ -24,7 +25,7 @@ impl Piece {
         self.control.iter().chain(others).copied().collect()
     }
 
-    /// Returns whether a point is only measured for comparison with other blocks.
+    /// Returns whether a point is measured only for comparison with other blocks.
     pub fn borrows(&self, place: usize) -> bool {
         self.control == Some(place) && !self.points.contains(&place)
     }
@@ -41,7 +42,7 @@ impl Plan {
         pieces(self.groups_by_device())
     }
 
-    /// Returns the points of some blocks, on each device. The blocks refer to the plan for one device.
+    /// Returns the points of some blocks, on each device. The blocks contain indices of the plan for one device.
     pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
         let places = self.places_on_devices();
         let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();
@@ -56,8 +57,8 @@ impl Plan {
         blocks.iter().flat_map(|block| devices.iter().filter_map(move |device| on(block, *device))).collect()
     }
 
-    /// Returns the indices, in this plan, of the points of the plan for one device. A key is a
-    /// point's index in the plan for one device, and the device that measures the point.
+    /// Maps the points of the plan for one device to their indices in this plan. A key is a point's index in the
+    /// plan for one device, and the device that measures the point.
     pub(super) fn places_on_devices(&self) -> HashMap<(usize, Option<usize>), usize> {
         let on_first = |point: &Point| Point { device: point.device.map(|_| 0), ..*point };
         let first: HashMap<Point, usize> = self
@@ -73,7 +74,7 @@ impl Plan {
     }
 }
 
-/// Returns pieces for groups that are consecutive in the plan and cover it completely.
+/// Returns one piece per group. The groups must be consecutive in the plan and cover it completely.
 fn pieces<'a>(groups: impl Iterator<Item = &'a [Point]>) -> Vec<Piece> {
     let mut next = 0;
     groups
@@ -113,7 +114,7 @@ mod tests {
     fn blocks_are_of_the_plan_for_one_device_and_are_measured_on_each() {
         let pieces = plan(2).of_blocks(&[block(1, &[0], None), block(3, &[8, 9], Some(6))]);
         assert_eq!(pieces[0].points, [0]);
-        // The second scene begins at index 9 with two devices, and at 5 with one.
+        // The second scene's points begin at index 9 if there are two devices, and at index 5 if there is one.
         let second: Vec<_> = pieces[1..].iter().map(|piece| (piece.points.clone(), piece.control)).collect();
         assert_eq!(second, [(vec![12, 13], Some(10)), (vec![16, 17], Some(14))]);
         assert!(pieces[1].borrows(10) && !pieces[1].borrows(12));

@@ -7,8 +7,8 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// The points. Points that are compared with each other are adjacent. Among them, the points of a scene
-    /// are adjacent, and among these the points of a device.
+    /// The points. Points that are compared with each other are adjacent. Within such a group, the points of each
+    /// scene are adjacent, and within a scene the points of each device.
     pub points: Vec<Point>,
     /// True if scenes are compared with each other.
     pub compare_scenes: bool,
@@ -19,7 +19,7 @@ pub struct Plan {
 pub struct Point {
     /// The scene.
     pub scene: usize,
-    /// The device, as an index of the chosen devices; `None` is the host.
+    /// The device, as an index into the chosen devices; `None` is the host.
     pub device: Option<usize>,
     /// The caster of the rays.
     pub work: Work,
@@ -42,7 +42,7 @@ pub enum Work {
 }
 
 impl Plan {
-    /// Makes the product of the experiment's lists on `device_count` devices. A strategy with two names in
+    /// Makes all combinations of the experiment's lists, on `device_count` devices. A strategy with two names in
     /// the experiment runs once at each local size.
     pub fn new(experiment: &Experiment, device_count: usize) -> Self {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
@@ -60,9 +60,9 @@ impl Plan {
         Self { points, compare_scenes: experiment.compare_scenes }
     }
 
-    /// Returns the groups of points that are compared with each other and measured in interleaved rounds. A
-    /// group has one image size and, unless scenes are compared, one scene. It includes casters on the host
-    /// and all devices.
+    /// Returns the groups of points that are compared with each other and measured in interleaved rounds. A group
+    /// has one image size and, unless scenes are compared, one scene. A group includes casters on the host and all
+    /// devices.
     pub fn groups(&self) -> impl Iterator<Item = &[Point]> {
         self.points.chunk_by(|one, other| self.compares(one, other))
     }
@@ -78,7 +78,7 @@ impl Plan {
     }
 }
 
-/// Returns every scene at every image size. Cases that are compared with each other are adjacent.
+/// Returns every scene at every image size. Combinations that are compared with each other are adjacent.
 fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     let scenes = 0..experiment.scenes.len();
     let mut cases: Vec<_> =
@@ -104,7 +104,7 @@ fn kernels(experiment: &Experiment) -> Vec<Work> {
 }
 
 impl Point {
-    /// Returns whether both have the same scene and image size.
+    /// Returns whether both points have the same scene and image size.
     pub fn is_beside(&self, other: &Self) -> bool {
         (self.scene, self.image_size) == (other.scene, other.image_size)
     }

@@ -1,23 +1,25 @@
 //! Finds samples during which other programs used the processors.
 //!
-//! A frame that is cast on processors needs about the same processor time in every sample. If the system preempts one
-//! of its threads to run another program, the frame takes longer, but not more processor time. The ratio of processor
-//! time to elapsed time (the utilization) therefore shows by how much a sample was delayed, whether the frame itself
-//! was fast or slow.
+//! A frame that is cast on processors needs about the same processor time in every sample. If the system preempts
+//! one of the frame's threads to run another program, the frame takes longer, but needs no more processor time. The
+//! ratio of processor time to elapsed time (the utilization) therefore shows how much a sample was delayed. It does
+//! not depend on the speed of the frame itself.
 
 use super::Taken;
 use crate::measure::{MIN_SAMPLES, quantile};
 
-/// A sample with less than this fraction of its point's usual utilization was delayed by over a tenth.
+/// If a sample's utilization is less than this fraction of its point's usual utilization, the sample was delayed by
+/// over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
-/// Returns the samples of a point without those that were preempted. If a launch would have fewer than five samples
-/// left, its five samples with the highest utilization remain. `None` if the processor time of a sample is unknown.
+/// Returns the samples of a point without the preempted ones. If a launch would have fewer than five samples left,
+/// its five samples with the highest utilization remain. `None` if the processor time of a sample is unknown.
 pub(super) fn without_preempted(taken: &[Taken]) -> Option<Vec<Taken>> {
     let utilizations: Vec<f64> = taken.iter().map(utilization).collect::<Option<_>>()?;
     let mut sorted = utilizations.clone();
     sorted.sort_by(f64::total_cmp);
-    // The point's usual utilization. Even if most samples were preempted, this one was probably not.
+    // The point's usual utilization is the upper quartile, since up to three quarters of the samples may be
+    // preempted.
     let usual = (!sorted.is_empty()).then(|| quantile(&sorted, 0.75))?;
     let remains = |(at, (one, utilization)): (usize, (&Taken, &f64))| {
         let higher = |&(other, rival): &(usize, &f64)| {
@@ -29,7 +31,8 @@ pub(super) fn without_preempted(taken: &[Taken]) -> Option<Vec<Taken>> {
     Some(taken.iter().zip(&utilizations).enumerate().filter_map(remains).collect())
 }
 
-/// Returns the processor time of a sample as a fraction of its elapsed time, which is over 1 if several threads run.
+/// Returns the ratio of a sample's processor time to its elapsed time. The ratio can be above 1 if several threads
+/// run.
 fn utilization(taken: &Taken) -> Option<f64> {
     let ratio = taken.times.processor_ms? / taken.times.host_ms;
     ratio.is_finite().then_some(ratio)
@@ -40,7 +43,7 @@ mod tests {
     use super::*;
     use crate::launch::FrameTimes;
 
-    /// A sample in which two threads had `waited` milliseconds less than two processors' time.
+    /// A sample in which two threads together used `waited_ms` less processor time than two processors offer.
     fn sample(launch: u32, host_ms: f64, waited_ms: f64) -> Taken {
         let processor_ms = Some(2.0 * host_ms - waited_ms);
         Taken {
@@ -59,7 +62,7 @@ mod tests {
         let mut taken = vec![sample(0, 10.0, 0.1); 8];
         taken[1] = sample(0, 12.0, 4.0);
         taken[2] = sample(0, 20.0, 0.1);
-        // A tenth of the utilization may be missing.
+        // A sample may lack a tenth of the usual utilization.
         taken[3] = sample(0, 11.0, 1.9);
         taken[4] = sample(0, 11.0, 2.5);
         assert_eq!(host_ms(&taken), [10.0, 20.0, 11.0, 10.0, 10.0, 10.0]);
@@ -71,7 +74,7 @@ mod tests {
         let taken = [&preempted[..], &[sample(0, 10.0, 0.0); 20]].concat();
         assert_eq!(host_ms(&taken)[..5], [16.0, 18.0, 15.0, 17.0, 14.0]);
         assert_eq!(host_ms(&taken).len(), 25);
-        // Of equal ones, the first remain.
+        // Of samples with equal utilization, the first remain.
         assert_eq!(
             host_ms(&[&[sample(1, 16.0, 6.0); 7][..], &[sample(0, 10.0, 0.0); 22]].concat()).len(),
             27

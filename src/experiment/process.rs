@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// The number of bytes that are kept from the end of a worker's standard error.
+/// The number of bytes that are stored from the end of a worker's standard error.
 const LAST_WORDS_BYTES: usize = 2000;
 /// The longest time that a worker may take to end when it is no longer needed.
 const FAREWELL: Duration = Duration::from_secs(1);
@@ -32,9 +32,9 @@ impl Processes {
         Self { jobs, driver_cache: false }
     }
 
-    /// Lets workers use the driver's cache of programs. Builders use it to store machine code for
-    /// the other workers. Other workers may use it if builders have stored their programs together
-    /// with the compiler's messages.
+    /// Lets workers use the driver's cache of programs. Builders use this cache to store machine code for the other
+    /// workers. Other workers may use the cache if builders have stored their programs together with the compiler's
+    /// messages.
     #[must_use]
     pub fn using_driver_cache(self) -> Self {
         Self { driver_cache: true, ..self }
@@ -54,8 +54,8 @@ impl Spawner for Processes {
         // The end of a worker's standard error goes into records, where a backtrace would be too
         // long.
         command.env("RUST_BACKTRACE", "0");
-        // A compiler prints registers only when it compiles. Users who want the driver's cache can set the
-        // variable themselves.
+        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
+        // `driver_cache` is set. Users who want the driver's cache can set the variable themselves.
         if !self.driver_cache && std::env::var_os(CACHE_DISABLE).is_none() {
             command.env(CACHE_DISABLE, "1");
         }
@@ -113,7 +113,7 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 impl WorkerProcess {
     /// Writes a line. If the worker has ended, this is noticed later, while waiting for its reply.
     fn write(&mut self, line: &impl Serialize) {
-        // This never fails: only paths might not be valid text, and `raycl run` refuses those.
+        // Serializing never fails: only paths might not be valid text, and `raycl run` refuses such paths.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
         text.push(b'\n');
         if let Some(requests) = &mut self.requests {

@@ -23,8 +23,7 @@ pub struct Job {
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
     pub device: Option<String>,
-    /// The device that records name, if points are distributed over several devices of the same
-    /// kind.
+    /// The device whose name is in records, if points are distributed over several devices of the same kind.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
     /// The folder of kernels that replaces the built-in ones.
@@ -56,14 +55,15 @@ pub enum DeviceList {
 /// The result of building a program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Built {
-    /// Time from the strategy to a kernel that can be launched, including storing it in the cache.
+    /// Time from the strategy to a kernel that is ready to launch, including the time to store the program in the
+    /// cache.
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.
     pub from_cache: bool,
-    /// The key under which the cache stores it; `None` if it could not be stored.
+    /// The key under which the cache stores the program; `None` if the program could not be stored.
     pub key: Option<String>,
-    /// True if the program could not be stored, because the driver took it from its own cache and
-    /// therefore printed no number of registers.
+    /// True if the program could not be stored, because its number of registers is unknown: the driver took the
+    /// program from its own cache and printed no number.
     pub lacks_log: bool,
 }
 
@@ -77,8 +77,8 @@ pub enum Request {
         point: usize,
         /// The key that the point's record must have.
         key: String,
-        /// The hash of its picture, if an earlier launch has verified it: an identical picture is not
-        /// compared again.
+        /// The hash of the point's picture, if an earlier launch has verified the picture. An identical picture is
+        /// not compared again.
         verified: Option<String>,
     },
     /// Build the program of a point and store it.
@@ -86,7 +86,7 @@ pub enum Request {
         /// The point.
         point: usize,
     },
-    /// Cast one frame of a point that has passed its check, and warm up before the first one.
+    /// Cast one frame of a point that has passed its check, and warm up before the first frame.
     Cast {
         /// The point.
         point: usize,
@@ -96,7 +96,8 @@ pub enum Request {
 }
 
 impl Request {
-    /// Returns the step of a worker that serves this request, and the point; `None` if it concerns no point.
+    /// Returns the worker's step (a check or a cast) for this request, and the request's point; `None` for other
+    /// requests.
     pub fn step(&self) -> Option<(Step, usize)> {
         match self {
             Self::Check { point, .. } => Some((Step::Check, *point)),
@@ -110,22 +111,22 @@ impl Request {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reply {
-    /// To the job: the device is open.
+    /// Reply to the job: the device is open.
     Started,
-    /// To a build; `None` if the program cannot be built, which the point's check will report.
+    /// Reply to a build; `None` if the program cannot be built. The point's check will report the error.
     Built(Option<Built>),
-    /// To a check.
+    /// Reply to a check.
     Checked {
         /// The record so far.
         record: Box<Record>,
         /// True if the point can be cast; if not, the record states the reason.
         ready: bool,
     },
-    /// To a cast.
+    /// Reply to a cast.
     Sample(FrameTimes),
-    /// To a cast that failed.
+    /// Reply to a cast that failed.
     Refused(PointFailure),
-    /// To any request: an error that ends the run.
+    /// Reply to any request: an error that ends the run.
     Failed {
         /// The problem.
         message: String,

@@ -38,7 +38,7 @@ pub struct RequestHandler<'a> {
     anchor: Option<Anchor>,
     /// The device's sensors, from the first check on; processes that only build do not need them.
     watch: Option<Watch>,
-    /// The device that records name, if it is not the worker's own device.
+    /// The device whose name is in records, if it is not the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -104,7 +104,7 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Drops the data of other groups, and loads the scene of a point if it is not the current one.
+    /// Drops the data of other groups, and loads the scene of a point if it is not the current scene.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.is_beside(&point)) {
             self.entries.clear();
@@ -168,10 +168,9 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer are
-/// cast than requested, since the check has already cast a frame. A frame that fails here will fail
-/// again when it is timed, and is reported then. Returns the time of the shortest pass of any of
-/// these frames; infinity if there was no frame.
+/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer frames than requested
+/// are cast, since the check has already cast one. A frame that fails here will fail again when it is timed, and is
+/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
     frames: u32,

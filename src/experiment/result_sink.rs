@@ -22,7 +22,7 @@ pub trait ResultSink {
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
     /// Returns the number of a new launch, which is unique in the folder.
     fn next_launch(&mut self) -> u32;
-    /// Is called when this many launches of points are finished, or will not take place.
+    /// Is called when launches of points are finished or will not take place, with their number.
     fn advances(&mut self, steps: usize);
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;

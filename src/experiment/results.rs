@@ -26,7 +26,7 @@ pub struct Results {
     anchors: JsonLines<AnchorSample>,
     /// The journal of control points, if there are any.
     controls: Option<JsonLines<Record>>,
-    /// The machine's name, if an experiment is measured on several.
+    /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
     past: Past,
     peak: Vec<Peak>,
@@ -38,7 +38,7 @@ pub struct Results {
 pub struct Past {
     /// Finished points, in the order of their last records.
     pub records: Vec<Record>,
-    /// The samples of every point, in the order taken, by key.
+    /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
     /// The number of the next launch.
     pub next_launch: u32,
@@ -77,9 +77,9 @@ impl Results {
         Self::open(folder, environment)
     }
 
-    /// Makes the folder of an attempt at a part of an experiment on this host. It continues where earlier attempts
-    /// ended: their records count as finished, and the samples of unfinished points are copied, each with the attempt
-    /// and launch that took it. The earlier folders are not changed.
+    /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
+    /// attempts ended. Their records count as finished. Their samples of unfinished points are copied, each with
+    /// the attempt and launch that took it. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -121,7 +121,7 @@ impl Results {
         Ok(results)
     }
 
-    /// Returns the contents of the folder when it was opened.
+    /// Returns the contents that the folder had when it was opened.
     pub fn past(&self) -> &Past {
         &self.past
     }
@@ -151,7 +151,7 @@ impl Results {
         self.controls.as_mut().map_or(Ok(()), |controls| controls.append(record))
     }
 
-    /// Returns the machine's name, if an experiment is measured on several.
+    /// Returns the machine's name, if an experiment is measured on several machines.
     pub fn host(&self) -> Option<&str> {
         self.host.as_deref()
     }
@@ -182,8 +182,8 @@ impl Results {
         plan.write(&self.folder)
     }
 
-    /// Writes the summaries of the points in the folder's plan, brings the intervals in the journal up to date, and
-    /// returns the records of these points.
+    /// Writes the summaries of the points in the folder's plan, and updates the intervals in the journal. Returns
+    /// the records of these points.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
         let journal = self.folder.join("records.jsonl");
@@ -219,7 +219,7 @@ impl Past {
             };
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
             let taken = past.samples.entry(sample.key).or_default();
-            // Samples of earlier versions do not say when they were taken, only in which round.
+            // Samples of earlier versions of raycl state only the round in which they were taken, not the time.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
             taken.push(Taken { launch: sample.launch, at_ms, times });
         }

@@ -7,8 +7,8 @@ use crate::measure::{StopReason, StoppingRule, round_order};
 
 /// Times points; [`measure`] decides the order and the number of rounds.
 pub trait Rounds {
-    /// Casts one frame of a point. Returns `None` if its process was lost, or if the point failed;
-    /// a failed point is not cast again.
+    /// Casts one frame of a point. Returns `None` if the worker process was lost or the point failed. A failed
+    /// point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
     /// Is called after each sample.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
@@ -16,20 +16,20 @@ pub trait Rounds {
     fn ended(&mut self, _round: u32) -> Result<()> {
         Ok(())
     }
-    /// Returns whether the samples cannot be used because the process was lost.
+    /// Returns whether the samples cannot be used because the worker process was lost.
     fn is_broken(&self) -> bool {
         false
     }
 }
 
-/// The end of the rounds of a launch.
+/// The reason why the rounds of a launch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
     /// Every point that did not fail has enough samples.
     Enough(StopReason),
     /// Every point failed.
     AllFailed,
-    /// The process was lost; the launch must be repeated.
+    /// A worker process was lost; the launch must be repeated.
     Broken,
 }
 

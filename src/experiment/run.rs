@@ -28,7 +28,8 @@ pub struct Run<'a> {
     pub sources: &'a Sources,
     /// Kernels to compare with `sources`, in the same rounds.
     pub other_sources: Option<&'a Sources>,
-    /// The time limit for one step of a point: a build with its first image, or a frame.
+    /// The time limit for one step of a point: building its program and casting its first image, or casting a
+    /// frame.
     pub limit: Duration,
     /// True if failed points of an earlier run are measured again.
     pub retry_failed: bool,
@@ -63,19 +64,18 @@ impl Run<'_> {
         if self.spread { self.devices.len().min(1) } else { self.devices.len() }
     }
 
-    /// Loads the experiment's scenes, in its order.
+    /// Loads the experiment's scenes, in the experiment's order.
     pub fn load_scenes(&self) -> Result<Vec<Loaded>> {
         self.experiment.scenes.iter().map(SceneChoice::load).collect()
     }
 
-    /// Returns the jobs of its workers: one per device, or a single one for the host if there are
-    /// no devices. If the run compares two folders of kernels, the jobs for the other folder
-    /// follow.
+    /// Returns the jobs of the run's workers: one per device, or a single one for the host if there are no devices.
+    /// If the run compares two folders of kernels, the jobs for the other folder follow.
     pub fn jobs(&self, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Returns the run's kernels, followed by the kernels that they are compared with, if any.
+    /// Returns the run's kernels. If they are compared with other kernels, those follow.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }

@@ -1,5 +1,5 @@
-//! Runs an experiment on several devices of one kind. Each block of points is measured on a device that is
-//! free, with one worker per device.
+//! Runs an experiment on several devices of one kind. Each block of points is measured on the next free device.
+//! Each device has its own workers.
 
 use super::Run;
 use super::complete::Taken;
@@ -12,9 +12,9 @@ use crate::record::{AnchorSample, Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`.
-/// Each group stays on the device where it began. Groups on the host are measured first, alone.
-/// After an error, the run ends when the current groups have ended.
+/// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of
+/// a group are measured on the same device. Groups on the host are measured first, alone. After an error, the run
+/// ends when the current groups have ended.
 pub fn measure_spread(
     run: &Run<'_>,
     groups: Vec<OpenGroup>,

@@ -10,9 +10,9 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// The time between two checks whether the user has interrupted a waiting run.
+/// The interval at which a waiting run checks whether the user has interrupted it.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// Number of workers that a point may kill before raycl gives up on it. The first one may have died from an
+/// Number of workers that a point may kill before raycl gives up on it. The first worker may have died from an
 /// outside cause.
 const ATTEMPTS: u32 = 2;
 /// After raycl has given up on this many points, no other point is tried twice.
@@ -20,11 +20,11 @@ const PATIENCE: usize = 3;
 
 /// Starts workers.
 pub trait Spawner {
-    /// Starts a worker for the device numbered `device`; its first reply is [`Reply::Started`].
+    /// Starts a worker for the device numbered `device`. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
 }
 
-/// Serves requests one after another until it dies. Dropping it ends it.
+/// Serves requests one after another, until it dies or is dropped.
 pub trait Worker {
     /// Sends a request. If the worker is dead, `wait` reports that.
     fn send(&mut self, request: &Request);
@@ -50,7 +50,7 @@ pub enum Wait {
 pub struct Death {
     /// For example "was killed by SIGSEGV", "ended with exit status: 1".
     pub cause: String,
-    /// The end of its standard error.
+    /// The end of the worker's standard error.
     pub last_words: String,
 }
 
@@ -65,18 +65,18 @@ enum Loss {
 pub struct Task<'a> {
     /// Its index in the plan.
     pub point: usize,
-    /// The device whose worker runs it.
+    /// The device whose worker casts the point.
     pub device: usize,
-    /// The number of its scene; a worker holds one scene at a time.
+    /// The number of the point's scene; a worker holds one scene at a time.
     pub scene: usize,
     /// Its key.
     pub key: &'a str,
-    /// The hash of its picture, once the picture has been compared with the reference.
+    /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<&'a str>,
 }
 
 impl Task<'_> {
-    /// Returns the key of its worker: the device and the scene.
+    /// Returns the key of the point's worker: the device and the scene.
     fn post(&self) -> (usize, usize) {
         (self.device, self.scene)
     }
@@ -99,7 +99,7 @@ pub struct Supervisor<'a> {
     limit: Duration,
     /// Workers by device and scene.
     posts: HashMap<(usize, usize), Post>,
-    /// Workers that were started ahead and have not reported that they are ready.
+    /// Workers that were started early, and have not yet reported that they are ready.
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// The number of the current launch.
     launch: u32,
@@ -132,23 +132,23 @@ impl<'a> Supervisor<'a> {
         self.interrupted
     }
 
-    /// Ends all workers, so that the next requests go to new ones.
+    /// Ends all workers, so that the next requests go to new workers.
     pub fn retire(&mut self) {
         let mut workers: Vec<_> = self.posts.drain().map(|(_, post)| post.worker).collect();
         workers.extend(self.starting.drain().map(|(_, worker)| worker));
         dismiss(workers);
     }
 
-    /// Begins a group of points in a launch. Within a launch, workers continue from group to group; each
-    /// launch has fresh workers.
+    /// Begins a group of points in a launch. Within a launch, workers continue from group to group. Each launch has
+    /// new workers.
     pub fn turn_to<'t>(&mut self, launch: u32, tasks: impl Iterator<Item = Task<'t>>) {
         if self.launch != launch {
             self.retire();
             self.launch = launch;
         }
         let wanted: BTreeSet<_> = tasks.map(|task| task.post()).collect();
-        // A worker whose scene is still needed keeps it. Any other worker of the device takes over a needed
-        // scene that no worker has.
+        // A worker keeps its scene if the scene is still needed. The device's other workers take over needed scenes
+        // that no worker has.
         let (kept, mut free): (Vec<_>, Vec<_>) = self.posts.drain().partition(|(at, _)| wanted.contains(at));
         self.posts.extend(kept);
         for post in wanted {
@@ -161,7 +161,8 @@ impl<'a> Supervisor<'a> {
         dismiss(free.into_iter().map(|(_, post)| post.worker).collect());
     }
 
-    /// Starts the workers of points at the same time, since most of a start is waiting for a driver.
+    /// Starts the workers of all points at the same time, since each worker mostly waits for a driver while it
+    /// starts.
     pub fn start_ahead<'t>(&mut self, tasks: impl Iterator<Item = Task<'t>>) -> Result<()> {
         for post in tasks.map(|task| task.post()) {
             if !self.posts.contains_key(&post) && !self.starting.contains_key(&post) {
@@ -198,8 +199,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Casts one frame of a point that passed its check. Returns `None` if its worker was lost and the point
-    /// may be tried again; a new worker's frames belong to another launch.
+    /// Casts one frame of a point that passed its check. Returns `None` if the point's worker was lost and the
+    /// point may be tried again. The frames of a new worker belong to another launch.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {
@@ -219,8 +220,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Runs the anchor of the device on which a point was cast. Returns `None` if that fails; the anchor is
-    /// then not run again.
+    /// Runs the anchor of the device on which a point was cast. Returns `None` if the anchor fails; it is then not
+    /// run again.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<FrameTimes>> {
         if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
@@ -252,8 +253,8 @@ impl<'a> Supervisor<'a> {
         Ok(answer)
     }
 
-    /// Starts a worker and waits until its device is open. An error ends the run; its points have not failed,
-    /// and a later session measures them.
+    /// Starts a worker and waits until its device is open. An error ends the run. The run's remaining points do not
+    /// count as failed, and a later session measures them.
     fn start(&mut self, post: (usize, usize)) -> Result<Post> {
         if let Some(mut worker) = self.starting.remove(&post)
             && self.opens(worker.as_mut())?.is_ok()
@@ -301,7 +302,7 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Returns the failure of a point whose worker was lost; `None` if it is to be tried again.
+    /// Returns the failure of a point whose worker was lost; `None` if the point is to be tried again.
     fn refusal(&mut self, point: usize, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let death = match loss {
@@ -324,7 +325,7 @@ impl<'a> Supervisor<'a> {
     }
 }
 
-/// Tells all workers to end, so that they end at the same time; dropping a worker waits until it has ended.
+/// Tells all workers to end, so that they end at the same time. Dropping a worker waits until the worker has ended.
 fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
     workers.iter_mut().for_each(|worker| worker.dismiss());
 }
@@ -338,7 +339,7 @@ impl Death {
     }
 }
 
-/// Returns the error for a reply that does not match its request, which is usually the worker's own error.
+/// Returns the error for a reply that does not match its request. Such a reply is usually the worker's own error.
 fn unexpected(reply: Reply) -> Error {
     match reply {
         Reply::Failed { message, help } => Error::run(message).with_help(help),

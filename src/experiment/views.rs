@@ -13,10 +13,12 @@ use std::cell::LazyCell;
 
 /// The colour of uncertain pixels, which stands out from any grey, also for colour-blind readers.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Larger images get no pictures of costs, which would show nothing more and take minutes on the host.
+/// Images with more pixels get no pictures of costs. These would show nothing more, and would take minutes on the
+/// host.
 const COST_PIXELS: u64 = 4_000_000;
 
-/// Saves an image's pictures, unless an identical image has them already, and adds their names to its record.
+/// Saves an image's pictures, unless those of an identical image exist. Adds the pictures' names to the image's
+/// record.
 pub fn keep(
     pictures: &mut Pictures,
     record: &mut Record,
@@ -48,14 +50,15 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
     let mut picture = to_rgb8(&expected.radiance, display);
     for (pixel, certain) in picture.pixels_mut().zip(&expected.certain) {
         let grey = pixel.0.iter().map(|channel| u32::from(*channel)).sum::<u32>() / 3;
-        // Half as bright, so that the marks stand out.
+        // Certain pixels are half as bright, so that the marks stand out.
         *pixel = Rgb(if *certain { [(grey / 2) as u8; 3] } else { UNCERTAIN });
     }
     picture
 }
 
-/// Saves pictures of what each pixel's rays cost: how many triangles they test (all triangles, or those that a tree
-/// finds) and, with a tree, how many nodes. A rasteriser casts no primary rays and has no such picture.
+/// Saves pictures of the cost of each pixel's rays: the number of triangles that they test (all triangles, or those
+/// that a tree finds) and, with a tree, the number of nodes. A rasteriser casts no primary rays and has no such
+/// picture.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,
@@ -79,8 +82,8 @@ fn keep_costs(
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Counted once for both pictures, and not at all if both exist. If a scene is too large for a tree,
-        // no point uses one.
+        // Costs are counted once for both pictures, and not at all if both pictures exist. If a scene is too large
+        // for a tree, no point uses a tree.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);

@@ -1,5 +1,5 @@
-//! A worker: the process in which the points of one device run. A driver that aborts, crashes or hangs then
-//! ends this process and not the run. Requests arrive on standard input, replies go to standard output.
+//! A worker: the process in which the points of one device run. If a driver aborts, crashes or hangs, this process
+//! ends, but the run continues. Requests arrive on standard input, replies go to standard output.
 
 use super::asleep::Asleep;
 use super::check::Checker;
@@ -70,8 +70,8 @@ fn ignore_interrupts() -> Result<()> {
         .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
 }
 
-/// Reads standard input by lines. When it ends, the run has ended; the process then ends at once,
-/// since a worker that hangs in a driver would otherwise never end.
+/// Reads standard input by lines. When standard input ends, the run has ended. The process then ends at once, since
+/// a worker that hangs in a driver would otherwise never end.
 fn input_lines() -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {
@@ -99,7 +99,7 @@ fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
         .map_err(|error| Error::fault(format!("a worker process received an invalid request: {error}")))
 }
 
-/// Writes a reply on a new line, since a driver may have left an unfinished one.
+/// Writes a reply on a new line, since a driver may have left an unfinished line.
 fn reply(reply: &Reply) -> Result<()> {
     let unwritable = |error: &dyn std::fmt::Display| {
         Error::fault(format!("a worker process could not send its reply: {error}"))

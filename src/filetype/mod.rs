@@ -70,7 +70,7 @@ impl MeshFormat {
         Self::ALL.iter().find(|(format, ..)| *format == self).map_or("a mesh", |(.., name)| name)
     }
 
-    /// Returns the format that a file's extension, before any `.gz`, names; `None` for other extensions.
+    /// Returns the mesh format of a file's extension; `None` for other extensions. A final `.gz` is ignored.
     pub fn from_ending(path: &Path) -> Option<Self> {
         let ending = unpacked_name(path).extension()?.to_ascii_lowercase();
         Self::ALL.iter().find(|(_, usual, _)| ending == *usual).map(|(format, ..)| *format)

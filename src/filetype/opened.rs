@@ -15,8 +15,8 @@ const GZIP: &[u8] = b"\x1f\x8b";
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// An open file. Only its first bytes have been read; a packed file or standard input has been read
-/// completely.
+/// An open file. Only the first bytes of an ordinary file have been read. A packed file or standard input has been
+/// read completely.
 #[derive(Debug)]
 pub struct Opened {
     /// The part that has not been read yet.
@@ -33,8 +33,8 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// Returns the system's error. Also fails if it is not an ordinary file, or if it is packed and either
-    /// damaged or too large.
+    /// Returns the system's error. Also fails if `path` is not an ordinary file, or if the file is packed and
+    /// either damaged or too large.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let head = within_memory(io::stdin().lock())?;
@@ -66,7 +66,7 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// The same as those of [`reader::rest`].
+    /// Returns the same errors as [`reader::rest`].
     pub fn bytes(self, kind: Kind) -> io::Result<Vec<u8>> {
         match self.rest {
             Some(file) => reader::rest(file, self.head, kind),
@@ -95,8 +95,8 @@ impl Damaged {
         error.get_ref().is_some_and(|inner| inner.is::<Self>())
     }
 
-    /// Marks an error as caused by a damaged packed file, unless it comes from the operating system or means that
-    /// memory ran out.
+    /// Marks an error as caused by a damaged packed file, unless the error comes from the operating system or means
+    /// that memory ran out.
     fn mark(error: io::Error) -> io::Error {
         if error.raw_os_error().is_some() || error.kind() == io::ErrorKind::OutOfMemory {
             return error;
@@ -110,10 +110,10 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
     Ok(Opened::held(bytes, path))
 }
 
-/// Returns a file's type. A file of unknown bytes is STL if it is named `.stl`, or if it begins with
-/// triangles and is cut off; the reader of STL then reports the error. Whole binary STL is recognised by a
-/// length that matches its count of triangles. JSON in a file named `.gltf` is glTF, unless all of it has
-/// been read and has none of the keys of glTF.
+/// Returns a file's type. A file whose first bytes match no type is STL if its name ends in `.stl`, or if it begins
+/// with triangles and is cut off; the STL reader then reports the error. A complete binary STL file is recognised
+/// by its length, which matches its count of triangles. A JSON file whose name ends in `.gltf` is glTF even without
+/// a key of glTF, if it is longer than the bytes that were read.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };

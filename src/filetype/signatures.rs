@@ -104,8 +104,8 @@ fn archive(head: &[u8]) -> &'static str {
     }
 }
 
-/// Recognises a 3DS file: an outermost chunk as long as the file, or one that contains a version or an editor
-/// chunk.
+/// Recognises a 3DS file by its outermost chunk, which is as long as the file, or begins with a version chunk or an
+/// editor chunk.
 fn is_3ds(head: &[u8], length: u64) -> bool {
     let Some(&[b'M', b'M', a, b, c, d, low, high]) = head.get(..8) else { return false };
     let size = u64::from(u32::from_le_bytes([a, b, c, d]));

@@ -12,9 +12,9 @@ pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
     whole_length(head) == Some(length)
 }
 
-/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Files
-/// of other types almost never have both unit or zero vectors where the normals are, and triangles whose
-/// three corners differ.
+/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Files of
+/// other types almost never meet both conditions: all normals are unit vectors or zero, and some triangle has three
+/// different corners.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;
@@ -23,7 +23,7 @@ pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     triangles().all(is_triangle) && triangles().any(|[_, a, b, c]| a != b && b != c && c != a)
 }
 
-/// Returns the number of bytes of a file with the count of triangles in this header.
+/// Returns the length in bytes that a file must have, from the count of triangles in its header.
 fn whole_length(head: &[u8]) -> Option<u64> {
     let &[a, b, c, d] = head.get(HEADER_BYTES - 4..HEADER_BYTES)? else { return None };
     let triangles = u64::from(u32::from_le_bytes([a, b, c, d]));
@@ -48,8 +48,7 @@ fn is_triangle([normal, corners @ ..]: [Vec3; 4]) -> bool {
 mod tests {
     use super::*;
 
-    /// Returns a file whose header states this count of triangles, and which contains one triangle for each of these
-    /// normals.
+    /// Returns a file with this count of triangles in its header, and with one triangle for each of these normals.
     fn file(said: u32, normals: &[Vec3]) -> Vec<u8> {
         let mut bytes = vec![0; HEADER_BYTES - 4];
         bytes.extend(said.to_le_bytes());

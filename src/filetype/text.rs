@@ -114,7 +114,7 @@ fn is_toml(line: &[u8]) -> bool {
     named && text.iter().position(|&byte| byte == end).is_some_and(|at| key(&text[..at]))
 }
 
-/// Recognises glTF by keys near the start of most such files.
+/// Recognises glTF by keys that most glTF files have near their start.
 fn is_gltf(head: &[u8]) -> bool {
     let has = |key: &str| contains(head, key.as_bytes());
     has("\"asset\"") && has("\"version\"")

@@ -20,11 +20,11 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [170, 220, 50],
     [253, 231, 37],
 ];
-/// Number of decades that the map covers, up to a relative difference of 1.
+/// Number of decades (factors of ten) that the colour map covers, up to a relative difference of 1.
 const DECADES: u32 = 6;
 
-/// Returns the colour of a relative difference: black for 0, otherwise one decade of the map per factor of
-/// ten.
+/// Returns the colour of a relative difference. Differences below 1e-6 are black. From 1e-6 to 1, each factor of
+/// ten has a sixth of the colour map.
 pub fn of_difference(relative: f64) -> Rgb<u8> {
     let place = 1.0 + relative.log10() / f64::from(DECADES);
     match relative {
@@ -34,7 +34,7 @@ pub fn of_difference(relative: f64) -> Rgb<u8> {
     }
 }
 
-/// Returns the map's colour at `place` in 0..=1, from dark to light.
+/// Returns the colour of the colour map at `place`, from 0 (dark) to 1 (light).
 pub fn viridis(place: f64) -> [u8; 3] {
     let along = place * (VIRIDIS.len() - 1) as f64;
     let below = (along as usize).min(VIRIDIS.len() - 2);
@@ -45,8 +45,8 @@ pub fn viridis(place: f64) -> [u8; 3] {
     })
 }
 
-/// Draws the map from the row `top` down, with a tick at each decade. Below each tick is the power
-/// of ten (`-6` to `0`) if there is room.
+/// Draws the colour map from the row `top` down, with a tick at each power of ten. Below each tick is the exponent
+/// (`-6` to `0`), if there is room.
 pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -66,7 +66,7 @@ pub fn draw_scale(picture: &mut RgbImage, top: u32) {
 /// Height in pixels of the scale that [`draw_count_scale`] draws.
 pub const COUNT_SCALE_HEIGHT: u32 = SCALE_HEIGHT;
 
-/// Draws the map from the row `top` down, with 0 below its left end and `most` below its right end.
+/// Draws the colour map from the row `top` down, with 0 below its left end and `most` below its right end.
 pub fn draw_count_scale(picture: &mut RgbImage, top: u32, most: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {

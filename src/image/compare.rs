@@ -4,13 +4,12 @@ use super::{Radiance, colour};
 use crate::scene::Display;
 use image::{Rgb, RgbImage};
 
-/// Two radiances count as equal if their relative difference is below this.
+/// Two radiances count as equal if their relative difference is below this limit.
 pub const RELATIVE_LIMIT: f64 = 1e-3;
 
-/// Returns the smallest radiance by which differences are divided: the differences of a darker
-/// pixel are divided by this value instead of the pixel's own radiance. The value is a thousandth
-/// of the image's brightest channel, or of the radiance that is displayed as white if the latter is
-/// less.
+/// Returns the smallest radiance by which differences are divided. The differences of a darker pixel are divided by
+/// this value instead of the pixel's own radiance. The value is a thousandth of the image's brightest channel or of
+/// the radiance that is displayed as white, whichever is less.
 pub fn dark_floor(image: &Radiance, display: Display) -> f64 {
     let white = 1.0 / f64::from(display.exposure);
     let visible = if white > 0.0 { brightest(image).min(white) } else { brightest(image) };
@@ -25,8 +24,8 @@ fn brightest(image: &Radiance) -> f64 {
     image.pixels.iter().map(|pixel| brightness(*pixel)).fold(0.0, f64::max)
 }
 
-/// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by
-/// `floor` if that is greater. The result is infinite if a value is not a number.
+/// Returns the largest difference of a channel, divided by the expected pixel's brightest channel or by `floor`,
+/// whichever is greater. The result is infinite if a value is not a number.
 pub fn relative_difference(found: [f32; 3], expected: [f32; 3], floor: f64) -> f64 {
     let apart = |channel: usize| (f64::from(found[channel]) - f64::from(expected[channel])).abs();
     let largest = [0, 1, 2].map(apart).into_iter().fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a });
@@ -53,7 +52,7 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
 
 /// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. Each
 /// decade of [`relative_difference`] has its colour, from 1e-6 (dark) through 1e-3 (the limit) to 1 (bright); equal
-/// pixels are black. Pixels that are not a number, or outside the other picture, are red.
+/// pixels are black. Pixels are red if they are not a number, or if they are outside the other picture.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));

@@ -76,11 +76,10 @@ fn transform(radiance: f32, display: Display) -> u8 {
 /// The transform as tables. A power or a binary search for every channel would take longer than writing the
 /// file.
 struct Thresholds {
-    /// For each value from 1 to 255, the smallest radiance that is shown as this value; then an upper bound that no
-    /// radiance reaches.
+    /// For each value from 1 to 255, the smallest radiance that is shown as this value. The last element is NaN, so
+    /// that no radiance reaches it.
     smallest: [f32; Shown::VALUES],
-    /// A lower bound of the value, by the upper 16 bits of the radiance. It is too low by at most
-    /// one or two.
+    /// A lower bound of the value, by the upper 16 bits of the radiance. It is usually too low by at most 2.
     at_least: Vec<u8>,
 }
 
@@ -98,7 +97,7 @@ impl Thresholds {
     }
 
     fn value(&self, radiance: f32) -> u8 {
-        // Radiance that is not positive, or NaN, is black.
+        // Radiance is black if it is NaN or not positive.
         if radiance.is_nan() || radiance <= 0.0 {
             return 0;
         }
@@ -110,8 +109,8 @@ impl Thresholds {
     }
 }
 
-/// Returns the smallest radiance shown as `value` or brighter. The bits of positive floats are ordered like
-/// the floats, and the transform is monotonic, so a binary search over the bits finds it.
+/// Returns the smallest radiance shown as `value` or brighter. The bits of positive floats are ordered like the
+/// floats, and the transform is monotonic, so a binary search over the bits finds this radiance.
 fn smallest(value: u8, display: Display) -> f32 {
     let (mut below, mut reached) = (0, f32::INFINITY.to_bits());
     while reached - below > 1 {

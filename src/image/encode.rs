@@ -11,7 +11,7 @@ use image::{ExtendedColorType, ImageEncoder as _, ImageResult, RgbImage};
 use std::fs::File;
 use std::io::{BufWriter, Error, Result, Write as _};
 
-/// The quality that the paper uses for its figures.
+/// The JPEG quality that the paper uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
 /// Length of a JPEG's first two segments, the start and JFIF's header. A comment follows them.
 const JPEG_BEGIN_BYTES: usize = 20;
@@ -23,8 +23,8 @@ pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
     png_with((picture, picture.dimensions(), ExtendedColorType::Rgb8), mark::png(), file)
 }
 
-/// Writes an image as PNG, with an alpha channel if the background is transparent, and with a key next to the
-/// mark if it is one frame of several.
+/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one frame of
+/// several, it has a key next to raycl's mark.
 pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
     let piece = key.map_or_else(mark::png, mark::keyed_png);
     match to_rgba8(image, display) {
@@ -65,9 +65,8 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
     })
 }
 
-/// Writes an EXR, with an alpha channel if the background is transparent; its colours are then multiplied by
-/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted
-/// afterwards.
+/// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are multiplied by
+/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
     let size = (width, image.height as usize);
@@ -91,7 +90,8 @@ pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     writer.flush()
 }
 
-/// Writes the output of `write`, with the bytes of `piece` inserted at the offset of `piece`.
+/// Writes the output of `write` to the file. `piece` has an offset in this output, and the bytes that are inserted
+/// there.
 fn encode(
     file: &mut File,
     piece: (usize, Vec<u8>),

@@ -30,11 +30,11 @@ const EXTENSIONS: [(&str, Format); 5] = [
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
-/// Writes an image as its file's extension says: PNG and JPEG (quality 95) as `display` shows it, EXR and HDR as
-/// linear radiance. The file is written completely or not at all, and a file that raycl did not make is never
-/// replaced.
+/// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that `display`
+/// shows; EXR and HDR have linear radiance. The file is written completely or not at all, and a file that raycl did
+/// not make is never replaced.
 ///
-/// Another extension or a missing folder is a user error; a file that cannot be written is a failed run.
+/// An unknown extension or a missing folder is a user error; a file that cannot be written is a failed run.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -45,8 +45,8 @@ pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     })
 }
 
-/// Checks, before any work is done, whether [`save`] would refuse a file of this size: because of its
-/// extension, a missing folder, or an existing file.
+/// Checks, before any work is done, whether [`save`] would refuse a picture of this size. The reason can be the
+/// size, the file's extension, a missing folder, or an existing file.
 pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();
@@ -59,7 +59,7 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     target.check()
 }
 
-/// Refuses a file whose format has no alpha channel, which a transparent background needs.
+/// Refuses a file whose format has no alpha channel. A transparent background needs an alpha channel.
 pub fn check_alpha(target: &Target) -> Result<()> {
     let what = match format_of(target)? {
         Format::Png | Format::Exr => return Ok(()),
@@ -109,7 +109,7 @@ pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
-/// Checks a target of [`save_rgb8`], which writes PNG only.
+/// Checks a target of [`save_rgb8`] that must be a PNG.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
@@ -298,7 +298,7 @@ mod tests {
         }
     }
 
-    /// Returns a picture that has the first bytes, and so the mark, of another picture.
+    /// Returns a picture file whose first bytes, with the mark, come from another picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };

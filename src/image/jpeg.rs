@@ -115,8 +115,8 @@ fn band(rows: &[u8], width: u32, quality: u8) -> ImageResult<Vec<u8>> {
     Ok(file)
 }
 
-/// Joins the first band's header, changed to the full height, and the scan data of all bands, with a marker
-/// between bands.
+/// Joins the scan data of all bands, with a marker between bands. The header is that of the first band, changed to
+/// the full height.
 fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;

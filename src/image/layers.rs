@@ -107,7 +107,7 @@ fn grey(layers: &Layers) -> RgbImage {
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     picture(layers, |pixel| {
         let depth = layers.depth[pixel];
-        // If all depths are the same, all are the nearest.
+        // If all depths are the same, all of them count as nearest.
         let part = if near < far { (far - depth) / (far - near) } else { 1.0 };
         let value = if depth.is_finite() { 40.0 + 215.0 * part } else { 0.0 };
         [value.round() as u8; 3]

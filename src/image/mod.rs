@@ -31,8 +31,8 @@ pub struct Radiance {
     pub height: u32,
     /// Red, green and blue of each pixel; `width * height` of them.
     pub pixels: Vec<[f32; 3]>,
-    /// The share of each pixel that surfaces cover, from 0 to 1, if the background is transparent; else empty.
-    /// If it is not empty, the pixels are multiplied by it.
+    /// The share of each pixel that surfaces cover, from 0 to 1, if the background is transparent; else empty. If
+    /// `coverage` is not empty, `pixels` are multiplied by it.
     pub coverage: Vec<f32>,
 }
 

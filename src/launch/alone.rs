@@ -1,5 +1,5 @@
-//! Runs kernels that a test builds from a few kernel files, so that it can compare their results with those of the
-//! host's counterpart.
+//! Runs kernels that a test builds from a few kernel files. The test compares their results with those of the
+//! host's functions.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -16,7 +16,8 @@ pub struct Alone {
 }
 
 impl Alone {
-    /// Builds kernel files between two texts: macros that the files need, and kernels that use them.
+    /// Builds a program from three parts: macros that kernel files need, these files, and kernels that use the
+    /// files.
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let queue = Queue::open(device.platform, device.device).unwrap();
@@ -42,7 +43,7 @@ impl Alone {
     ) -> Vec<T> {
         let found: Buffer<T> = allocate(&self.queue, len).unwrap();
         let kernel = kernel(&found).unwrap();
-        // SAFETY: a test sets the arguments that its own text declares, and writes as many results.
+        // SAFETY: a test sets the arguments that its own text declares, and its kernel writes `len` results.
         unsafe { kernel.enq().unwrap() };
         let mut all = vec![T::default(); len];
         found.read(&mut all).enq().unwrap();

@@ -1,4 +1,4 @@
-//! Queries which macros and built-ins a device's compiler defines, by running a kernel: OpenCL reports only
+//! Runs a kernel to find out which macros and built-ins a device's compiler defines. OpenCL itself reports only
 //! extensions.
 
 use super::Queue;

@@ -27,7 +27,8 @@ impl Cost {
         self.parts.iter().map(|part| part / sum * self.whole_ms).collect()
     }
 
-    /// Returns how far down the frame, 0 to 1, a device gets in `ms` if it begins at `from`.
+    /// Returns the position in the frame (0 is the top, 1 the bottom) that a device reaches in `ms` if it begins at
+    /// `from`.
     fn reach(parts_ms: &[f64], from: f64, mut ms: f64) -> f64 {
         let count = parts_ms.len() as f64;
         let mut at = from * count;
@@ -57,7 +58,7 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // The time that the fastest device needs alone is certainly enough for the whole frame.
+    // In the time that the fastest device needs alone, all devices together can always cast the whole frame.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;
@@ -71,9 +72,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
     (ends, enough)
 }
 
-/// Returns the pixel rows of each device's part: the first row, and the one after the last. A part begins
-/// with a whole row of its device's work-groups, whose height in pixels is in `group_heights`. A part may be
-/// empty.
+/// Returns the pixel rows of each device's part: the first row, and the row after the last. A part begins with a
+/// whole row of its device's work-groups, whose height in pixels is in `group_heights`. A part may be empty.
 pub fn rows(ends: &[f64], height: u32, group_heights: &[u32]) -> Vec<[u32; 2]> {
     let mut starts = vec![0_u32];
     for (end, group) in ends.iter().zip(&group_heights[1..]) {

@@ -1,5 +1,5 @@
-//! Buffers, which OpenCL does not allow to be empty, and transfers to and from them. If the device shares the
-//! host's memory, values are accessed in place; otherwise large transfers use pinned memory.
+//! Buffers, and transfers to and from them. OpenCL does not allow empty buffers. If the device shares the host's
+//! memory, values are accessed in place; otherwise large transfers use pinned memory.
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
@@ -24,9 +24,9 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .build()
 }
 
-/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly
-/// into the buffer if the device shares the host's memory, otherwise into pinned memory. Filling in place
-/// avoids touching new memory twice, which would cost more than computing the values.
+/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into
+/// the buffer if the device shares the host's memory, otherwise into memory from which they are transferred.
+/// Filling in place touches new memory only once; a second time would cost more than computing the values.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],
@@ -51,8 +51,9 @@ pub fn upload_rows<T: OclPrm>(
     Ok(buffer)
 }
 
-/// Passes a buffer's rows of `row` values to `take`: in one call and in place if the device shares
-/// the host's memory, otherwise piece by piece, each while the next piece is being transferred.
+/// Passes a buffer's rows of `row` values to `take`: in one call and in place if the device shares the host's
+/// memory. Otherwise large transfers are passed in pieces: `take` processes one piece while the next is being
+/// transferred.
 pub fn read_rows<T: OclPrm>(
     queue: &Queue,
     buffer: &Buffer<T>,
@@ -87,8 +88,8 @@ pub fn copy<T: OclPrm>(from: &[T], to: &mut [T]) {
 }
 
 fn map<T: OclPrm>(buffer: &Buffer<T>, flags: MapFlags) -> ocl::Result<MemMap<T>> {
-    // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped.
-    // It is unmapped before anything else is enqueued.
+    // SAFETY: the queue is in order and the call waits, so no command writes the buffer while it is mapped. The
+    // buffer is unmapped before anything else is enqueued.
     unsafe { buffer.map().flags(flags).enq() }
 }
 

@@ -50,7 +50,7 @@ pub struct Caster {
 
 impl Caster {
     /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band,
-    /// buffers have the size of the whole frame, and preparation and rasterisation cover all of it.
+    /// buffers have the size of the whole frame, and preparation and rasterisation cover the whole frame.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -176,8 +176,8 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture with all samples of each pixel, several samples per frame if the strategy supports that. The
-    /// image becomes the mean of the samples. Returns the total times.
+    /// Casts a picture with all samples of each pixel. If the strategy supports it, a frame casts several samples
+    /// at once. The image becomes the mean of the samples. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -257,8 +257,8 @@ impl Caster {
         Ok(read.transpose()?)
     }
 
-    /// Casts one frame with one sample of every pixel that needs more samples, and adds it to the mean in the
-    /// image.
+    /// Casts one frame with one sample of every pixel that needs more samples, and adds these samples to the mean
+    /// in the image.
     pub fn cast_sample(&self, camera: &Camera, sample: &Sample) -> Result<FrameTimes, LaunchError> {
         self.cast_together(camera, slice::from_ref(sample), None)
     }
@@ -319,9 +319,9 @@ impl Caster {
         Ok((image, hits))
     }
 
-    /// Reads the image of the last frame after the display transform, in place if the device shares the
-    /// host's memory, and the number of pixels that hit something. Returns `None` if a pixel is not finite,
-    /// since it cannot be displayed.
+    /// Reads the image of the last frame and applies the display transform. Also counts the pixels that hit
+    /// something. If the device shares the host's memory, the image is read in place. Returns `None` if a pixel is
+    /// not finite, since it cannot be displayed.
     pub fn read_shown(&self, display: Display) -> Result<Option<(RgbImage, usize)>, LaunchError> {
         self.check_heap()?;
         let [width, height] = self.size;
@@ -348,7 +348,7 @@ impl Caster {
 
     /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
     /// transform itself. `take` is called with some rows at a time, from the top, as red, green and blue. Each call
-    /// except the last has a multiple of `together` rows.
+    /// except the last passes a multiple of `together` rows.
     pub fn show(
         &self,
         program: &ShowProgram,
@@ -360,7 +360,7 @@ impl Caster {
         program.read(&self.queue, (&self.image, self.size), &Shown::new(display), together, take)
     }
 
-    /// Returns an error if the last kernel allocated more from the heap than it holds.
+    /// Returns an error if the last kernel requested more values than the heap holds.
     fn check_heap(&self) -> Result<(), LaunchError> {
         let Working::Heap { top, size, .. } = &self.working else { return Ok(()) };
         let mut used = [0];
@@ -384,8 +384,8 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Allocates memory for the planes of every triangle: for the eye and each light, or for the eye and the
-/// lights of a round.
+/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye, and for all lights or
+/// for as many lights as are cast in one round.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

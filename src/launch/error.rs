@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// A launch that the device or its driver refused, or whose result is not valid.
+/// A kernel launch that the device or its driver refused, or whose result is not valid.
 #[derive(Debug, Error)]
 pub enum LaunchError {
     /// OpenCL's own error.
@@ -42,7 +42,7 @@ pub enum LaunchError {
     HeapExhausted {
         /// Number of values requested.
         used: u64,
-        /// Number of values in the pool.
+        /// Number of values that the heap holds.
         size: u64,
     },
 }

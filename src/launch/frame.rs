@@ -10,11 +10,11 @@ use serde::{Deserialize, Serialize};
 pub enum Phase {
     /// Finding the hits of primary rays, including preparation.
     Primary,
-    /// Casting shadow rays, including shading if no kernel does that separately.
+    /// Casting shadow rays, including shading if no separate kernel shades.
     Shadow,
     /// Shading, if it has its own kernel.
     Shade,
-    /// All of these in one kernel.
+    /// Primary rays, shadow rays and shading in one kernel.
     Whole,
 }
 
@@ -22,18 +22,18 @@ pub enum Phase {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FrameTimes {
-    /// Device time: the sum of the durations of its commands.
+    /// Device time: the sum of the durations of the frame's commands.
     pub frame_ms: f64,
     /// Time for primary rays, if the strategy separates them.
     pub primary_ms: Option<f64>,
     /// Time for shadow rays, if the strategy separates them.
     pub shadow_ms: Option<f64>,
-    /// Time for shading, if it is separate from shadow rays. If work-items share tiles and the passes are fused, it
-    /// includes the leftover shadow rays.
+    /// Time for shading, if it is separate from shadow rays. If work-items share tiles and the passes are fused,
+    /// this time includes the leftover shadow rays.
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Processor time of the process for the same frame; `None` unless processors cast it.
+    /// Processor time of the process for the same frame; `None` unless processors cast the frame.
     pub processor_ms: Option<f64>,
     /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,
@@ -70,7 +70,7 @@ impl FrameTimes {
         }
     }
 
-    /// Returns the milliseconds on the host's clock that the sample took, for all frames of its batch.
+    /// Returns the sample's time in milliseconds on the host's clock, for all frames of its batch.
     pub fn elapsed_ms(&self) -> f64 {
         self.host_ms * f64::from(self.batch.unwrap_or(1))
     }
@@ -81,8 +81,8 @@ impl FrameTimes {
         passes.into_iter().flatten().fold(self.frame_ms, f64::min)
     }
 
-    /// Sums the durations of finished commands and divides by the number of `frames`. Time between commands,
-    /// in which some drivers compile a kernel at its first launch, is part of `host_ms` only.
+    /// Sums the durations of finished commands and divides by the number of `frames`. Only `host_ms` includes the
+    /// time between commands, in which some drivers compile a kernel at its first launch.
     pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());

@@ -23,13 +23,13 @@ pub struct LightParts {
     pub whole: Radiance,
     /// Number of pixels of the whole picture that hit something.
     pub hits: usize,
-    /// The share of each pixel's samples that hit something.
+    /// For each pixel of the whole picture, the share of its samples that hit something.
     pub hit_shares: Vec<f32>,
     /// The half picture with the light that arrives, and so with shadows.
     pub lit: Radiance,
     /// The half picture with unoccluded light.
     pub unoccluded: Radiance,
-    /// The share of the samples of each half-picture pixel that hit something.
+    /// For each pixel of the half pictures, the share of its samples that hit something.
     pub half_hit_shares: Vec<f32>,
 }
 
@@ -48,8 +48,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
-    /// The whole picture's size. If its width or height is odd, the half pictures have a slightly different aspect
-    /// ratio.
+    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly different
+    /// aspect ratio.
     whole_size: [u32; 2],
 }
 
@@ -120,7 +120,7 @@ impl HalfLight {
     }
 }
 
-/// Work-items of a work-group of the two kernels, across and down.
+/// Local size of the two kernels: work-items across and down.
 const GROUP: [usize; 2] = [64, 1];
 
 #[cfg(test)]

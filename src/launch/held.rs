@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The bytes held by one session.
+/// The bytes that one session holds on its device.
 #[derive(Default)]
 pub(super) struct Held {
     layout_bytes: HashMap<LayoutKind, u64>,
@@ -16,8 +16,8 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Returns the sum of two sizes: the bytes of all frames, and the bytes of the scene's parts on
-    /// the device that `strategy` does not use.
+    /// Returns the bytes of all frames, plus those of the scene's parts that are on the device but that `strategy`
+    /// does not use.
     pub fn beside(&self, strategy: &Strategy) -> u64 {
         let own = Kind::of(strategy);
         let layouts =
@@ -27,14 +27,14 @@ impl Held {
         self.frames.bytes.load(Ordering::Relaxed) + layouts.chain(trees).sum::<u64>()
     }
 
-    /// Counts a strategy's tree, which is now on the device.
+    /// Counts the bytes of a strategy's tree, which is now on the device.
     pub fn share_tree(&mut self, strategy: &Strategy, workload: &Workload) {
         if let Some(kind) = Kind::of(strategy).tree {
             self.tree_bytes.insert(kind, Requirements::tree_bytes(strategy, workload));
         }
     }
 
-    /// Counts a strategy's layout of the scene, without the tree. It is now on the device.
+    /// Counts the bytes of a strategy's layout of the scene, without the tree. The layout is now on the device.
     pub fn share_layout(&mut self, strategy: &Strategy, workload: &Workload) {
         let all_bytes = Requirements::scene_bytes(strategy, workload);
         let own_bytes = all_bytes - Requirements::tree_bytes(strategy, workload);
@@ -54,7 +54,7 @@ pub(super) struct Frames {
 }
 
 impl Frames {
-    /// Counts one more frame until the returned value is dropped.
+    /// Counts the bytes of one more frame, until the returned value is dropped.
     pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
         let needs = Requirements::of(strategy, workload);
         let own_bytes =
@@ -64,7 +64,7 @@ impl Frames {
     }
 }
 
-/// The bytes of one frame; dropping this subtracts them from the count.
+/// The bytes of one frame. Dropping this value subtracts them from the count.
 pub(super) struct FrameBytes {
     all: Frames,
     own_bytes: u64,

@@ -1,7 +1,7 @@
 //! Running programs: buffers, arguments, NDRanges, events.
 //!
-//! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on that device; it turns a strategy
-//! into a [`Caster`], which can cast the frame of one point repeatedly.
+//! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. It turns a strategy into a
+//! [`Caster`], which can cast the frame of one point repeatedly.
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]

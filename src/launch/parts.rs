@@ -18,8 +18,8 @@ use ocl::{Buffer, Kernel};
 /// Number of triangles that a work-group prepares.
 const PREPARED_TOGETHER: usize = 64;
 
-/// Sets one work-item per triangle and origin. The work-group size is set explicitly. Otherwise
-/// OpenCL would choose a divisor of the number of triangles, perhaps 1.
+/// Sets one work-item per triangle and ray origin. The work-group size is set explicitly, since OpenCL would choose
+/// a divisor of the number of triangles, perhaps 1.
 pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
     kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
     kernel.local_work_size([PREPARED_TOGETHER, 1]);
@@ -137,7 +137,7 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
-    /// Resets the allocator, before each kernel.
+    /// Returns the step that resets the allocator before a kernel; `None` without a heap.
     fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
         match self.working {
             Working::Heap { top, .. } => Some((phase, Step::Fill(top.clone(), 0))),
@@ -145,8 +145,8 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Prepares planes with one work-item per triangle and origin; `None` if the strategy uses no planes or
-    /// there are no triangles.
+    /// Returns the step that prepares planes, with one work-item per triangle and ray origin; `None` if the
+    /// strategy uses no planes or there are no triangles.
     fn prepare_origins(&self, phase: Phase) -> Result<Option<(Phase, Step)>, LaunchError> {
         let uploaded = self.setup.uploaded;
         if self.prepared.is_none() || uploaded.triangle_count == 0 {
@@ -157,7 +157,8 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
-    /// Clears the buffers, finds the depth of each pixel, then the triangle at that depth.
+    /// Returns the steps of a rasteriser: they clear the buffers, find the depth of each pixel, then the triangle
+    /// at this depth.
     fn rasterise(&self, arguments: &Arguments<'a>, nearest: &Buffer<i32>) -> Result<Steps, LaunchError> {
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let Setup { queue, program, strategy, .. } = self.setup;

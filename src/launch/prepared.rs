@@ -67,7 +67,7 @@ impl Prepared {
 
     /// Changes lights, sky, background and shadow bias to those of another scene, starting with the caster's next
     /// frame. The camera is not changed here, since it is an argument of each cast anyway. Returns `false` if the
-    /// scene needs other buffers or kernels: it has another mesh or another number of lights, for example.
+    /// scene needs other buffers or kernels, for example because it has another mesh or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
             return Ok(false);
@@ -88,8 +88,8 @@ impl Prepared {
             && sees_sky(&self.scene) == sees_sky(scene)
     }
 
-    /// Returns properties of a frame's compiled kernels, from the build log and from the binary if
-    /// it is PTX (otherwise `ptx` is empty).
+    /// Returns properties of a frame's compiled kernels, from the build log and from `ptx`. `ptx` is the program's
+    /// binary if that is PTX, else empty.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
         let items = self.workload.local_size.iter().product();
         let made = |kernel| {

@@ -1,4 +1,4 @@
-//! The processes that compile programs ahead.
+//! The processes that compile programs before points need them.
 
 use super::{LOOK_UP, Order};
 use crate::experiment::protocol::{Built, Reply, Request};
@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 
 /// A builder: starts the processes that build one program after another.
 pub struct Builder {
-    /// Starts the usual processes. They use the driver's cache of programs. They store machine code
-    /// in it, so that the measuring workers do not generate it again.
+    /// Starts the usual processes, which use the driver's cache of programs. They store machine code in this cache,
+    /// so that the workers that measure do not generate the code again.
     pub usual: Box<dyn Spawner + Send>,
-    /// Starts processes that do not use the driver's cache, for programs that an earlier process
-    /// stored in it. The driver would not compile such a program again, and so would not print its
-    /// number of registers.
+    /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in this
+    /// cache. With the cache, the driver would not compile such a program again, and would not print its number of
+    /// registers.
     pub without_driver_cache: Box<dyn Spawner + Send>,
 }
 
@@ -38,7 +38,8 @@ impl Pool {
         Self { spawner, workers: HashMap::new() }
     }
 
-    /// Builds a program; `None` if it was not built. A process that died or hung is replaced at the next program.
+    /// Builds a program; `None` if it was not built. If a process died or hung, the next program gets a new
+    /// process.
     pub fn build(&mut self, order: &Order, patience: &Patience<'_>) -> Option<Built> {
         let device = order.program.device;
         let mut worker = self.workers.remove(&device).or_else(|| self.start(device, patience))?;
@@ -51,7 +52,8 @@ impl Pool {
         }
     }
 
-    /// Starts a process and waits until its device is open; `None` if that fails, which the run will notice itself.
+    /// Starts a process and waits until its device is open. If this fails, returns `None`; the run will notice the
+    /// failure itself.
     fn start(&mut self, device: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(device).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)
@@ -59,7 +61,7 @@ impl Pool {
 }
 
 impl Patience<'_> {
-    /// Returns a process's reply; `None` if it died, hangs or is no longer needed.
+    /// Returns a process's reply; `None` if the process is dead, hangs or is no longer needed.
     fn wait(&self, worker: &mut dyn Worker) -> Option<Reply> {
         let start = Instant::now();
         loop {

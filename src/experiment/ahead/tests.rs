@@ -1,4 +1,4 @@
-//! Tests which programs are built, for which points, and what happens if a builder dies.
+//! Tests of programs that are built ahead: the points for which they are built, and builders that die.
 
 use super::*;
 use crate::experiment::pending::PendingPoint;
@@ -11,7 +11,8 @@ use std::sync::Arc;
 /// Far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Builders that record for which points they build programs; a builder that builds for the point `deadly` dies.
+/// Builders that record the points for which they build programs. A builder that builds for the point `deadly`
+/// dies.
 #[derive(Clone, Default)]
 struct Noting {
     built: Arc<Mutex<Vec<usize>>>,
@@ -66,8 +67,8 @@ fn builder(usual: &Noting, without_driver_cache: &Noting) -> Builder {
     Builder { usual: Box::new(usual.clone()), without_driver_cache: Box::new(without_driver_cache.clone()) }
 }
 
-/// Returns which programs are built for groups of points, one group after the other, and the points they were
-/// built for.
+/// Requests the programs of groups of points, one group after the other. Returns the points that builders worked
+/// for, the points that received a result, and the counts.
 fn built(deadly: Option<usize>, groups: &mut [Vec<PendingPoint>]) -> (Vec<usize>, Vec<usize>, Tally) {
     built_by(&Ahead::default(), deadly, groups)
 }

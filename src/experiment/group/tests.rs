@@ -1,4 +1,5 @@
-//! Tests which launches count: those in which every point was sampled; and which workers and locks a group needs.
+//! Tests that a launch counts only if every point was sampled in it. Also tests the workers and locks that a group
+//! needs.
 
 use super::*;
 use crate::experiment::fixtures;
@@ -11,7 +12,7 @@ use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-/// The frame at which a worker dies: the last of the third round of two points.
+/// The frame at which a worker dies: the last frame of the third round, if rounds have two points.
 const DEADLY: usize = 6;
 
 /// Collects records, and returns the samples of an earlier session.
@@ -48,7 +49,7 @@ impl ResultSink for Noting {
     }
 }
 
-/// Starts workers, and counts them and the frames of all of them.
+/// Starts workers, and counts the workers and all of their frames.
 #[derive(Default)]
 struct Mortals {
     started: Rc<Cell<usize>>,

@@ -35,8 +35,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub casts: HashMap<usize, usize>,
 }
 
-/// Number of frames per run of the anchor. With this number, the anchor's time is known more
-/// precisely than a point's, and its runs take little time compared with the frames.
+/// Number of frames per run of the anchor. With this number, the anchor's time is known more precisely than a
+/// point's. Yet the anchor takes little time compared with the frames.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -45,8 +45,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Runs the anchor of a point's device if it is due. Does nothing in a run with a single
-    /// launch, which is too short to need the anchor.
+    /// Runs the anchor of a point's device if it is due. Does nothing in a run with a single launch: such a run is
+    /// too short to need the anchor.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
