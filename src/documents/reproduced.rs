@@ -60,11 +60,11 @@ pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Formats counts: "- PoCL: of 35 claims 0 held, 13 did not hold, ...".
+/// Formats counts: "- PoCL, 35 claims: 0 held, 13 did not hold, ...".
 fn counted(head: &str, claims: &[Value]) -> String {
     let count = |verdict: &str| claims.iter().filter(|claim| claim["verdict"] == verdict).count();
     let counts = VERDICTS.map(|verdict| format!("{} {verdict}", count(verdict)));
-    format!("- {head}: of {} claims {}.", claims.len(), counts.join(", "))
+    format!("- {head}, {} claims: {}.", claims.len(), counts.join(", "))
 }
 
 /// Returns a claim's verdict, and the first comparison with that verdict.
