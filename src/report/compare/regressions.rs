@@ -1,7 +1,6 @@
-//! Finds regressions. Single points, the mean of every strategy's points, and the mean of all
-//! points are tested for being certainly slower. The means detect small slowdowns of many points
-//! even if no single slowdown is certain, for example after a change to a file that all strategies
-//! share.
+//! Finds regressions: slowdowns that are statistically significant. Single points, the mean of every strategy's points,
+//! and the mean of all points are tested. The means detect small slowdowns of many points even if no single slowdown is
+//! significant, for example after a change to a file that all strategies share.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent};
