@@ -56,20 +56,25 @@ pub fn choose(
     session: &mut Session,
     fastest: (Strategy, [u32; 2]),
 ) -> ((Strategy, [u32; 2]), Option<Later>) {
-    let (strategy, local_size) = fastest;
     let small = scene.mesh.triangles.len() <= MOST_TRIANGLES;
     let quick = quick(device).filter(|_| small && may(args, device, session.samples()));
-    let Some(quick) = quick.filter(|(quick, _)| *quick != strategy) else { return (fastest, None) };
-    let later = || {
-        // If the fastest strategy cannot be prepared, the session says why when it prepares it.
-        let workload = session.workload(&strategy, args.subject.size(), local_size).ok()?;
-        let spec = session.spec(&strategy, &workload).ok()?;
-        (!session.has_built(&spec)).then_some(Later { strategy, workload, spec })
-    };
-    match later() {
+    let Some(quick) = quick.filter(|(quick, _)| *quick != fastest.0) else { return (fastest, None) };
+    match not_built(session, fastest, args.subject.size()) {
         Some(later) => (quick, Some(later)),
         None => (fastest, None),
     }
+}
+
+/// Returns a strategy's program if it must still be compiled. If the strategy cannot be prepared, the session says why
+/// when it prepares it.
+fn not_built(
+    session: &mut Session,
+    (strategy, local_size): (Strategy, [u32; 2]),
+    image_size: [u32; 2],
+) -> Option<Later> {
+    let workload = session.workload(&strategy, image_size, local_size).ok()?;
+    let spec = session.spec(&strategy, &workload).ok()?;
+    (!session.has_built(&spec)).then_some(Later { strategy, workload, spec })
 }
 
 #[cfg(test)]
