@@ -18,7 +18,7 @@ pub enum Kind {
     Peaks,
     /// A file of `--cl-dir`.
     Kernel,
-    /// A mesh of any format, or a buffer of a glTF file. Its size is compared with the free memory.
+    /// A mesh of any format, or a buffer of a glTF file. The file's size is compared with the free memory.
     Mesh,
     /// A picture that a command compares. The decoder of pictures has its own limit.
     Picture,
@@ -28,8 +28,8 @@ pub enum Kind {
     Shown,
 }
 
-/// The largest file in MiB that is read for each purpose; `None` means that only the free memory limits it.
-/// `docs/scenes.md` and `docs/reliability.md` state the same limits.
+/// For each purpose, the size in MiB of the largest file that is read; `None` means that only the free memory limits
+/// the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),

@@ -1,4 +1,4 @@
-//! Joins the source files of a strategy's program: those of its family and of its values.
+//! Joins the source files of a strategy's program: the files of the strategy's family, and of its value on each axis.
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
@@ -61,7 +61,7 @@ impl Joiner<'_> {
     }
 }
 
-/// Replaces the name of an axis in braces within a path by the file name of the strategy's value.
+/// Replaces `{AXIS}` in a path by the file name of the strategy's value on this axis.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {

@@ -20,8 +20,8 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
-    /// Makes the program of `strategy` for a workload. Sizes of the scene are only defines if `__local`
-    /// arrays depend on them, so that different scenes can use the same program.
+    /// Makes the program of `strategy` for a workload. A size of the scene becomes a define only if a `__local` array
+    /// depends on it, so that different scenes can use the same program.
     pub fn new(
         sources: &Sources,
         strategy: &Strategy,

@@ -54,9 +54,9 @@ pub struct Environment {
 pub struct Source {
     /// "config", "scene" or "kernels".
     pub what: String,
-    /// Its path; "built in" for the kernels of the binary.
+    /// The input's path; "built in" for the kernels of the binary.
     pub path: String,
-    /// BLAKE3 hash of its text, or of the names and texts of all files in a folder.
+    /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files.
     pub hash: Option<String>,
     /// The file's commit, and whether the file has been changed since this commit; null outside a
     /// git repository.
@@ -74,7 +74,7 @@ impl Source {
 /// The machine that measured a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Host {
-    /// Its name on its network; null if the system does not report it.
+    /// The machine's name on its network; null if the system does not report it.
     #[serde(default)]
     pub name: Option<String>,
     /// The operating system's name and version.
@@ -83,7 +83,7 @@ pub struct Host {
     pub cpu: String,
     /// Number of cores that this process may use.
     pub cores: usize,
-    /// Their clock frequencies.
+    /// The cores' clock frequencies.
     #[serde(default)]
     pub clocks: Clocks,
 }
@@ -91,7 +91,7 @@ pub struct Host {
 /// One OpenCL device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceEnvironment {
-    /// Its name in records.
+    /// The device's name in records.
     pub device: String,
     /// The platform's name.
     pub platform: String,
@@ -99,7 +99,7 @@ pub struct DeviceEnvironment {
     pub platform_version: String,
     /// The device's OpenCL version.
     pub version: String,
-    /// Its vendor.
+    /// The device's vendor.
     pub vendor: String,
     /// The driver's version.
     pub driver: String,
@@ -120,14 +120,14 @@ pub struct DeviceEnvironment {
     /// Resolution of the timer that profiling reads.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
-    /// Number of the host's cores that the device may use; null if it does not run on the host's
-    /// cores.
+    /// Number of the host's cores that the device may use; null if the device does not run on the
+    /// host's cores.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// The 16 bytes of its UUID as hexadecimal digits, if the driver reports it.
+    /// The 16 bytes of the device's UUID as hexadecimal digits, if the driver reports it.
     #[serde(default)]
     pub uuid: Option<String>,
-    /// Its PCI address, such as "0000:1b:00.0", if the driver reports it.
+    /// The device's PCI address, such as "0000:1b:00.0", if the driver reports it.
     #[serde(default)]
     pub pci_bus: Option<String>,
     /// The environment variables that affect the device's times, as `NAME=VALUE`.
@@ -136,7 +136,7 @@ pub struct DeviceEnvironment {
 }
 
 impl DeviceEnvironment {
-    /// Returns the properties of a device that are stored.
+    /// Returns those properties of a device that `environment.json` contains.
     pub fn of(info: &DeviceInfo) -> Self {
         let info = info.clone();
         Self {
@@ -160,9 +160,9 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether `shown` is the name of this device in records: the name itself or, in a run
-/// merged from machines with devices of the same name, the name followed by distinguishing text in
-/// brackets.
+/// Returns whether records show the device `name` as `shown`. If a run was merged from machines
+/// with devices of the same name, records add a text in brackets to the name, so that the devices
+/// differ.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     shown
         .strip_prefix(name)

@@ -23,9 +23,9 @@ pub const MERGE: &str = "merge.json";
 /// The records of a run, and the conditions under which they were measured.
 #[derive(Clone, Debug, Default)]
 pub struct Folder {
-    /// Its path.
+    /// The folder's path.
     pub path: PathBuf,
-    /// Its name in reports: the folder's name.
+    /// The run's name in reports, which is the folder's name.
     pub label: String,
     /// One record per point of the current plan, in the plan's order and with the plan's names.
     /// Without a plan, the latest record of every point. Different scenes with the same name are
@@ -34,8 +34,8 @@ pub struct Folder {
     /// The records of control points that were measured only to compare blocks, if the plan is
     /// divided into blocks. They are not in `records`.
     pub controls: Vec<Record>,
-    /// `environment.json` unchanged, so that fields of a newer raycl are shown too; null if there is no such
-    /// file.
+    /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
+    /// the file does not exist.
     pub environment: Value,
     /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
@@ -128,7 +128,7 @@ fn lines_if_any<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     if path.is_file() { read_lines(path) } else { Ok(Lines::default()) }
 }
 
-/// The records that a folder shows, and notes on the others.
+/// The records that a folder shows, and notes on the records that it does not show.
 struct Shown {
     records: Vec<Record>,
     notes: Vec<String>,
@@ -184,8 +184,8 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
     }
 }
 
-/// Returns a note on records of a raycl that was built from uncommitted sources and so cannot be
-/// built again. If a record has no revision, the revision in `environment.json` is used.
+/// Returns a note on records whose raycl program cannot be built again, because it was built from uncommitted sources.
+/// If a record has no revision, the revision in `environment.json` is used.
 fn dirty(records: &[Record], revision: Option<&str>) -> Option<String> {
     let of = |record: &Record| record.revision.as_deref().or(revision).is_some_and(is_dirty);
     let count = records.iter().filter(|record| of(record)).count();

@@ -22,7 +22,7 @@ pub struct AtHost {
     pub host: String,
     /// Number of blocks that measured the point on this machine.
     pub blocks: usize,
-    /// The least median of these blocks.
+    /// The smallest of the medians that these blocks measured.
     pub median_ms: f64,
     /// The 95% interval of this median.
     pub interval_ms: Option<[f64; 2]>,
@@ -36,15 +36,15 @@ pub struct AtHost {
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
-    /// Returns whether the machine certainly takes longer than the fastest machine, by more than
-    /// the fraction `DIFFERENT`.
+    /// Returns whether the machine takes longer than the fastest machine by more than the fraction
+    /// `DIFFERENT`, even at the lower end of the 95% interval.
     pub fn differs(&self) -> bool {
         self.slower.is_some_and(|[_, low, _]| low > 1.0 + DIFFERENT)
     }
 }
 
 /// Returns the control points with their times on each machine. `borrowed` are the records from
-/// `controls.jsonl`. On devices of one kind, the same point has equal keys.
+/// `controls.jsonl`. A point has the same key on all devices of one kind.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control =
         |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();
@@ -91,8 +91,8 @@ fn name(record: &Record) -> String {
     format!("{}, {}, {}: {}{size}", record.scene, by(record.image_size), record.device, record.name)
 }
 
-/// Returns notes on machines that certainly take longer than the fastest machine for the same
-/// point: one note for each of them, on the point with the largest ratio.
+/// Returns one note for each machine that differs from the fastest machine for the same point (see
+/// [`AtHost::differs`]). The note names the point with the largest ratio.
 pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<String> {
     let mut said: BTreeMap<String, (f64, String)> = BTreeMap::new();
     for control in controls(records, borrowed) {

@@ -7,9 +7,9 @@ use crate::error::{Error, Result};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Copies the intervals of `records` to the records of the journal from which they were read. A
-/// record is written when its group ends. Later groups show more about how much launches differ, so
-/// the final interval is only known when the whole run has ended.
+/// Copies the 95% intervals of `records` to the journal from which the records were read. A record
+/// is written when its group ends. Later groups show more about how much launches differ, so the
+/// final interval is only known when the whole run has ended.
 ///
 /// If any interval differs, the whole file is replaced; lines without a new interval stay
 /// unchanged. The caller must hold the folder's lock, and must open the journal again afterwards.

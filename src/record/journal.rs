@@ -55,7 +55,7 @@ pub struct Lines<T> {
     pub lines: Vec<T>,
     /// True if the last line is incomplete and was left out.
     pub torn: bool,
-    /// The numbers, counted from 1, of other lines that were left out because they cannot be read.
+    /// The numbers, counted from 1, of the damaged lines, which were left out because they cannot be read.
     pub damaged: Vec<usize>,
 }
 

@@ -1,4 +1,5 @@
-//! The names of the journals in a folder of results. Each holds one JSON object per line.
+//! The names of the journals in a folder of results. Each journal contains one JSON object per
+//! line.
 
 /// The journal of records, which are the results of the points.
 pub const RECORDS: &str = "records.jsonl";

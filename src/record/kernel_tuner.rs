@@ -48,7 +48,7 @@ fn cache(group: &Group<'_>) -> String {
         members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
-    // Kernel Tuner treats a file as incomplete unless it ends like this.
+    // Kernel Tuner treats a file as incomplete unless it ends with these two brackets.
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 
@@ -61,8 +61,8 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
             names.push(name.clone());
         }
     }
-    // Parameters are sorted by name; the sizes of a block are moved to the front, as is usual in
-    // Kernel Tuner.
+    // Parameters are sorted by name. The parameters `block_size...` are moved to the front, as is
+    // usual in Kernel Tuner.
     names.sort_by_key(|name| !name.starts_with("block_size"));
     names
 }

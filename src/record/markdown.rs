@@ -31,8 +31,8 @@ const LEFT: [usize; 2] = [0, 10];
 /// Columns of numbers whose decimal points are aligned.
 const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 
-/// Returns the summary as Markdown. It uses only its arguments, so the same records always yield
-/// the same summary.
+/// Returns the summary as Markdown. The function uses only its arguments, so the same records always yield the same
+/// summary.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
     let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
@@ -178,7 +178,7 @@ fn samples(record: &Record) -> String {
 fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     let header = HEADER.map(String::from);
     let all = || std::iter::once(&header).chain(rows);
-    // Some Markdown parsers do not accept fewer than three dashes below a heading.
+    // Some Markdown parsers require at least three dashes below a column's heading.
     let widest = |place: usize| all().map(|row| row[place].chars().count()).max().unwrap_or_default().max(3);
     let widths: [usize; COLUMNS] = std::array::from_fn(widest);
     let rule: [String; COLUMNS] = std::array::from_fn(|place| {
@@ -196,7 +196,7 @@ fn lay_out(rows: &[[String; COLUMNS]]) -> String {
     line(&header) + &line(&rule) + &body
 }
 
-/// Returns the warnings on some times.
+/// Returns the warnings about measured times, each with its point.
 fn warnings(group: &Group<'_>) -> String {
     let warned = group.ranking().all().into_iter().filter_map(|record| Some((record, to_mind(record)?)));
     let lines: String =
@@ -212,8 +212,7 @@ fn failures(group: &Group<'_>) -> String {
     }
     let mut text = "\nPoints without a time:\n\n".to_string();
     for (record, reason) in failures {
-        // A compiler's log has many lines. Only the first is shown here; the record contains all of
-        // them.
+        // A compiler's log has many lines. Only the log's first line is shown here; the record contains the whole log.
         let first = reason.lines().next().unwrap_or_default();
         let _ = writeln!(text, "- {}, {}: {}", title(record), record.outcome.name(), markdown(first));
     }
@@ -269,7 +268,7 @@ mod tests {
 
     #[test]
     fn rates_have_the_units_of_their_columns() {
-        // 400,000 primary rays in 5 ms of a frame of 10 ms, and half as many shadow rays.
+        // The frame takes 10 ms, of which its 400,000 primary rays take 5 ms; it has half as many shadow rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
         let record = Record { primary_ms, shadow_rays, ..measured("pocl", "wide", 1, 10.0) };
         let text = summary_markdown(&judged([record]), &[], "?", "!");

@@ -62,8 +62,8 @@ mod tests {
         assert_eq!(two_modes(&measured("gpu", "naive", 8, 3.0)), None);
     }
 
-    /// Tests launches of seven samples, where one sample is more than a tenth. If the slowest
-    /// sample of the fast mode were counted as slow, its launch would have two modes.
+    /// Tests launches of seven samples, so that one sample is more than a tenth of a launch. If the slowest sample of
+    /// the fast mode were counted as slow, its launch would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

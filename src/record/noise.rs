@@ -16,13 +16,13 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show: the median over
-    /// launches.
+    /// The smallest difference between two points that a single launch can show. The value is the
+    /// median over all launches.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show.
     pub between_launches: Option<f64>,
-    /// The distance from a point's median to the upper end of its 95% interval, as a fraction of
-    /// the median: the median over points.
+    /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
+    /// of the median time. The value is the median over all points.
     pub own_time: Option<f64>,
     /// The causes of noise.
     pub causes: Causes,
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn what_all_launches_can_show_is_that_of_the_group_that_varies_most() {
-        // Five samples in each of three launches, the second of which differs.
+        // Each of the three launches has five samples; the samples of the second launch differ.
         let varied = |name: &str, second: f64| {
             let ms = move |launch: u32| if launch == 3 { second } else { 10.0 };
             sampled(name, (0..15).map(move |place| (2 + place / 5, ms(2 + place / 5))))

@@ -20,8 +20,8 @@ pub struct Repaired {
     pub kept: usize,
 }
 
-/// Repairs a folder's journals and returns those that it changed; none if there is no damage. The
-/// caller must hold the folder's lock.
+/// Repairs a folder's journals, and returns the journals that were damaged. The caller must hold
+/// the folder's lock.
 pub fn repair(folder: &Path) -> Result<Vec<Repaired>> {
     let repaired = [
         repair_file(&folder.join(RECORDS), is_a::<Record>)?,

@@ -1,6 +1,6 @@
-//! Determines whether the raycl that wrote a record can be built again.
+//! Determines whether the raycl program that wrote a record can be built again.
 
-/// The description of a raycl that was built from uncommitted sources.
+/// The text that describes a raycl program built from uncommitted sources.
 pub const DIRTY: &str = "a raycl that was built from uncommitted changes and cannot be built again";
 
 /// Returns whether a revision is marked as having uncommitted changes.
@@ -8,8 +8,8 @@ pub fn is_dirty(revision: &str) -> bool {
     revision.ends_with("-dirty")
 }
 
-/// Returns a note for results of this raycl if it was built from uncommitted sources; `None` if it
-/// was built from a commit, or if its revision is unknown.
+/// Returns a note for this program's results if the program was built from uncommitted sources;
+/// `None` if it was built from a commit, or if its revision is unknown.
 pub fn dirty_program() -> Option<String> {
     option_env!("RAYCL_GIT_REVISION")
         .filter(|revision| is_dirty(revision))

@@ -6,13 +6,13 @@ use crate::load::Load;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
-/// A line of `rounds.jsonl`: the load during consecutive rounds of a launch, which together take
-/// long enough to measure the load.
+/// A line of `rounds.jsonl`: the load during consecutive rounds of a launch. Together, these rounds
+/// take long enough to measure the load.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RoundLoad {
     /// The launch's number in the folder.
     pub launch: u32,
-    /// The last of these rounds.
+    /// The number of the last of these rounds.
     pub round: u32,
     /// The duration of these rounds in milliseconds.
     pub ms: f64,
@@ -30,7 +30,8 @@ pub struct RoundLoad {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// The least number of readings of the core-to-core latency for which percentiles are computed.
+/// Percentiles of the core-to-core latency are computed only if there are at least this many
+/// readings.
 const LEAST_READINGS: usize = 10;
 /// If the core-to-core latency differs by more than this factor between rounds, the virtual
 /// machine's processors were probably moved to other cores.
@@ -74,7 +75,8 @@ pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> O
     Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
 }
 
-/// Returns a note if other processes or virtual machines disturbed launches of these records.
+/// Returns a note if other processes or virtual machines disturbed the launches in which these
+/// records were measured.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));

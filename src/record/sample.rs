@@ -28,7 +28,8 @@ pub struct Sample {
     pub shade_ms: Option<f64>,
     /// The frame's time on the host's clock.
     pub host_ms: Option<f64>,
-    /// The processor time that the process used for the frame; absent unless processors cast it.
+    /// The processor time that the process used for the frame; absent unless processors cast the
+    /// frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single
@@ -38,8 +39,7 @@ pub struct Sample {
     /// Readings of the device's sensors during the frame.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
-    /// The attempt and the launch that measured the sample, if an attempt continues an earlier
-    /// attempt.
+    /// The attempt and the launch that measured the sample, if a later attempt copied the sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,
 }

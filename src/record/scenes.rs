@@ -1,5 +1,5 @@
-//! Gives different names to scenes with different contents. Scenes with the same name are renamed
-//! by the shortest ends of their paths that differ.
+//! Gives different names to scenes with different contents. If scenes have the same name, each gets
+//! a new name: the end of its path, with as few folders as are needed to make the names differ.
 
 use super::types::Record;
 use std::collections::{HashMap, HashSet};
@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// The possible names of a scene.
 struct Names {
-    /// Names from its path: the file's name alone, then with one folder before it, with two
+    /// Names from the scene's path: the file's name alone, then with one folder before it, with two
     /// folders, and so on.
     paths: Vec<String>,
     /// Names for scenes with equal paths: with the file's extension, with the values changed in the
@@ -15,8 +15,8 @@ struct Names {
     others: [String; 3],
 }
 
-/// Gives records of different scenes different names. Records of earlier versions have no hash of
-/// the scene's content and are not renamed.
+/// Renames scenes in records, so that different scenes have different names. Records of earlier
+/// versions have no hash of the scene's content and are not renamed.
 pub fn tell_scenes_apart(records: &mut [Record]) {
     let mut scenes: HashMap<&str, Vec<(&str, Names)>> = HashMap::new();
     for record in records.iter() {
@@ -39,7 +39,7 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
 }
 
 /// Returns one name per scene: the names of the first kind for which all scenes have different
-/// names. If there is no such kind, the names contain hashes.
+/// names. If no kind makes all names different, the names with hashes are returned.
 fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
     let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
     let mut kinds =
@@ -72,8 +72,9 @@ impl Names {
         }
     }
 
-    /// Returns the name of a kind. Kinds from 0 to `depth - 1` are ends of the path; the kinds
-    /// after them are `others`. If a path has too few parts, the whole path is used.
+    /// Returns the scene's possible name of the given kind. Kinds from 0 to `depth - 1` are ends of
+    /// the path; the following kinds are `others`. If a path has too few parts, the whole path is
+    /// used.
     fn at(&self, kind: usize, depth: usize) -> &str {
         match kind.checked_sub(depth) {
             None => self.paths.get(kind).or(self.paths.last()).map_or("", String::as_str),

@@ -147,7 +147,7 @@ mod tests {
         let rows: Vec<_> = reader.records().collect::<std::result::Result<_, _>>().unwrap();
         let cell = |row: usize, name: &str| &rows[row][header.iter().position(|head| head == name).unwrap()];
         assert_eq!(["q1_ms", "median_ms", "q3_ms"].map(|name| cell(0, name)), ["99.0", "100.0", "101.0"]);
-        // The number across comes before the number down.
+        // In each size, the number across comes before the number down.
         assert_eq!(["local_size_x", "local_size_y"].map(|side| cell(1, side)), ["16", "2"]);
         assert_eq!(["image_width", "image_height"].map(|side| cell(1, side)), ["800", "500"]);
         assert_eq!(cell(1, "median_ms"), "");

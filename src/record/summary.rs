@@ -14,8 +14,8 @@ pub struct Group<'a> {
     pub image_size: [u32; 2],
     /// The device's name, or "host".
     pub device: &'a str,
-    /// The records: presets in their order, then other strategies by name, each ordered by local
-    /// size.
+    /// The records, sorted by strategy and then by local size. Presets come first, in their order;
+    /// other strategies follow, sorted by name.
     pub records: Vec<&'a Record>,
 }
 
@@ -42,7 +42,8 @@ pub fn groups(records: &[Record]) -> Vec<Group<'_>> {
     groups
 }
 
-/// Returns the notes from reading the scenes, as pairs of scene name and note, without repetitions.
+/// Returns the notes on the scenes' files, as pairs of a scene's name and a note, without
+/// repetitions.
 pub fn scene_notes(records: &[Record]) -> Vec<(&str, &str)> {
     let mut notes: Vec<(&str, &str)> = Vec::new();
     for record in records {
@@ -69,7 +70,7 @@ impl<'a> Group<'a> {
     }
 
     /// Returns the fastest measured record that matches `wanted`. A record with too few samples is
-    /// only returned if no other record matches.
+    /// returned only if no other record matches.
     pub fn best_where(&self, wanted: impl Fn(&Record) -> bool) -> Option<&'a Record> {
         self.ranking().all().into_iter().find(|record| wanted(record))
     }
@@ -94,8 +95,8 @@ pub(crate) fn not_enough(record: &Record) -> Option<String> {
     record.place.is_none().then(|| not_enough_samples(fewest(record)))
 }
 
-/// Returns the names of up to four points that are not ranked, and the number of others: "naive at
-/// 8 x 8 (n = 3), ... and 9 more".
+/// Returns the names of up to four unranked points, and the number of further unranked points:
+/// "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
     let name = |record: &&Record| format!("{} (n = {})", title(record), fewest(record));
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
@@ -164,8 +165,8 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them. Each has its position among the records that were
-    /// measured with it.
+    /// Returns records as a folder shows them. Each record gets its position among the records that
+    /// were measured with it.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn rays_of_a_frame_are_not_those_of_its_primary_pass() {
-        // 400,000 primary rays in 5 ms of a frame of 10 ms, and half as many shadow rays.
+        // The frame takes 10 ms, of which its 400,000 primary rays take 5 ms; it has half as many shadow rays.
         let (primary_ms, shadow_rays) = (Some(5.0), Some(200_000));
         let wide = measured("gpu", "wide", 1, 10.0);
         let record = Record { primary_ms, shadow_rays, rays_per_s: Some(8e7), ..wide };

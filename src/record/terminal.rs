@@ -12,8 +12,8 @@ use crate::measure::Ranking;
 use crate::printer::{line, plain};
 
 /// Returns a table of medians for every scene, image size and device. The fastest points have a
-/// star. Points without a time have a word for the reason, which the legend explains. If `coloured`
-/// is true, winners are green and points without a time are yellow.
+/// star. For a point without a time, the table shows a word for the reason; the legend explains
+/// these words. If `coloured` is true, winners are green and points without a time are yellow.
 pub fn summary_terminal(records: &[Record], coloured: bool) -> String {
     let groups = groups(records);
     let parts = groups.iter().map(|group| {

@@ -10,13 +10,12 @@ use crate::device::DeviceKind;
 use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Points are a tie if their times differ by less than this fraction, even if the difference is
-/// certain.
+/// Points are a tie if their times differ by less than this fraction, even if the samples clearly show the difference.
 const TIE: f64 = 0.01;
 
-/// Computes the position of each measured record among the records that were measured with it.
-/// Records of the same launches were measured together. Records of earlier versions have no launch
-/// numbers; they were measured together if scene, image size and device are equal.
+/// Computes the position of each measured record among the records that were measured with it. Records of the same
+/// launches were measured together. Records of earlier versions have no launch numbers; they count as measured together
+/// if their scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
@@ -40,9 +39,10 @@ pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
 struct Table {
     /// A hash that identifies these records.
     together: blake3::Hash,
-    /// Their indices in the list of all records.
+    /// The indices of these records in the list of all records.
     places: Vec<usize>,
-    /// The anchors, each with its device. In `paired`, they are points after those of the records.
+    /// The anchors, each with its device. In `paired`, the anchors are further points, which follow the points of the
+    /// records.
     anchors: Vec<(String, String)>,
     paired: Paired,
 }
@@ -77,8 +77,8 @@ impl Table {
     }
 }
 
-/// Returns how much the next run on a record's device may differ. Records of earlier versions do
-/// not contain the device's kind; in them, only drivers for CPUs report a number of threads.
+/// Returns by how much times may differ in the next run on a record's device. Records of earlier versions do not
+/// contain the device's kind; if such a record contains a number of threads, the device is a CPU.
 fn between_runs(record: &Record) -> BetweenRuns {
     let is_processor = match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),
@@ -103,8 +103,8 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records and anchors, sorted by launch and then by time. The indices
-/// of anchors come after those of records.
+/// Returns the samples of some records and anchors, sorted by launch and then by time. The indices of the anchors
+/// follow those of the records.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[&AnchorSample],
@@ -154,8 +154,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
     record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
 }
 
-/// Returns the ratio of two records' times. If the records were measured together, samples are
-/// compared that were measured close in time. Returns `None` if either record has too few samples.
+/// Returns the ratio of two records' times. If the records were measured together, the ratio compares samples that were
+/// measured close in time. Returns `None` if either record has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
     if slow.together == fast.together {
@@ -190,7 +190,7 @@ pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(anchor))
 }
 
-/// Returns the ratio of a record's time to the mean of records that were measured with it.
+/// Returns the ratio of a record's time to the mean time of records that were measured with it.
 pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Interval> {
     ratio_of_means(&[record], others)
 }
@@ -213,9 +213,8 @@ pub(crate) fn interval(record: &Record) -> Option<[f64; 2]> {
     Some([interval.low, interval.high])
 }
 
-/// Ranks those of the records that were measured, by their times. The winners are the fastest
-/// record and every record that ties with it, which means that the samples do not show that it
-/// takes more than 1% longer. A record with too few samples has no rank.
+/// Ranks the measured records by their times. The winners are the fastest record and every record that ties with it. A
+/// record ties if the samples do not show that it takes more than 1% longer. A record with too few samples has no rank.
 pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Ranking<&'a Record> {
     let level = |record: &Record| record.place.as_ref().map(Place::level);
     let measured = records.into_iter().filter(|record| median(record).is_some());
@@ -225,9 +224,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two of these records
-/// if their spread is typical. Each set of records that were measured together has its own value;
-/// the least and the greatest of these values are returned.
+/// Returns the smallest difference, as a fraction, that can be shown between two of these records if their samples
+/// spread as usual. Each set of records that were measured together has its own value; the least and the greatest of
+/// these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
@@ -253,8 +252,8 @@ pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     parts.get(parts.len() / 2).copied()
 }
 
-/// Returns notes on how certain some results are: which points were measured in a single launch
-/// only, and how small a difference cannot be detected.
+/// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences
+/// are too small to be detected.
 pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
     let looks = || records.iter().filter(|record| is_look(record));
     let mut notes = Vec::new();

@@ -30,7 +30,7 @@ pub enum Outcome {
     WrongImage,
     /// A step of the point took longer than the time limit.
     TimedOut,
-    /// The process that measured the point ended unexpectedly; also the initial value.
+    /// The process that measured the point ended unexpectedly. This is also the initial value of a record's outcome.
     #[default]
     Crashed,
 }
@@ -96,8 +96,8 @@ pub struct Record {
     /// The key of the control point, which all blocks of its group measure.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
-    /// True if the point was measured only to compare its block with other blocks. The point then
-    /// has another record with its result.
+    /// True if the point was measured only to compare its block with other blocks. Another record then contains the
+    /// point's result.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
     /// The strategy's name in the config.
@@ -145,8 +145,8 @@ pub struct Record {
     /// When each sample was measured, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
-    /// Its position among the records that were measured with it. It is computed when a folder is read, and
-    /// not stored.
+    /// The record's position among the records that were measured with it. The position is computed when a folder is
+    /// read, and not stored.
     #[serde(skip)]
     pub place: Option<Place>,
     /// The rule that ended the sampling.
@@ -160,46 +160,46 @@ pub struct Record {
     pub shade_ms: Option<f64>,
     /// The median time of the same frames on the host's clock.
     pub host_median_ms: Option<f64>,
-    /// Time for building the program. If it was built ahead of its point, this includes the driver's compilation at
-    /// the first launch of a kernel. If an earlier point had the same program, this is the time for taking it from
-    /// the cache.
+    /// Time for building the program. If the program was built before its point was measured, this time includes the
+    /// driver's compilation at the first launch of a kernel. If an earlier point had the same program, this is the time
+    /// for taking it from the cache.
     pub build_ms: Option<f64>,
     /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
     pub build_from_cache: Option<bool>,
-    /// Time to check the point in the first launch: to build, cast a frame and compare it with the
-    /// reference.
+    /// Time to check the point in the first launch: to build its program, to cast a frame, and to compare the frame
+    /// with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
-    /// Device time for preparing records of triangles, if the strategy uses them. It is spent once per scene
-    /// and is not part of a frame.
+    /// Device time for preparing records of triangles, if the strategy uses them. This time is spent once per scene and
+    /// is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
-    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since these are
-    /// different quantities, no view shows this field. See [`Self::primary_rays_per_s`] and
-    /// [`Self::frame_rays_per_s`].
+    /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since the two rates are
+    /// different quantities, no view shows this field. See [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
-    /// Number of shadow rays of a frame: one per light for every pixel that hits something, and one more if the scene has
-    /// a sky.
+    /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
+    /// pixel if the scene has a sky.
     pub shadow_rays: Option<u64>,
     /// Shadow rays per second, if passes are separate.
     pub shadow_rays_per_s: Option<f64>,
-    /// Primary ray-triangle tests per second; shadow tests are not counted.
+    /// Ray-triangle tests of primary rays per second; tests of shadow rays are not counted.
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
     /// The pixel with the largest difference: column, row.
     pub worst_pixel: Option<[u32; 2]>,
-    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. They are compared
-    /// with the range of values of such rays.
+    /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification compares such
+    /// a pixel with the range of values that the moved rays yield.
     pub uncertain_pixels: Option<u64>,
-    /// Number of uncertain pixels whose values are outside that range; verification limits this number.
+    /// Number of uncertain pixels whose values are outside the range that their moved rays yield; verification limits
+    /// this number.
     pub unexplained_pixels: Option<u64>,
     /// Bytes of `__local` memory that a work-group needs.
     pub local_bytes: Option<u64>,
     /// Bytes of `__constant` memory needed.
     pub constant_bytes: Option<u64>,
-    /// Bytes of global scratch or heap memory needed.
+    /// Bytes of global memory needed as scratch or heap memory.
     pub scratch_bytes: Option<u64>,
     /// Bytes of private memory for a work-group's working vectors.
     pub private_bytes: Option<u64>,
@@ -214,9 +214,9 @@ pub struct Record {
     pub reference_image: Option<String>,
     /// The reference with uncertain pixels marked.
     pub certainty_image: Option<String>,
-    /// The number of triangles that each pixel's rays are tested against, in false colour.
+    /// The picture that shows in false colour against how many triangles each pixel's rays are tested.
     pub tests_image: Option<String>,
-    /// The number of tree nodes that each pixel's rays visit, in false colour.
+    /// The picture that shows in false colour how many nodes of the tree each pixel's rays visit.
     pub nodes_image: Option<String>,
     /// Number of frames per sample, if a single frame is too short for the device's timer.
     #[serde(default)]
@@ -293,9 +293,9 @@ impl Record {
         Some(self.pixels() / positive(self.primary_ms)? * 1e3)
     }
 
-    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in
-    /// seconds. This is comparable between all strategies. `None` if the shadow rays were not
-    /// counted, as for baselines in records of earlier versions.
+    /// Returns the number of rays of a frame, primary and shadow, divided by the frame's time in seconds. This rate can
+    /// be compared between all strategies. `None` if the shadow rays were not counted, as for baselines in records of
+    /// earlier versions.
     pub fn frame_rays_per_s(&self) -> Option<f64> {
         Some((self.pixels() + self.shadow_rays? as f64) / positive(self.median_ms)? * 1e3)
     }

@@ -6,7 +6,7 @@ use std::io::{Error as IoError, ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// Prefix of the names of temporary files. A run that is killed may leave such files behind.
+/// Prefix of the names of temporary files. A run that is killed may leave temporary files behind.
 pub const TEMPORARY_PREFIX: &str = ".raycl-";
 
 /// Writes a temporary file in the folder of `path` and then renames it. A process that reads `path`
@@ -15,8 +15,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, true, |file| file.write_all(bytes))
 }
 
-/// Writes a whole file like [`write_whole`], for contents that are too large for memory: `write`
-/// writes them piece by piece.
+/// Writes a whole file like [`write_whole`], for contents that are too large for memory: the
+/// function `write` writes the contents piece by piece.
 pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     replace(path, true, |file| {
         let mut file = std::io::BufWriter::new(file);
@@ -26,13 +26,13 @@ pub fn write_whole_by(path: &Path, write: impl FnOnce(&mut dyn Write) -> std::io
 }
 
 /// Writes a whole file like [`write_whole`], but does not wait until the file is on the disk. This
-/// is for files that can be regenerated from records.
+/// function is for files that can be regenerated from records.
 pub fn write_page(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, false, |file| file.write_all(bytes))
 }
 
 /// Writes a file unless it exists already, and returns whether it was written. If several processes
-/// try this, only one succeeds.
+/// write the same file in this way, only one succeeds.
 pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     let write = || -> std::io::Result<bool> {
@@ -127,7 +127,7 @@ pub fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
     builder.tempfile_in(folder)
 }
 
-/// Sets the usual permissions (umask), since temporary files are readable by their owner only.
+/// Gives temporary files the usual permissions (umask); otherwise only their owner could read them.
 #[cfg(unix)]
 fn readable(builder: &mut tempfile::Builder<'_, '_>) {
     use std::os::unix::fs::PermissionsExt;

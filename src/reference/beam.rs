@@ -20,8 +20,8 @@ pub struct Beam {
     pub direction: DVec3,
     /// The largest angle between a ray and the axis, in radians.
     angle: f64,
-    /// The rays' other end if they run between a light and a surface, else the origin. Devices may cast them from either
-    /// end.
+    /// The rays' other end if they run between a light and a surface, else the origin. Devices may cast the rays from
+    /// either end.
     end: DVec3,
 }
 
@@ -37,29 +37,29 @@ enum BeamHit {
 }
 
 impl Beam {
-    /// Makes a beam of the rays within an angle of its axis.
+    /// Makes a beam: all rays from `origin` whose angle to the axis `direction` is at most `angle`.
     pub fn new(origin: DVec3, direction: DVec3, angle: f64) -> Self {
         Self { origin, direction, angle: angle.max(NARROWEST), end: origin }
     }
 
-    /// Returns this beam for rays between a light, at the origin, and a surface.
+    /// Returns this beam for rays between a light and a surface. The light is at the beam's origin.
     pub fn from_light(self, surface: DVec3) -> Self {
         Self { end: surface, ..self }
     }
 
-    /// Tests on which side of the planes through the origin and the triangle's edges the beam's rays lie. Within the
-    /// beam, the distance of a unit direction from such a plane changes by at most the beam's angle. Nothing is certain
-    /// that rounding could change (see [`super::leaning`]).
+    /// Tests on which side of three planes the beam's rays lie. Each plane contains the origin and an edge of the
+    /// triangle. Within the beam, the distance of a unit direction from one of these planes changes by at most the
+    /// beam's angle. A result that rounding could change does not count as certain (see [`super::leaning`]).
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let sizes = [ab, bc, ca].map(DVec3::length);
         // The errors of all determinants of a ray-triangle test, as in `leaning`. Rays of the beam end near `end`, not
-        // at it: a hundredth more allows for that.
+        // exactly there; the factor 1.01 allows for this.
         let part = 1.01 * ROUNDING * self.reach(corners);
         let error_of_slope = ROUNDING * sizes[0] * sizes[2];
         let errors = [part * (sizes[0] + sizes[2]) + error_of_slope, part * sizes[2], part * sizes[0]];
-        // b x bc equals b x c, but with smaller rounding errors if the triangle is small and far away.
+        // b x bc equals b x c, but has smaller rounding errors if the triangle is small and far away.
         let planes = [(b.cross(bc), errors[0]), (c.cross(ca), errors[1]), (a.cross(ab), errors[2])];
         let sides = planes.map(|(plane, error)| self.side(plane, error));
         if sides.contains(&Side::Above) && sides.contains(&Side::Below) {
@@ -103,7 +103,8 @@ impl Beam {
         }
     }
 
-    /// Returns on which side of a plane the rays lie, if the plane's product with a unit direction has this error.
+    /// Returns on which side of a plane the rays lie. The dot product of `plane` and a unit direction has the given
+    /// error.
     fn side(&self, plane: DVec3, error: f64) -> Side {
         let height = plane.dot(self.direction);
         if height.abs() <= self.angle * plane.length() + error {
@@ -164,9 +165,9 @@ impl Beam {
         (others > reach(&best) || others == f64::INFINITY).then_some(best.map(|(triangle, _)| triangle))
     }
 
-    /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. They are
-    /// stopped if all of them hit a triangle at a distance in the range `sure`, and not stopped if none can hit one
-    /// at a distance in the range `may`. Otherwise the result is uncertain.
+    /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. The rays are
+    /// stopped if all of them hit a triangle at a distance in the range `sure`. They are not stopped if none of them
+    /// can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain.
     pub fn is_stopped_on_the_way_here(
         &self,
         tree: &Tree,
@@ -182,7 +183,7 @@ impl Beam {
             if stopped || indexed.triangle == own {
                 return far;
             }
-            // The rays arrive on the triangle's other side.
+            // The rays run towards the origin, so they hit the triangle's other side.
             let [a, b, c] = indexed.corners();
             match self.meet_surface(indexed, &[a, c, b], tree.culling()) {
                 BeamHit::All(range) if range[0] >= sure[0] && range[1] <= sure[1] => stopped = true,
@@ -236,7 +237,7 @@ mod tests {
             let size = [1.0, 0.1, 1e-3, 1e-6][case % 4];
             let centre = vector(1.0);
             let corners = [(); 3].map(|()| centre + vector(size));
-            // The beam aims at the triangle, often at its edge. It starts far away or in the triangle's plane.
+            // The beam aims at the triangle, often at its edge. The beam starts far away or in the triangle's plane.
             let aim = corners[0].lerp(corners[1], 0.3) + vector(0.3 * size);
             let origin =
                 if case % 7 == 0 { corners[0] + 3.0 * (corners[1] - corners[2]) } else { vector(2.0) };
@@ -258,7 +259,7 @@ mod tests {
                         (BeamHit::None, hit) => hit.is_none(),
                         (BeamHit::Some(_), None) => true,
                         (BeamHit::Some(range) | BeamHit::All(range), Some(t)) => within(t, range),
-                        // A triangle behind the origin counts as hit here too.
+                        // In this test, a triangle behind the origin also counts as hit.
                         (BeamHit::All(range), None) => range[0] <= 0.0,
                     };
                     assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
@@ -299,7 +300,8 @@ mod tests {
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Returns squares perpendicular to the z axis, of two triangles each, at these distances down the axis.
+    /// Returns squares perpendicular to the z axis, at these distances down the axis. Each square consists of two
+    /// triangles.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
         for depth in depths {

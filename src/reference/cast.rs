@@ -26,7 +26,8 @@ pub struct Grazing<R: Real> {
 
 impl<R: Real> Grazing<R> {
     /// Returns whether the shadow ray to a light starts so close to the triangle's plane that rounding may move the
-    /// start to the other side. If a device casts the ray from the light, it rounds numbers of the light's distance.
+    /// start to the other side. If a device casts the ray from the light, it rounds numbers that are as large as the
+    /// light's distance.
     fn is_of(&self, sight: &Sight<R>, is_light: bool) -> bool {
         let at_light = if is_light { R::from(AT_DISTANCE) * sight.distance } else { R::ZERO };
         (self.bias * sight.w_i.dot(self.normal)).abs() < self.rounding.max(at_light)
@@ -74,8 +75,8 @@ impl<'a, R: Real> Caster<'a, R> {
         self.scene
     }
 
-    /// Returns every other triangle that the ray hits at `hit`'s distance, or behind it by at most the
-    /// fraction `part` of that distance, or by at most the error of that distance.
+    /// Returns the ray's hits on other triangles that are at most slightly farther away than `hit`. The allowed
+    /// difference is the fraction `part` of `hit`'s distance, or the rounding error of this distance if that is larger.
     pub fn rivals(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> Vec<Hit<R>> {
         let corners = self.scene.mesh.corners(&self.scene.mesh.triangles[hit.triangle as usize]);
         let error = relative_error(ray, corners.map(R::Vector::of), hit.t);
@@ -90,7 +91,7 @@ impl<'a, R: Real> Caster<'a, R> {
         rivals
     }
 
-    /// Returns the radiance along a ray with its hit, for lights as the sample sees them.
+    /// Returns the radiance along a ray with this hit. `seen` contains the lights as the sample sees them.
     pub fn radiance(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: Option<&Hit<R>>, bias: R) -> R::Vector {
         self.shaded(seen, ray, hit, &|sight| self.reaches(sight, bias))
     }
@@ -123,8 +124,8 @@ impl<'a, R: Real> Caster<'a, R> {
         sky.picture.as_ref().filter(|picture| picture.is_seen).map(|_| sky)
     }
 
-    /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A
-    /// light within that distance counts as inside the surface, and is not visible.
+    /// Returns whether nothing lies between the light and a point at the distance `bias` from the surface. A light that
+    /// is nearer than `bias` counts as inside the surface, and is not visible.
     pub fn reaches(&self, sight: &Sight<R>, bias: R) -> bool {
         self.reaches_within(sight, bias, sight.distance)
     }
@@ -136,7 +137,8 @@ impl<'a, R: Real> Caster<'a, R> {
         let is_sky = !self.is_light(sight);
         let shadow =
             Ray { origin: point + w_i * bias, direction: w_i, near: R::ZERO, far, to_light: !is_sky };
-        // A light within the bias counts as hidden; a sky whose reach is shorter than the bias does not.
+        // A light that is nearer than the bias counts as hidden. A sky whose reach is shorter than the bias counts as
+        // visible.
         if far > R::ZERO { !self.finder.any(&shadow) } else { is_sky }
     }
 
@@ -145,10 +147,10 @@ impl<'a, R: Real> Caster<'a, R> {
         sight.light < self.scene.lights.len()
     }
 
-    /// Returns by how much rounding may move a hit off its triangle's plane: the fraction `part` of the largest of three
-    /// lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from the farthest
-    /// corner of its triangle. A test of the triangle subtracts numbers of this size. The normal of a thin
-    /// triangle is a small difference of large products: there, the error is a quarter of this fraction divided by the
+    /// Returns by how much rounding may move a hit off its triangle's plane. This is the fraction `part` of the largest
+    /// of three lengths: the hit's distance from the eye, its distance from the scene's origin, and its distance from
+    /// the farthest corner of its triangle. A ray-triangle test subtracts numbers of this size. The normal of a thin
+    /// triangle is a small difference of large products; for such a triangle, the result is divided by four times the
     /// sine of the angle between the edges.
     pub fn off_plane(&self, ray: &Ray<R>, hit: &Hit<R>, part: R) -> R::Vector {
         let triangle = &self.scene.mesh.triangles[hit.triangle as usize];
@@ -163,8 +165,8 @@ impl<'a, R: Real> Caster<'a, R> {
         normal.normalize_or_zero() * (lengths.into_iter().fold(hit.t, R::max) * part * thinness)
     }
 
-    /// Returns the hit's triangle if lights are very low above it. Rounding then decides what their shadow rays hit
-    /// first, since it moves the hit off the triangle's plane ([`Self::off_plane`]).
+    /// Returns the hit's triangle if a light is very low above it. Rounding moves the hit off the triangle's plane
+    /// ([`Self::off_plane`]), and so decides what the shadow ray to this light hits first.
     pub fn grazing(
         &self,
         seen: &Seen<'_>,
@@ -180,9 +182,10 @@ impl<'a, R: Real> Caster<'a, R> {
         sights::<R>(seen, point, shading_normal).any(is_grazed).then_some(grazing)
     }
 
-    /// Returns the possible values of the radiance at a hit that light grazes. They are computed with the hit in its
-    /// plane, above it and below it, and with shadow rays that start on the wrong side of the triangle. If a light
-    /// lies in the plane, so that its rays run along the surface, they are also computed with and without that light.
+    /// Returns the possible values of the radiance at a hit that light grazes. The values are computed with the hit in
+    /// the triangle's plane, above it and below it, and with shadow rays that start on the wrong side of the triangle.
+    /// If a light lies in the plane, its rays run along the surface; the values are then also computed with and without
+    /// this light.
     pub fn grazed(&self, seen: &Seen<'_>, ray: &Ray<R>, hit: &Hit<R>, grazing: Grazing<R>) -> Vec<R::Vector> {
         let Grazing { normal, rounding, bias } = grazing;
         let usual = |sight: &Sight<R>| self.reaches(sight, bias);

@@ -16,23 +16,23 @@ pub use quick::quick_sample;
 /// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All
 /// correct casters must agree on a pixel that does not change under wide nudges.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: 16 times the rounding error of single precision. It is at most twice the angle by
-/// which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
+/// The angle of narrow nudges: 16 times the rounding error of single precision. This angle is at most twice the angle
+/// by which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
 /// change only under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
 /// rounding.
 const RIVAL: f64 = 1e-6;
 /// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
-/// triangle's size. For grazing light, this decides whether a shadow ray starts above or below its own surface.
-/// Nudges of the pixel's ray do not reveal this.
+/// triangle's size. For grazing light, this error decides whether a shadow ray starts above or below its own surface.
+/// Nudges of the pixel's ray do not reveal this error.
 const OFF_PLANE: f64 = 1e-6;
 
-/// At most twice the angle by which rounding may turn the direction in which a pixel sees the sky. The direction is
-/// computed from rounded sines and a rounded normal.
+/// The angle by which the direction to the sky is nudged: at most twice the angle by which rounding may turn this
+/// direction. The direction is computed from rounded sines and a rounded normal.
 const SKY_NUDGE: f64 = 1e-6;
-/// The same angle for a sky with a picture, whose texels are found by an arc tangent and a product with the
-/// picture's size.
+/// The angle by which the direction to a sky with a picture is nudged. The picture's texels are found by an arc tangent
+/// and a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
 /// A surface that is this close to a light may or may not occlude it. The distance is relative to the light's
@@ -45,7 +45,7 @@ pub struct Asked<'a> {
     pub caster: &'a Caster<'a, f64>,
     /// The image's rays.
     pub frame: &'a PixelFrame,
-    /// The distance from its surface at which a shadow ray starts.
+    /// The distance from a surface at which its shadow rays start.
     pub bias: f64,
     /// The lights and the sky, as the sample sees them.
     pub seen: Seen<'a>,
@@ -54,7 +54,7 @@ pub struct Asked<'a> {
 }
 
 impl Asked<'_> {
-    /// Includes the changes of a hit's radiance if rounding turns the direction in which the sky is seen.
+    /// Includes the values that a hit's radiance takes if rounding turns the direction in which the sky is seen.
     fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
         if self.seen.sky.is_none() {
             return;
@@ -83,13 +83,15 @@ impl Asked<'_> {
     }
 }
 
-/// Casts the pixel. Then casts it again with changes: its ray is nudged in each direction along the
-/// image's axes; the shadow bias is halved and doubled; shadow rays start a little above and below
-/// the plane of its hit; surfaces near lights are included as occluders or left out; triangles and
-/// holes become larger or smaller by rounding; for grazing light, every result that rounding allows
-/// is included.
-/// If two surfaces coincide, either one is correct, so surfaces just behind the hit are included
-/// too.
+/// Casts the pixel. Then casts it again with each of these changes:
+///
+/// - The pixel's ray is nudged in each direction along the image's axes.
+/// - The shadow bias is halved, and doubled.
+/// - Shadow rays start a little above, and below, the plane of the hit.
+/// - Surfaces near lights are included as occluders, and left out.
+/// - Triangles become larger and holes smaller by rounding, and the reverse.
+/// - For grazing light, every result that rounding allows is included.
+/// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;
     let (bias, [x, y]) = (*bias, *centre);
@@ -139,8 +141,8 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
 }
 
 /// Returns the offsets by which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring
-/// triangle may then start above or below that triangle. Nudges do not reveal this, since they move the hit within its
-/// own plane.
+/// triangle may then start above or below that triangle. Nudges do not reveal these offsets, since they move the hit
+/// within its own plane.
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]
@@ -153,7 +155,7 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
 /// The number of nudges.
 const NUDGES: usize = 8;
 
-/// Returns the pixel coordinates at small angles to the right, left, below and above.
+/// Returns the pixel coordinates of the nudged rays, which are turned slightly to the right, to the left, down and up.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.
@@ -240,7 +242,7 @@ mod tests {
     #[test]
     fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
         let mut scene = fixtures::figure_4();
-        // The masks make the whole triangle and its twin a hole; the ground is solid.
+        // The masks turn the whole triangle and its twin into holes; the ground is solid.
         let clear = Texture {
             size: [1, 1],
             wrap: [Wrap::Repeat; 2],

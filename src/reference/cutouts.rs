@@ -1,4 +1,4 @@
-//! Cut-outs: triangles whose masks have holes, through which rays go on; the counterpart for devices is
+//! Cut-outs: triangles whose masks have holes, through which rays continue; the counterpart for devices is
 //! `cl/common/cutouts.cl`.
 
 use super::intersect::Hit;
@@ -15,28 +15,29 @@ use std::sync::Arc;
 /// weights, products and sums in single precision. That error is eight roundings.
 const ROUNDING: f64 = 1e-6;
 
-/// A finder that passes on only those hits of another finder that lie on surfaces, and not in holes.
+/// A finder that passes on the hits of another finder, except those in holes.
 pub struct Solid<'a, R: Real> {
     finder: Arc<dyn Finder<R> + 'a>,
     textures: Option<&'a Textures>,
-    /// The direction in which rounding moves the edges of triangles and of holes; none leaves them.
+    /// The direction in which rounding moves the edges of triangles and of holes; `None` leaves the edges where they
+    /// are.
     lean: Option<Lean>,
 }
 
 impl<'a, R: Real> Solid<'a, R> {
-    /// Makes a finder for a mesh's textures.
+    /// Makes a finder for a mesh with these textures.
     pub fn new(finder: impl Finder<R> + 'a, textures: &'a Textures) -> Self {
         let textures = textures.have_holes().then_some(textures);
         Self { finder: Arc::new(finder), textures, lean: None }
     }
 
-    /// Returns two finders: in one, triangles are larger and holes smaller by the rounding error, in the other the
-    /// reverse.
+    /// Returns two finders. For one, rounding has made triangles larger and holes smaller; for the other, it has made
+    /// triangles smaller and holes larger.
     pub fn leaning(&self) -> [Self; 2] {
         Lean::BOTH.map(|lean| Self { finder: Arc::clone(&self.finder), lean: Some(lean), ..*self })
     }
 
-    /// Passes the hits on triangles that rounding has made larger or smaller, in the order of distance.
+    /// Passes hits to `visitor` in the order of distance: those on triangles that rounding has made larger or smaller.
     fn visit_leaning(&self, ray: &Ray<R>, lean: Lean, visitor: &mut dyn FnMut(Hit<R>) -> R) {
         let (mut found, mut far) = (Vec::new(), ray.far);
         self.finder.visit_larger(ray, &mut |one| {
@@ -75,8 +76,8 @@ impl<'a, R: Real> Solid<'a, R> {
     }
 }
 
-/// Returns the largest possible change of a mask's alpha, in steps of an 8-bit channel, if each texture coordinate
-/// changes by its own largest value. Alpha changes by at most 255 from texel to texel.
+/// Returns by how much a mask's alpha may change if each texture coordinate changes by as much as its own largest
+/// value. The unit is a step of an 8-bit channel; alpha changes by at most 255 steps from texel to texel.
 fn steepness(mask: &Texture, row: &Mapped) -> f64 {
     let along = |axis: usize| {
         let largest = row.corners.iter().map(|corner| f64::from(corner[axis].abs())).fold(1.0, f64::max);

@@ -1,6 +1,6 @@
 //! Identifies the source of the casters on the host.
 
-/// The source files that cast a baseline's rays, in this folder.
+/// The source files in this folder that cast the rays of baselines.
 const SOURCES: [(&str, &str); 11] = [
     ("cast", include_str!("cast.rs")),
     ("cutouts", include_str!("cutouts.rs")),

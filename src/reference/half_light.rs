@@ -13,14 +13,14 @@ const WEIGHTS: [f64; 5] = [0.5, 1.0, 1.0, 1.0, 0.5];
 pub struct HalfPictures<'a> {
     /// All light that arrives.
     pub lit: &'a Radiance,
-    /// All light that would arrive if nothing were in between.
+    /// All light that would arrive if nothing blocked it.
     pub unoccluded: &'a Radiance,
     /// The share of each pixel that shows a surface.
     pub hit_shares: &'a [f32],
 }
 
-/// Returns the picture with soft light. `whole` is its unoccluded light, `hit_shares` the share of each of its pixels that
-/// shows a surface instead of the background.
+/// Returns the picture with soft light. `whole` contains the picture's unoccluded light. `hit_shares` contains the
+/// share of each pixel that shows a surface instead of the background.
 pub fn with_half_light(
     whole: &Radiance,
     hit_shares: &[f32],
@@ -66,7 +66,8 @@ fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
     (0..unoccluded.pixels.len()).into_par_iter().map(ratio).collect()
 }
 
-/// Returns the ratio at a place of the half picture, between its four nearest pixels.
+/// Returns the ratio of arriving to unoccluded light at a position in the half picture, interpolated from the four
+/// nearest pixels.
 fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios: &[DVec3]) -> DVec3 {
     let HalfPictures { unoccluded, hit_shares, .. } = halves;
     let least = 0.01 * own.length_squared().powi(2) + 1e-37;
@@ -145,7 +146,7 @@ mod tests {
         side(&mut lit, [0.9, 0.0]);
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 32] };
         let found = with_half_light(&whole, &[1.0; 128], &halves, BACKGROUND);
-        // At the border, the sides are mixed only by `least`, the small weight that every pixel gets.
+        // At the border, only the small weight `least`, which every pixel gets, mixes the two sides.
         assert!(close(found.pixels[6], DVec3::splat(0.9)) && close(found.pixels[9], DVec3::ZERO));
         assert!(found.pixels[7][0] > 0.89 && found.pixels[8][0] < 0.01, "{:?}", &found.pixels[6..10]);
     }
@@ -168,7 +169,8 @@ mod tests {
     #[test]
     fn a_background_beside_a_surface_brightens_no_shadow() {
         let (whole, unoccluded, mut lit) = (flat([8, 4], 0.5), flat([4, 2], 0.5), flat([4, 2], 0.1));
-        // The right half of the half pictures is background, of the same brightness.
+        // The right half of each half picture shows the background, whose unoccluded light is as bright as that of the
+        // left half.
         for index in [2, 3, 6, 7] {
             lit.pixels[index] = [0.5; 3];
         }

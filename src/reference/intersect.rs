@@ -16,8 +16,9 @@ pub struct Hit<R> {
 }
 
 /// Applies the test of Moeller and Trumbore (Journal of Graphics Tools 2(1), 1997), in the notation
-/// of Hughes et al., section 15.4. There is no tolerance: a ray counts as parallel only if it is
-/// exactly parallel, and a hit on an edge counts for both of its triangles. NaN counts as a miss.
+/// of Hughes et al., section 15.4. There is no tolerance: a ray counts as parallel to the triangle
+/// only if it is exactly parallel, and a hit on an edge counts for both triangles that share the
+/// edge. NaN counts as a miss.
 pub fn moller_trumbore<R: Real>(
     ray: &Ray<R>,
     [v0, v1, v2]: [R::Vector; 3],

@@ -1,5 +1,5 @@
-//! Layers of a picture: numbers that describe what each pixel's primary ray hits. They are computed on the
-//! host in double precision, whatever device casts the picture.
+//! Layers of a picture: numbers that describe what each pixel's primary ray hits. The layers are computed on the host
+//! in double precision, whatever device casts the picture.
 
 use super::cast::Caster;
 use super::cost::{self, Cost};
@@ -11,10 +11,10 @@ use crate::strategy::Culling;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The triangle or object of a pixel whose ray hits nothing.
+/// The number that stands for the triangle or the object of a pixel whose ray hits nothing.
 pub const NOTHING: u32 = u32::MAX;
 
-/// One number of each kind per pixel, row by row from the top.
+/// Each list contains one number per pixel, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layers {
     /// Image size in pixels: across, down.
@@ -27,9 +27,9 @@ pub struct Layers {
     pub triangle: Vec<u32>,
     /// The number of the object in the scene, from 0.
     pub object: Vec<u32>,
-    /// Number of triangles that the pixel's rays are tested against in a tree, including shadow rays.
+    /// Number of triangles against which the pixel's rays, including shadow rays, are tested in a tree.
     pub tests: Vec<u32>,
-    /// Number of the tree's nodes that the same rays are tested against.
+    /// Number of nodes of the tree that the pixel's rays, including shadow rays, visit.
     pub nodes: Vec<u32>,
 }
 

@@ -2,9 +2,9 @@
 //! in the exact test.
 //!
 //! A test in single precision computes determinants: sums of products of edges and of corners relative to the ray's
-//! origin. Their rounding errors grow with these factors, not with the determinants, which are small for long, thin
-//! triangles, for grazing rays, and for triangles that are close to a light but have distant corners. Nudges of a
-//! pixel's ray do not reveal these errors.
+//! origin. The rounding error of a determinant grows with the factors of its products, not with the determinant itself.
+//! Determinants are small for long, thin triangles, for grazing rays, and for triangles that are close to a light but
+//! have distant corners. Nudges of a pixel's ray do not reveal these errors.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
@@ -15,7 +15,7 @@ use crate::strategy::Culling;
 /// errors of the operations that compute it (`EDGE_ON_ROUNDING` in `cl/common/hit.cl`).
 pub const ROUNDING: f64 = 6e-7;
 
-/// A ray that is inside an edge by less than this part of the edge's error runs along it.
+/// A ray counts as running along an edge if it is inside the edge by less than this fraction of the edge's error.
 const ALONG_EDGE: f32 = 1e-3;
 
 /// The direction in which rounding changes triangles.
@@ -32,7 +32,7 @@ impl Lean {
     pub const BOTH: [Self; 2] = [Self::Larger, Self::Smaller];
 }
 
-/// Returns how far outside its box a triangle may be hit whose farthest corner has this distance.
+/// Returns how far outside its box a triangle may be hit if its farthest corner has the distance `reach`.
 pub fn margin(reach: f64) -> f64 {
     4.0 * ROUNDING * reach
 }
@@ -42,12 +42,12 @@ struct Determinants<R: Real> {
     /// The determinant of the direction and two edges, as an absolute value.
     size: R,
     error_of_size: R,
-    /// 1 if the ray sees the front, else -1. The other determinants are multiplied by it.
+    /// 1 if the ray sees the front, else -1. The other determinants are multiplied by this sign.
     sign: R,
-    /// Those of the three weights.
+    /// The determinants of the three weights.
     weights: [R; 3],
     errors: [R; 3],
-    /// That of the distance.
+    /// The determinant of the distance.
     height: R,
     error_of_height: R,
     /// The largest distance of a corner from an end of the ray.
@@ -83,12 +83,12 @@ impl<R: Real> Determinants<R> {
         self.size <= self.error_of_size
     }
 
-    /// Returns whether the ray is inside all edges if each is moved outwards by this part of its error.
+    /// Returns whether the ray is inside all edges if each edge is moved outwards by this fraction of its error.
     fn is_within(&self, part: R) -> bool {
         self.weights.iter().zip(self.errors).all(|(weight, error)| *weight >= -part * error)
     }
 
-    /// Returns the least and the greatest distance that rounding may give the hit. It lies in the box around the
+    /// Returns the least and the greatest distance that rounding may give the hit. The hit lies in the box around the
     /// triangle, whatever the quotient of the determinants is. `None` if the ray misses the box.
     fn distances(&self, ray: &Ray<R>, corners: &[R::Vector; 3]) -> Option<[R; 2]> {
         let [enter, leave] = crossing(ray, corners, R::of(margin(1.0)) * self.reach)?;
@@ -101,7 +101,8 @@ impl<R: Real> Determinants<R> {
         Some([lows[0].min(lows[1]).max(enter), highs[0].max(highs[1]).min(leave)])
     }
 
-    /// Returns the weights of a hit. A hit beside the exact triangle gets those of a point on its edge.
+    /// Returns the weights of a hit. A hit beside the exact triangle gets the weights of a point on the triangle's
+    /// edge.
     fn weights(&self) -> [R; 3] {
         if self.size == R::ZERO {
             return [R::ONE, R::ZERO, R::ZERO];
@@ -116,9 +117,9 @@ impl<R: Real> Determinants<R> {
 /// A hit on a triangle that rounding has made larger.
 #[derive(Clone, Copy, Debug)]
 pub struct LargerHit<R> {
-    /// The hit. If the ray passes beside the exact triangle, its point is on the triangle's edge.
+    /// The hit. If the ray passes beside the exact triangle, the hit point is on the triangle's edge.
     pub hit: Hit<R>,
-    /// The least and the greatest distance that rounding may give it.
+    /// The least and the greatest distance that rounding may give this hit.
     distances: [R; 2],
     /// True if even the triangle that rounding has made smaller is hit.
     pub is_certain: bool,
@@ -129,13 +130,13 @@ pub struct LargerHit<R> {
 }
 
 impl<R: Real> LargerHit<R> {
-    /// Returns the distance beyond which nothing matters, or `far` if this hit is not certain.
+    /// Returns the distance beyond which further hits do not matter; `far` if this hit is not certain.
     pub fn limit(&self, far: R) -> R {
         if self.is_certain { self.distances[1].min(far) } else { far }
     }
 
-    /// Returns whether this hit remains if rounding makes triangles smaller. Devices do not leak: a ray beside the
-    /// edge that two triangles share hits at least one of them.
+    /// Returns whether this hit remains if rounding makes triangles smaller. On devices, no ray slips between two
+    /// triangles that share an edge: a ray beside the edge hits at least one of them.
     pub fn remains_among(&self, all: &[Self]) -> bool {
         let [low, high] = self.distances;
         let is_neighbour = |other: &&Self| {
@@ -159,8 +160,8 @@ pub fn larger_hit<R: Real>(
     }
     let [low, high] = found.distances(ray, &corners)?;
     let exact = found.height / found.size;
-    // A ray without a near plane starts beside a surface. The shadow bias allows for rounding there, and the reference
-    // also casts such a ray with other biases and from other starts.
+    // A ray without a near plane starts beside a surface. The shadow bias allows for rounding at the start. The
+    // reference also casts such a ray with other biases and from other starting points.
     let is_beyond = |t: R| if ray.near == R::ZERO { exact > R::ZERO } else { t > ray.near };
     if !is_beyond(high) || low >= ray.far {
         return None;
@@ -188,8 +189,8 @@ pub fn relative_error<R: Real>(ray: &Ray<R>, corners: [R::Vector; 3], t: R) -> R
     distances.map_or(R::ONE, |[low, high]| ((high - low) / t).min(R::ONE))
 }
 
-/// Returns the largest distance of a corner from the ray's origin, or from the light at its end: devices subtract
-/// either from the corners.
+/// Returns the largest distance of a corner from the ray's origin or from the light at the ray's end. Devices subtract
+/// one of these two points from the corners.
 fn reach<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3]) -> R {
     let farthest =
         |from: R::Vector| corners.iter().map(|corner| length(*corner - from)).fold(R::ZERO, R::max);
@@ -197,8 +198,8 @@ fn reach<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3]) -> R {
     if ray.to_light { reach.max(farthest(ray.origin + ray.direction * ray.far)) } else { reach }
 }
 
-/// Returns the distances at which a ray enters and leaves the box around a triangle, grown by a margin. `None` if it
-/// misses the box.
+/// Returns the distances at which a ray enters and leaves the box around a triangle, enlarged by a margin. `None` if
+/// the ray misses the box.
 fn crossing<R: Real>(ray: &Ray<R>, corners: &[R::Vector; 3], margin: R) -> Option<[R; 2]> {
     let (mut enter, mut leave) = (-R::INFINITY, R::INFINITY);
     for axis in R::Vector::AXES {
@@ -237,7 +238,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Returns whether a ray hits the larger triangle, and the smaller one.
+    /// Returns whether a ray hits the triangle that rounding has made larger, and the one that it has made smaller.
     fn hits(ray: &Ray<f64>, corners: [DVec3; 3], culling: Culling) -> [bool; 2] {
         let found = larger_hit(ray, 0, corners, culling);
         [found.is_some(), found.is_some_and(|found| found.is_certain)]
@@ -249,7 +250,8 @@ mod tests {
         let mut vector = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));
         let (mut count, mut doubts) = (0, 0);
         for case in 0..60_000_usize {
-            // From equilateral to very long, and rays that are aimed at an edge, half of them nearly along the triangle.
+            // The triangles range from nearly equilateral to very long. The rays aim at an edge; half of them run
+            // nearly along the triangle.
             let [long, wide] = [[1.0, 1.0], [10.0, 1e-1], [100.0, 1e-2], [1.0, 1e-4]][case % 4];
             let (middle, along) = (vector(1.0), vector(1.0));
             let corners = [middle - long * along, middle + long * along, middle + vector(wide)];
@@ -301,7 +303,7 @@ mod tests {
         assert_eq!([hits(-1e-4, false), hits(-1e-4, true)], [[false, false], [true, false]]);
     }
 
-    /// Returns a scene with these triangles, which have one material and no shadows on each other.
+    /// Returns a scene with these triangles, which all have the same material.
     fn scene(triangles: &[[Vec3; 3]]) -> Scene {
         let mut scene = fixtures::single_triangle();
         let mut mesh =
@@ -323,7 +325,7 @@ mod tests {
     #[test]
     fn thin_triangles_are_uncertain_where_single_precision_may_miss_them() {
         let turns = |half: f32| {
-            // The ray passes a ten-thousandth below the upper edge.
+            // The ray passes 1e-4 below the triangle's upper edge.
             let scene = scene(&[[vec3(-half, 1e-4, -2.0), vec3(half, 1e-4, -2.0), vec3(0.0, -1.0, -2.0)]]);
             let caster = caster(&scene);
             let frame = scene.camera.pixel_frame(80, 50);
@@ -351,7 +353,7 @@ mod tests {
             let all: Vec<_> = all.iter().enumerate().filter_map(of).collect();
             all.iter().find(|one| one.hit.triangle == 0).map(|one| one.remains_among(&all))
         };
-        // Beside the edge, along it, and far from it.
+        // The ray is beside the edge, along the edge, and far from the edge.
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[])), [Some(false), Some(false), Some(true)]);
         assert_eq!([1e-7, 0.0, 0.1].map(|x| remains(x, &[left])), [Some(true); 3]);
         assert_eq!(remains(1e-7, &[above]), Some(false), "both triangles lie on the same side of the edge");
@@ -360,7 +362,8 @@ mod tests {
     #[test]
     fn a_hit_on_a_thin_triangle_may_be_above_or_below_its_plane() {
         let change = |depth: f32| {
-            // The ground is a triangle of this depth. The way from the hit to the light leads 2e-5 above a wall.
+            // The ground is a triangle of this depth. The shadow ray from the hit to the light passes 2e-5 above a
+            // wall.
             let ground = [vec3(-1.0, -1.0, -2.0), vec3(1.0, -1.0, -2.0), vec3(0.0, -1.0, -2.0 - depth)];
             let point = vec3(0.0, -1.0, -2.0 - 0.3 * depth);
             let light = point + vec3(0.0, 0.5, -3.0);

@@ -56,19 +56,19 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision.
     pub radiance: Radiance,
-    /// True if a pixel is certain: its radiance changes by less than 1e-3, relative, under nudges of its ray
-    /// and its shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
+    /// True if a pixel is certain: its radiance changes by a fraction of less than 1e-3 under nudges of its ray and its
+    /// shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
     pub certain: Vec<bool>,
-    /// The uncertain pixels, in the same order, with the range of their possible values.
+    /// The uncertain pixels, in the order of `radiance.pixels`, with the range of their possible values.
     pub doubts: Vec<Doubt>,
-    /// Number of pixels that were cast: all, or a sample.
+    /// Number of pixels that were cast: all, or a random selection.
     pub judged: usize,
     /// Number of pixels whose rays hit a triangle.
     pub hits: usize,
-    /// The smallest and the largest possible number of hits. They differ if nudges change a pixel's
-    /// hit to a miss or the reverse, since such a pixel may be either.
+    /// The smallest and the largest possible number of hits. The two numbers differ if nudges change a pixel's hit to a
+    /// miss or the reverse, since such a pixel may count as either.
     pub hits_range: [usize; 2],
-    /// Pixels darker than this are compared relative to this radiance (see [`dark_floor`]).
+    /// For pixels darker than this radiance, differences are relative to this radiance (see [`dark_floor`]).
     pub floor: f64,
 }
 
@@ -82,9 +82,9 @@ impl Reference {
 /// An uncertain pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
-    /// Its index in `radiance.pixels`.
+    /// The pixel's index in `radiance.pixels`.
     pub pixel: usize,
-    /// True if only wide nudges (ten times as wide as rounding, see [`certainty`]) change it; then its possible
+    /// True if only wide nudges (ten times as wide as rounding, see [`certainty`]) change the pixel; then its possible
     /// values are nearly equal.
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
@@ -98,8 +98,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts only some pixels. Each gets the mean of its samples: the first `count(pixel)` ones of `of_pixel`. A pixel is
-/// certain if all its samples are. The other pixels are black and uncertain, and are not used in verification.
+/// Casts only some pixels. The value of each is the mean of its samples, which are the first `count(pixel)` elements of
+/// `of_pixel`. A pixel is certain if all its samples are. Pixels that are not cast are black and uncertain, and are not
+/// used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],
@@ -127,8 +128,8 @@ pub fn all_pixels(size: [u32; 2]) -> Vec<usize> {
     (0..count(size)).collect()
 }
 
-/// Returns the indices of `some` pixels, or of all if the image does not have more. They are chosen at random but are
-/// the same each time.
+/// Returns the indices of `some` pixels, or of all pixels if the image has fewer. The pixels are chosen at random, but
+/// every call chooses the same pixels.
 pub fn some_pixels(size: [u32; 2], some: usize) -> Vec<usize> {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut pixels = sample_indices(&mut random, count(size), some.min(count(size))).into_vec();

@@ -14,7 +14,8 @@ pub struct PixelSample {
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
     pub change: f64,
-    /// The largest change without wide nudges; infinite like `change`.
+    /// The largest change of a channel under nudges other than wide ones; infinite if such a nudge changes a hit to a
+    /// miss or the reverse.
     pub near_change: f64,
     /// The least and the greatest value of each channel, over the centre and all nudges except wide ones.
     pub range: [DVec3; 2],
@@ -52,7 +53,7 @@ impl PixelSample {
     /// Adds another sample of the same pixel. The pixel hits something if any of its samples does.
     pub fn add(&mut self, other: &Self) {
         self.radiance += other.radiance;
-        // One certain hit makes the pixel a certain hit.
+        // If one sample certainly hits something, the pixel certainly hits something.
         let surely = |sample: &Self| sample.hit && !sample.turns;
         self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
         self.hit |= other.hit;
@@ -108,8 +109,8 @@ mod tests {
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // One sample that certainly hits makes the pixel a certain hit; with only one that may hit, it stays open
-        // whether the pixel hits.
+        // If one sample certainly hits something, the pixel certainly hits something. If a sample only may hit
+        // something, it is uncertain whether the pixel does.
         let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
         for (samples, hit, turns) in [
             ([(true, false), (false, true)], true, false),

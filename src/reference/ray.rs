@@ -49,8 +49,8 @@ impl<R: Real> Frame<R> {
 
     /// Returns the ray through pixel coordinates (x, y); a pixel's centre is at half-integers.
     pub fn primary(&self, x: R, y: R) -> Ray<R> {
-        // The direction has depth 1, so its length converts the depth z_near to a distance along the ray.
-        // The start is then the same as in the book, on the near plane.
+        // The direction has depth 1, so its length converts the depth z_near to a distance along the ray. Hits then
+        // count from the near plane on, where the book's rays start.
         let towards = self.corner + self.step_x * x + self.step_y * y;
         let length = towards.dot(towards).sqrt();
         Ray {

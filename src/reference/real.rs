@@ -17,7 +17,7 @@ pub trait Real:
     + Neg<Output = Self>
     + 'static
 {
-    /// A vector of three such numbers.
+    /// A vector of three numbers of this type.
     type Vector: Vector<Self>;
     /// 0.
     const ZERO: Self;
@@ -43,13 +43,14 @@ pub trait Real:
     fn floor(self) -> Self;
     /// Rounds towards zero to a 32-bit integer.
     fn to_i32(self) -> i32;
-    /// Returns this to the power of `exponent`.
+    /// Returns this number to the power of `exponent`.
     fn powf(self, exponent: Self) -> Self;
     /// Returns the logarithm to base 2.
     fn log2(self) -> Self;
 }
 
-/// A point, a direction or a colour. `*` with another vector multiplies by component.
+/// A point, a direction or a colour. The operator `*` multiplies two vectors component by
+/// component.
 pub trait Vector<R: Real>:
     Copy
     + Send

@@ -11,13 +11,13 @@ use crate::scene::{Material, MaterialKind, Scene};
 /// A light, or the sky, as seen from a point of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight<R: Real> {
-    /// Its index in the scene; the sky follows the lights.
+    /// The light's index in the scene; the sky's index follows those of the lights.
     pub light: usize,
-    /// The point from which it is seen.
+    /// The point from which the light is seen.
     pub point: R::Vector,
-    /// The unit vector towards it.
+    /// The unit vector towards the light.
     pub w_i: R::Vector,
-    /// Its distance; for the sky, its reach.
+    /// The light's distance; for the sky, the sky's reach.
     pub distance: R,
 }
 
@@ -89,7 +89,7 @@ pub fn shade<R: Real>(
 }
 
 /// Returns the light of the sky's picture that a surface with a highlight reflects to `w_o`, regardless of occluders.
-/// This is an estimate from one half vector, which is chosen with a probability proportional to the highlight.
+/// The result is an estimate from one half vector, which is chosen with a probability proportional to the highlight.
 fn mirrored_sky<R: Real>(
     seen: &Seen<'_>,
     material: &Material,

@@ -18,7 +18,7 @@ pub struct Shadows<'a> {
     known: RefCell<Vec<Option<Reaches>>>,
 }
 
-/// Points of a triangle around a centre, which is one of them.
+/// Points of a triangle around a centre, which is one of these points.
 #[derive(Clone, Copy, Debug)]
 pub struct Points {
     /// The number of the triangle.

@@ -1,4 +1,4 @@
-//! Computes which points of lights with a radius, and which direction of the sky, a pixel's sample sees. The
+//! Computes what a sample of a pixel sees: a point of each light that has a radius, and one direction of the sky. The
 //! counterpart for devices is `cl/common/soft.cl`; both compute the same bits.
 
 use super::environment::radiance_of_picture;
@@ -17,7 +17,7 @@ pub struct Seen<'a> {
     pub sky: Option<(&'a Sky, DVec3)>,
     /// Two numbers from 0 to 1 that determine which direction of the sky's picture a shiny surface mirrors.
     pub mirrored: [f64; 2],
-    /// True if all light arrives, whatever is in between.
+    /// True if all light arrives, as if nothing blocked it.
     pub unoccluded: bool,
     /// The offset by which the mirrored direction is moved.
     turn: DVec3,
@@ -40,8 +40,8 @@ impl<'a> Seen<'a> {
         Self { lights, sky, mirrored: [first, second], unoccluded, turn: DVec3::ZERO }
     }
 
-    /// Returns this view with `by` added to the point of the unit sphere in `sky` and to the offset in `turn`, so
-    /// that the directions in which the sky is seen and mirrored change.
+    /// Returns a copy of this view in which `by` is added to two vectors: the point of the unit sphere in `sky`, and
+    /// the offset `turn`. This changes the directions in which the sky is seen and mirrored.
     pub fn turned(&self, by: DVec3) -> Self {
         let sky = self.sky.map(|(sky, point)| (sky, point + by));
         Self { lights: self.lights.clone(), sky, turn: self.turn + by, ..*self }
@@ -66,7 +66,7 @@ impl<'a> Seen<'a> {
 /// The axes in which a half vector is computed; the last axis is then turned to the normal.
 const AXES: [[f64; 3]; 3] = [[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]];
 
-/// Returns a unit vector around a normal, with a probability proportional to its cosine.
+/// Returns a unit vector around a normal, with a probability proportional to the cosine of its angle to the normal.
 pub fn way_to_sky<R: Real>(point: DVec3, normal: R::Vector) -> R::Vector {
     (normal + R::Vector::round(point)).normalize_or_zero()
 }
@@ -112,7 +112,7 @@ fn on_sphere([a, b, _]: [f64; 3]) -> DVec3 {
 }
 
 /// Returns three numbers from 0 to 1 for a source: a light, or the sky, whose number comes after those of all lights.
-/// The first two numbers, taken as a point of the unit square, are evenly distributed too.
+/// The points with the first two numbers as coordinates are also evenly distributed over the unit square.
 fn numbers(source: u32, sample: Sample, [x, y]: [u32; 2]) -> [f64; 3] {
     let [x, y] = sample.period().map_or([x, y], |period| [x % period, y % period]);
     let number = along_curve(x, y).wrapping_mul(sample.count).wrapping_add(sample.number);
@@ -176,8 +176,8 @@ mod tests {
                 })
                 .collect();
             for axis in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE.normalize()] {
-                // The ball looks like a disc. If the radius of a concentric disc is a fraction of this disc's radius,
-                // its area is the square of that fraction of this disc's area.
+                // The ball looks like a disc. A smaller disc with the same centre and `part` times the radius has
+                // `part`^2 times the area.
                 for part in [0.25_f32, 0.5, 0.75, 1.0] {
                     let inside = offs.iter().filter(|off| off.reject_from(axis).length() <= part).count();
                     let expected = part * part * 1024.0;

@@ -15,16 +15,16 @@ fn assert_near(found: Vec3, expected: Vec3) {
 
 #[test]
 fn the_single_triangle_seen_straight_on() {
-    // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The rest
-    // follows the shading formulas, evaluated outside this program.
+    // The ray along -z hits the triangle at (0, 0, -2), with weights 51/121, 32/121, 38/121 (solved by hand). The
+    // expected radiance follows from the shading formulas, which were evaluated outside this program.
     let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
     assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
 }
 
 #[test]
 fn the_lit_ground_of_figure_4() {
-    // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is
-    // (0, 4, 7/3): distance squared 193/9, cosine 4 / sqrt(193/9), and nothing in between.
+    // The ray along (0.75, -0.75, -1) hits y = -1 at (1, -1, -4/3). The vector to the light at (1, 3, 1) is (0, 4,
+    // 7/3): its squared length is 193/9, its cosine is 4 / sqrt(193/9), and nothing blocks the light.
     let found = pixel(&fixtures::figure_4(), [4, 4], [3, 3]);
     let square = 193.0_f64 / 9.0;
     let pi = std::f64::consts::PI;
@@ -213,7 +213,8 @@ fn a_light_behind_a_surface_gives_nothing() {
 
 #[test]
 fn what_is_nearer_than_the_bias_casts_no_shadow() {
-    // The light is behind the triangle, and the normals point towards it. A second triangle lies in between.
+    // The light is behind the triangle, and the normals point towards it. A second triangle lies between the first
+    // triangle and the light.
     let lit = |gap: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh_mut().normals.fill(Vec3::NEG_Z);
@@ -228,8 +229,8 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
 }
 
 /// The shadow ray of one of the pixel's samples rises 0.3 degrees above its triangle towards a light of the room, and
-/// runs 0.2 degrees below a neighbouring triangle. All kernels find this ray blocked, since rounding lifts its start
-/// off its plane.
+/// runs 0.2 degrees below a neighbouring triangle. All kernels find this ray blocked, since rounding lifts the ray's
+/// start off the plane of its triangle.
 #[test]
 fn a_shadow_ray_along_a_neighbour_is_uncertain() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/table.toml");

@@ -1,6 +1,5 @@
-//! A bounding volume hierarchy with which the reference verifies large meshes in seconds. It finds exactly
-//! the hits of the exhaustive search, since its boxes are padded by far more than the rounding errors of
-//! `f64`.
+//! A bounding volume hierarchy with which the reference verifies large meshes in seconds. The tree yields exactly the
+//! hits of an exhaustive search, since its boxes are padded by far more than the rounding errors of `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::leaning::{LargerHit, larger_hit, margin};
@@ -21,15 +20,15 @@ const PARALLEL: usize = 1 << 14;
 /// A binary tree of boxes around triangles.
 #[derive(Clone, Debug)]
 pub struct Tree {
-    /// The nodes depth first: an inner node's left child follows it.
+    /// The nodes in depth-first order: the left child of an inner node directly follows this node.
     nodes: Vec<Node>,
     /// The triangles in leaf order, each with its index in the mesh.
     triangles: Vec<Indexed>,
     culling: Culling,
 }
 
-/// A node in single precision, which halves the memory that a traversal reads. Corners have that precision
-/// anyway, and boxes are rounded outwards.
+/// A node in single precision, which halves the memory that a traversal reads. Corners have single precision anyway,
+/// and boxes are rounded outwards.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: Vec3,
@@ -53,14 +52,14 @@ enum Children {
 #[derive(Clone, Copy, Debug)]
 pub struct Indexed {
     corners: [Vec3; 3],
-    /// Its index in `Mesh::triangles`.
+    /// The triangle's index in `Mesh::triangles`.
     pub triangle: u32,
-    /// True if it has a mask, and so may have holes.
+    /// True if the triangle has a mask, and so may have holes.
     pub has_holes: bool,
 }
 
 impl Indexed {
-    /// Returns its corners.
+    /// Returns the triangle's corners.
     pub fn corners(&self) -> [DVec3; 3] {
         self.corners.map(Vec3::as_dvec3)
     }
@@ -95,9 +94,9 @@ impl Tree {
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance: those whose boxes, grown by `around`,
-    /// the ray hits before `far`. The visitor returns the distance up to which further triangles matter; a value not
-    /// above `ray.near` ends the traversal.
+    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles in boxes that the
+    /// ray hits before `far`, if each box is enlarged by `around`. The visitor returns the distance up to which further
+    /// triangles matter; a value not above `ray.near` ends the traversal.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
@@ -138,8 +137,8 @@ impl Tree {
     }
 }
 
-/// More levels than a tree over any mesh has. Nodes of the first levels are split where the cost is least; the
-/// others are halved by count.
+/// More levels than a tree over any mesh has. Nodes of the first levels are split where the cost is least; nodes of
+/// deeper levels are split into two parts with nearly equal numbers of triangles.
 const DEPTH: usize = 72;
 const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis, at whose borders a node may be split.
@@ -206,8 +205,8 @@ fn split(part: &mut [Indexed], level: usize) -> usize {
     middle
 }
 
-/// Returns the first bin of the right part for the cheapest split: the least sum of areas times numbers of
-/// triangles. `None` if all triangles are in one bin.
+/// Returns the first bin of the right part for the cheapest split. The cost of a split is the sum of area times number
+/// of triangles over both parts. `None` if all triangles are in one bin.
 fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
     let mut bins = [(Bounds::NONE, 0_usize); BINS];
     for t in part {
@@ -256,7 +255,7 @@ impl Bounds {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Returns half of its surface area.
+    /// Returns half of the box's surface area.
     fn area(self) -> f64 {
         let side = (self.high.as_dvec3() - self.low.as_dvec3()).max(DVec3::ZERO);
         side.x * side.y + side.y * side.z + side.z * side.x

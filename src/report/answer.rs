@@ -62,7 +62,7 @@ pub struct Speedup {
     pub range: String,
 }
 
-/// Points that all have no time for the same reason.
+/// Points without a time, all for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     /// The reason in a word: "local memory", "wrong-image".
@@ -73,7 +73,7 @@ pub struct Refused {
     pub example: String,
 }
 
-/// Returns one answer per group. Groups of the host's baselines have none.
+/// Returns one answer per group. Groups of the host's baselines get no answer.
 pub fn answers(groups: &[Group<'_>]) -> Vec<Answer> {
     groups.iter().filter(|group| group.device != HOST).map(|group| answer(group, groups)).collect()
 }

@@ -1,4 +1,4 @@
-//! A canonical form: two texts that are the same to a compiler become equal.
+//! Converts texts to a canonical form: texts that mean the same to a compiler become equal.
 
 use super::token::{Kind, Token, code, lex};
 
@@ -22,7 +22,7 @@ pub fn canonical(text: &str) -> String {
 struct Lines {
     text: String,
     line: Vec<String>,
-    /// Number of open round brackets. Within them, as in a `for`, semicolons do not end a line.
+    /// Number of open round brackets. Within round brackets, as in the head of a `for`, semicolons do not end a line.
     depth: i32,
 }
 

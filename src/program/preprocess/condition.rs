@@ -5,12 +5,12 @@ use super::macros::Macros;
 use super::token::{Kind, Token};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The known macros of the compiler, and the unknown ones that conditions use.
+/// The compiler's macros that raycl knows, and the unknown macros that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The compiler's macros, or `__has_builtin(NAME)`, and their values.
+    /// The values of the compiler's macros and of terms such as `__has_builtin(NAME)`.
     pub given: BTreeMap<String, i64>,
-    /// Names in conditions that are neither defined nor in `given`; they count as undefined.
+    /// Names that conditions use, but that neither the text nor `given` defines; they count as undefined.
     pub asked: BTreeSet<String>,
 }
 

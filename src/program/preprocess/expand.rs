@@ -48,7 +48,7 @@ impl Expander<'_> {
             return Err((token.line, format!("{} takes {wanted} arguments, not {got}", token.text)));
         }
         let mut call = token;
-        // The name and the closing bracket of a call may come from different macros. If both come
+        // The name and the closing bracket of a call may come from different macros. If the name and the bracket come
         // from the same macro, the expansion must not call this macro again.
         call.hidden.retain(|name| closing.hidden.contains(name));
         self.replace(call, called, parameters, &arguments)
@@ -98,8 +98,8 @@ impl Expander<'_> {
         (code.all(fits) && plain.iter().any(is_number)).then_some(plain)
     }
 
-    /// Replaces the line breaks of a body by lines indented like the output's last line, or by blanks within
-    /// brackets.
+    /// Replaces the line breaks of a macro's body. Within brackets, each becomes a blank. Elsewhere, each becomes a
+    /// line end, and the new line gets the indentation of the output's last line.
     fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
         let indentation = (self.depth == 0).then(|| self.indentation());
         move |token| match &indentation {
@@ -115,7 +115,7 @@ impl Expander<'_> {
         }
     }
 
-    /// Removes a blank after an empty expansion if there would be two.
+    /// Removes the blank after an empty expansion if a blank or the beginning of a line precedes the expansion.
     fn skip_space(&mut self) {
         let before = self.output.iter().rev().find(|token| token.kind != Kind::Nothing);
         let spaced = before.is_none_or(|token| matches!(token.kind, Kind::Space | Kind::NewLine));
@@ -124,7 +124,7 @@ impl Expander<'_> {
         }
     }
 
-    /// Adds a token to the output, with a blank if two tokens would be read as one.
+    /// Adds a token to the output, after a blank if an expansion would otherwise merge the token with the previous one.
     fn push(&mut self, token: Token) {
         if token.is("(") {
             self.depth += 1;
@@ -182,13 +182,13 @@ fn glued(before: &Token, after: &Token) -> bool {
     lex(&together).first().is_none_or(|first| first.text != before.text)
 }
 
-/// Replaces line ends, and comments before them, by a blank.
+/// Returns a blank for a line end or a comment that ends with its line, and any other token unchanged.
 fn in_one_line(token: Token) -> Token {
     let ends = matches!(token.kind, Kind::NewLine | Kind::Break) || token.is_line_comment();
     if ends { Token { kind: Kind::Space, text: " ".to_owned(), ..token } } else { token }
 }
 
-/// Removes blanks at both ends, and reduces the others to single ones.
+/// Removes the blanks at both ends, and replaces every other run of blanks by a single blank.
 fn trimmed(tokens: Vec<Token>) -> Vec<Token> {
     let mut kept: Vec<Token> = Vec::new();
     for mut token in tokens {

@@ -1,4 +1,4 @@
-//! Lays out the text that remains after preprocessing in lines that are easy to read.
+//! Lays out the preprocessed text in lines that are easy to read.
 
 use super::breaking::{broken, whole_brackets};
 use super::token::{Kind, Token};
@@ -8,14 +8,13 @@ use std::rc::Rc;
 /// A line of the result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {
-    /// The name of its file, as in `#line`; empty if there was none.
+    /// The name of the line's file, as given by `#line`; empty if no `#line` named a file.
     pub file: Rc<str>,
-    /// Its line number in that file. All lines of a macro's expansion have the line number of the
-    /// macro call.
+    /// The line's number in that file. All lines of a macro's expansion have the line number of the macro call.
     pub number: u32,
     /// The text.
     pub text: String,
-    /// True if it contains code, and not only a comment or nothing.
+    /// True if the line contains code; false if it is empty or contains only a comment.
     pub is_code: bool,
 }
 
@@ -51,8 +50,7 @@ impl What {
 }
 
 impl Layout {
-    /// Adds expanded text. `offset` is added to the line numbers of its tokens to get line numbers in the
-    /// file.
+    /// Adds expanded text. The line number of a token plus `offset` is its line number in the file.
     pub fn add(&mut self, file: &Rc<str>, offset: i64, text: &[Token]) {
         // A final line end does not begin another line.
         let ended = text.last().is_none_or(|last| last.kind == Kind::NewLine);
@@ -71,7 +69,7 @@ impl Layout {
                 let text: String = line.iter().map(|token| token.text.as_str()).collect();
                 self.push(file, number, What::of(line), text.trim_end().to_owned());
             }
-            // Otherwise the line was a macro call that expanded to nothing.
+            // A changed line without code was a macro call that expanded to nothing, and is left out.
         }
     }
 
@@ -102,8 +100,8 @@ impl Layout {
     }
 }
 
-/// Removes comments that are followed by directives only, up to an empty line, since they describe
-/// the removed definitions.
+/// Removes a comment if only directives follow it before the next empty line, since the comment then describes removed
+/// definitions.
 fn without_orphans(rows: Vec<Row>) -> Vec<Row> {
     let mut kept = Vec::new();
     // True if only directives, and comments on them, lie between here and the next empty line.

@@ -6,13 +6,14 @@ use std::collections::HashMap;
 /// A macro.
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
-    /// Its parameters; `None` if it is used without brackets.
+    /// The macro's parameters; `None` if the macro is used without brackets.
     pub parameters: Option<Vec<String>>,
-    /// Its body: no comments, single blanks, and a [`Kind::Break`] at the beginning of each further line.
+    /// The macro's body, without comments, with single blanks between tokens, and with a [`Kind::Break`] at the
+    /// beginning of every line but the first.
     pub body: Vec<Token>,
 }
 
-/// All macros that are defined at some point of the text.
+/// The macros that are defined at the current position in the text.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Macros(HashMap<String, Macro>);
 
@@ -21,7 +22,7 @@ impl Macros {
         self.0.get(name)
     }
 
-    /// Reads `NAME=VALUE` from a compiler's `-D`, or `NAME`, which means 1.
+    /// Reads the definition in a compiler's `-D` option: `NAME=VALUE`, or only `NAME`, which means `NAME=1`.
     pub fn define_option(&mut self, option: &str) -> Result<(), String> {
         let (name, value) = option.split_once('=').unwrap_or((option, "1"));
         self.define(&lex(&format!("{name} {value}")))
@@ -52,8 +53,8 @@ impl Macros {
     }
 }
 
-/// Returns the parameters up to the closing bracket, and the rest. Variable numbers of arguments are not
-/// supported.
+/// Returns the parameters up to the closing bracket, and the tokens after the bracket. Variable numbers of arguments
+/// are not supported.
 fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     let end = tokens.iter().position(|token| token.is(")"))?;
     let inside: Vec<_> = tokens[..end].iter().filter(|token| token.is_code()).collect();
@@ -81,7 +82,8 @@ fn laid_out(body: &[Token]) -> Vec<Token> {
     laid_out
 }
 
-/// Returns a line's indentation and its contents: no comments, single blanks, and none at either end.
+/// Returns a line's indentation and its contents, without comments and without blanks at either end. Other runs of
+/// blanks become single blanks.
 fn line(tokens: &[Token]) -> (usize, Vec<Token>) {
     let indent = tokens.first().filter(|token| token.kind == Kind::Space).map_or(0, |space| space.text.len());
     let mut line: Vec<Token> = Vec::new();

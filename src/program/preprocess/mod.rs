@@ -1,11 +1,10 @@
 //! Preprocesses a kernel's source as its compiler would: conditions are decided and macros expanded; all
 //! other text stays as written.
 //!
-//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps everything that helps a
-//! reader: comments, indentation, the file and line of everything, and the lines of a multi-line
-//! macro. A constant that had a name keeps the name as a comment. It supports only the part of
-//! OpenCL C that these kernels use: all directives of C99 except `#include`, which is resolved
-//! earlier, and macros, but not with variable numbers of arguments.
+//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps everything that helps a reader: comments,
+//! indentation, the file and line of everything, and the lines of a multi-line macro. A constant that had a name keeps
+//! the name as a comment. This preprocessor supports only what raycl's kernels use: all directives of C99 except
+//! `#include`, and macros with a fixed number of arguments. Includes are resolved earlier.
 
 mod breaking;
 mod canonical;
@@ -51,9 +50,8 @@ impl Preprocessed {
     }
 }
 
-/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. `given` contains the values of the
-/// compiler's own macros, and of `__has_builtin(NAME)`, for conditions; elsewhere in the text such macros are
-/// not expanded.
+/// Preprocesses a text with the `-D NAME=VALUE` options of a compiler. For conditions, `given` contains the values of
+/// the compiler's own macros and of `__has_builtin(NAME)`. Outside conditions, the compiler's macros are not expanded.
 ///
 /// An `#error` that is reached, an unknown directive and a wrong use of a macro are user errors.
 pub fn preprocess(source: &str, options: &str, given: &BTreeMap<String, i64>) -> Result<Preprocessed> {
@@ -88,11 +86,11 @@ fn defines(options: &str) -> Vec<&str> {
 struct Branch {
     /// True if the current branch is compiled.
     live: bool,
-    /// True if one of its branches was compiled, so that no other can be.
+    /// True if one branch of the `#if` was compiled, so that no further branch can be.
     decided: bool,
-    /// True if the text around it is compiled.
+    /// True if the text around the `#if` is compiled.
     around: bool,
-    /// Its line in the whole text.
+    /// The line of the `#if` in the whole text.
     line: u32,
 }
 
@@ -102,9 +100,9 @@ struct Preprocessor {
     branches: Vec<Branch>,
     file: Rc<str>,
     files: Vec<String>,
-    /// The difference between a line in the file and its line in the whole text.
+    /// The difference between a line's number in the file and its number in the whole text.
     offset: i64,
-    /// Text since the last directive, if it is compiled.
+    /// The text since the last directive; empty if this text is not compiled.
     text: Vec<Token>,
     layout: Layout,
 }
@@ -187,8 +185,8 @@ impl Preprocessor {
         Ok(())
     }
 
-    /// Processes `#line NUMBER "FILE"`, also in branches that are not compiled: it states the file and line
-    /// of the next line.
+    /// Processes the directive `#line NUMBER "FILE"`, even in branches that are not compiled. The directive states the
+    /// number and the file of the next line.
     fn place(&mut self, code: &[Token], line: u32) -> Result<()> {
         let next = code.first().and_then(|number| number.text.parse::<i64>().ok());
         let next = next.ok_or_else(|| self.mistake(line, "#line needs a number"))?;

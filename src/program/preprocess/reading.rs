@@ -1,5 +1,5 @@
-//! Lays out a preprocessed program for reading from top to bottom: parts under the names of their files,
-//! without functions and types that its kernels do not use.
+//! Lays out a preprocessed program for reading from top to bottom. Each part follows the name of its file. Functions
+//! and types that the program's kernels do not use are left out.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -9,13 +9,13 @@ use std::rc::Rc;
 /// A program laid out for reading.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reading {
-    /// Its parts, each under a comment with file and line.
+    /// The program's parts, each under a comment that names its file and line.
     pub text: String,
     /// Number of lines of unused functions and types that were left out.
     pub left_out: usize,
 }
 
-/// Lays out the parts of a program that `kernels` use, or all of it.
+/// Lays out the parts of a program that `kernels` use, or the whole program if `kernels` is `None`.
 pub fn read(lines: &[Line], kernels: Option<&[&str]>) -> Reading {
     let items = items(lines);
     let needed = kernels.map(|kernels| needed(&items, kernels));
@@ -49,11 +49,11 @@ fn part(items: &[&Item]) -> String {
 /// A function, a type, a variable or a pragma, with the comment before it; or a separate comment.
 struct Item<'a> {
     lines: Vec<&'a Line>,
-    /// True if an empty line precedes it.
+    /// True if an empty line precedes the item.
     apart: bool,
-    /// The name that it declares, if that can be determined.
+    /// The name that the item declares, if this name can be determined.
     name: Option<String>,
-    /// All names that it uses.
+    /// All names that the item uses.
     uses: HashSet<String>,
 }
 

@@ -5,7 +5,7 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body for a call with these arguments. An error names the line of the argument.
+/// Returns the macro's body for a call with these arguments. An error names the line of the argument.
 pub(super) fn substitute(
     macros: &Macros,
     called: &Macro,
@@ -52,7 +52,7 @@ fn as_spelled(argument: &[Token]) -> Vec<Token> {
     if spelled.is_empty() { vec![Token::new(Kind::Nothing, "", 0)] } else { spelled }
 }
 
-/// Joins the last token with the first of `right`.
+/// Joins the last token of `made` with the first token of `right`.
 fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     while made.last().is_some_and(|last| last.kind == Kind::Space) {
         made.pop();

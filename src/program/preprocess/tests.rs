@@ -292,7 +292,7 @@ fn sources() -> impl proptest::strategy::Strategy<Value = String> {
 proptest::proptest! {
     #[test]
     fn what_is_preprocessed_stays_as_it_is(source in sources()) {
-        // Some of these call F wrongly, which is an error.
+        // Some of the generated texts call the macro F wrongly, which is an error.
         if let Ok(once) = run(&source, "") {
             let again = run(&once.text(), "").map(|found| found.text());
             proptest::prop_assert_eq!(again.ok(), Some(once.text()));

@@ -17,9 +17,10 @@ pub(super) enum Kind {
     Comment,
     /// The end of a line.
     NewLine,
-    /// A line end after a backslash. In a macro's body, its text is the next line's indentation.
+    /// A line end after a backslash. In a macro's body, the token's text is the indentation of the
+    /// next line.
     Break,
-    /// A mark left by a macro with an empty expansion, which shows that the line was changed.
+    /// A mark for the empty expansion of a macro. The mark shows that the line was changed.
     Nothing,
 }
 
@@ -28,11 +29,11 @@ pub(super) enum Kind {
 pub(super) struct Token {
     pub kind: Kind,
     pub text: String,
-    /// The line on which it begins, from 1, in the whole text.
+    /// The number of the line on which the token begins, counted from 1 in the whole text.
     pub line: u32,
-    /// True if it comes from a macro.
+    /// True if the token comes from a macro.
     pub made: bool,
-    /// The macros that it came from, which it cannot call again.
+    /// The macros from which the token came; the token cannot call them again.
     pub hidden: Vec<String>,
 }
 
@@ -41,23 +42,23 @@ impl Token {
         Self { kind, text: text.into(), line, made: false, hidden: Vec::new() }
     }
 
-    /// Returns whether it is this operator or bracket.
+    /// Returns whether the token is this operator or bracket.
     pub fn is(&self, symbol: &str) -> bool {
         self.kind == Kind::Symbol && self.text == symbol
     }
 
-    /// Returns whether it matters to the compiler.
+    /// Returns whether the token matters to the compiler.
     pub fn is_code(&self) -> bool {
         matches!(self.kind, Kind::Name | Kind::Number | Kind::Literal | Kind::Symbol)
     }
 
-    /// Returns whether it is a comment that ends with its line.
+    /// Returns whether the token is a comment that ends with its line.
     pub fn is_line_comment(&self) -> bool {
         self.kind == Kind::Comment && self.text.starts_with("//")
     }
 }
 
-/// Splits a text into tokens; joined again, they are the same text.
+/// Splits a text into tokens. If the tokens are joined again, the result is the same text.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::new();
     let (mut rest, mut line) = (text, 1);
@@ -126,7 +127,7 @@ fn literal_length(text: &str, quote: char) -> usize {
     text.len()
 }
 
-/// Accepts digits, letters, points, and signs after an exponent's letter.
+/// Returns the length of a number: digits, letters, points, and signs after an exponent's letter.
 fn number_length(text: &str) -> usize {
     let mut before = ' ';
     for (at, c) in text.char_indices() {

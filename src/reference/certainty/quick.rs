@@ -1,4 +1,4 @@
-//! Finds with a few searches which pixels are certain, where that is possible.
+//! Determines with only a few searches whether a pixel is certain, if so few are enough.
 
 use super::super::beam::Beam;
 use super::super::cast::Caster;
@@ -16,19 +16,20 @@ use glam::DVec3;
 /// A ray and its hit.
 type Met = (Ray<f64>, Hit<f64>);
 
-/// The hits of one triangle by a pixel's ray.
+/// The hits of a pixel's ray on one triangle.
 struct Hits {
     triangle: u32,
-    /// By the ray itself.
+    /// The hit of the ray itself.
     centre: Met,
-    /// By the nudged rays.
+    /// The hits of the nudged rays.
     nudged: [(Reach, Met); NUDGES],
-    /// By the ray, on the triangle as rounding may change it.
+    /// The hit of the ray itself on the triangle that rounding has made larger.
     leaning: Met,
 }
 
 impl Hits {
-    /// Returns the hits of a triangle that all these rays certainly hit. `None` if one of them misses it.
+    /// Returns the hits on this triangle; `None` if one of the rays misses it, or if rounding may make the pixel's ray
+    /// miss it.
     fn of(asked: &Asked<'_>, tree: &Tree, ray: Ray<f64>, triangle: u32) -> Option<Self> {
         let mesh = &asked.caster.scene().mesh;
         let corners = mesh.corners(&mesh.triangles[triangle as usize]).map(|corner| corner.as_dvec3());
@@ -45,7 +46,7 @@ impl Hits {
         Some(Self { triangle, centre, nudged, leaning: (ray, larger.hit) })
     }
 
-    /// Returns the hit points, and those that are moved off the triangle's plane.
+    /// Returns the hit points, including points that are moved off the triangle's plane by `offs`.
     fn points(&self, offs: [DVec3; 2]) -> Points {
         let point = |(ray, hit): &Met| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
@@ -56,10 +57,10 @@ impl Hits {
     }
 }
 
-/// Returns the result of [`super::sample`] faster, if one search is enough for all nudges. This is
-/// the case under two conditions: the whole beam of nudged rays hits a single triangle first, or
-/// nothing; and the beam from each light to the hits is occluded completely or not at all. `None`
-/// if it is uncertain what the rays hit.
+/// Computes the result of [`super::sample`] faster, if one search is enough for all nudges. This is the case under two
+/// conditions: the whole beam of nudged rays hits a single triangle first, or nothing; and the beam from each light to
+/// the hits is occluded completely or not at all. `None` if it is uncertain what the rays hit, or if light grazes the
+/// triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
@@ -74,7 +75,7 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     }
     let offs = off_plane(caster, &ray, &hit);
     let shadows = Shadows::new(seen, tree, hits.points(offs), bias);
-    // Where a light is uncertain, its shadow ray is cast.
+    // If it is uncertain whether a light reaches the points, a shadow ray to this light is cast.
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &Met, cast: &dyn Fn(&Sight<f64>) -> bool| {
         let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
         caster.shaded(seen, ray, Some(hit), &reaches)

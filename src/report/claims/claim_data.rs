@@ -56,8 +56,8 @@ impl<'a> ClaimData<'a> {
         all.filter(|record| point.is(record, self.device)).collect()
     }
 
-    /// Returns the measured record of a point; if there are several, the fastest of them. The error
-    /// says why no record was measured.
+    /// Returns the measured record of a point; if a point has several, returns the fastest of them.
+    /// The error says why no record was measured.
     pub(super) fn measured(&self, point: &Point) -> Result<&'a Record, Line> {
         let records = self.records(point);
         if let Some(best) = ranking(records.iter().copied()).all().first() {
@@ -85,8 +85,8 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Tests whether a point runs. If several records match, it is enough that one of them ran, and
-    /// the line names the first of these.
+    /// Tests whether a point runs. If several records match, it is enough that one of them ran; the
+    /// line names the first record that ran.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());

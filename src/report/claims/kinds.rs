@@ -37,7 +37,8 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 
 fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
     let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
-    // Every kernel must have a record, but it need not have one for each local size.
+    // Every point must have a measured record; a point that stands for several local sizes needs
+    // only one such record.
     if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
         return missing;
     }

@@ -3,8 +3,8 @@
 //! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must
 //! hold. Only claims that do not depend on the speed of a device are tested: which of two points is
 //! faster, by how much, which block size is best, which scene fits into a memory. The same rule
-//! decides all of them: see [`Verdict::of_all`]. The published values were measured on a device
-//! that the paper does not name.
+//! decides all claims: see [`Verdict::of_all`]. The published values were measured on a device that
+//! the paper does not name.
 
 mod claim_data;
 mod kinds;
@@ -72,7 +72,7 @@ fn tested(test: &table::Test, row: &Row, runs: &[Run<'_>], device: &str) -> Vec<
     })
 }
 
-/// Contradictions within the paper that no measurement is needed to prove.
+/// Contradictions within the paper that can be shown without a measurement.
 pub const OTHER_CONTRADICTIONS: [&str; 4] = [
     "The paper's text lists five scenes, but the legend of Figure 6 has four.",
     "Figures 6 to 8 have no point at 14 x 14, although the text names this block size.",
@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // One launch has a ratio below the bound, the other one above it.
+        // In one launch, the ratio is below the bound; in the other launch, it is above the bound.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let open = claim(FALLS, &[&of(9.05)[1..]]);

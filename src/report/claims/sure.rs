@@ -1,5 +1,4 @@
-//! Computes the certainty of a comparison of two times. If the samples do not decide a test, its
-//! verdict is "unclear".
+//! Determines how certain a comparison of two times is. If the samples do not decide a test, its verdict is "unclear".
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
@@ -11,7 +10,8 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval; `None` if either record has too few samples.
     sure: Option<(f64, [f64; 2])>,
-    /// The smaller of the two records' numbers of samples; if there are too few, the smallest number in a launch.
+    /// The number of samples of the record with fewer samples; if these are too few, the smallest number of samples in
+    /// a launch.
     n: usize,
     /// The longer of the two times in milliseconds: the duration of one sample.
     frame_ms: f64,
@@ -37,8 +37,8 @@ impl Ratio {
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
     }
 
-    /// Returns whether the ratio is certainly in the range `held`, certainly outside, or whether
-    /// this is unclear. It is unclear if an end of the interval equals a bound.
+    /// Returns whether the ratio's 95% interval lies inside the range `held` or outside it. Otherwise the verdict is
+    /// unclear, also if an end of the interval equals a bound.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -104,7 +104,7 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 pub(super) struct Fastest<'a> {
     /// The fastest record and those that tie with it, fastest first.
     level: Vec<&'a Record>,
-    /// Records with too few samples. Each of them may be the fastest.
+    /// Records with too few samples. Each such record may be the fastest.
     few: Vec<&'a Record>,
 }
 
@@ -116,9 +116,9 @@ impl<'a> Fastest<'a> {
         (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
     }
 
-    /// Judges a claim about the fastest point. The claim holds if it is true of the fastest point
-    /// and of every point that ties with it, and if no point has too few samples. It does not hold
-    /// if it is true of no point that may be the fastest.
+    /// Judges a claim about the fastest point. The claim holds if it is true of the fastest point and of every point
+    /// that ties with it, and if no point has too few samples. The claim does not hold if it is true of no point that
+    /// may be the fastest.
     fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
         let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
         match all.iter().filter(|claimed| **claimed).count() {

@@ -42,9 +42,9 @@ impl Verdict {
         self.row().3
     }
 
-    /// Returns the verdict of a claim with several parts. The claim holds if all parts hold. It
-    /// does not hold if one part certainly does not hold. It cannot be tested if no part can be
-    /// tested. Otherwise it is unclear.
+    /// Returns the verdict of a claim with several parts. The claim holds if all parts hold. The
+    /// claim does not hold if one part does not hold. The claim cannot be tested if no part can be
+    /// tested. Otherwise the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {
@@ -61,7 +61,7 @@ impl Verdict {
 pub struct Line {
     /// The measurement in words.
     pub text: String,
-    /// Its verdict.
+    /// The comparison's verdict.
     pub verdict: Verdict,
     /// The measurement that would decide the comparison; empty if it is decided.
     pub decides: String,

@@ -1,17 +1,17 @@
-//! Computes the change of a point's time from one run to another. Each time is first divided by a
-//! time from the same rounds, that of the anchor or of the baselines, since a machine's speed
-//! differs between days.
+//! Computes the change of a point's time from one run to another. Since a machine's speed differs
+//! between days, each time is first divided by the time of the anchor or of the baselines in the
+//! same rounds.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the reference time by
-/// which both are divided. The reference is the time of the device's anchor. Without an anchor, it
-/// is the mean time of the baselines that both runs measured in the same rounds as the point, with
-/// the same program. Without such baselines, it is the mean time of those points of the rounds
-/// whose times changed by similar factors. Returns `None` if there is no reference, or if there are
-/// too few samples.
+/// which both are divided. The reference is the time of the device's anchor. Without an anchor, the
+/// reference is the mean time of the baselines that both runs measured in the same rounds as the
+/// point, with the same program. Without such baselines, the reference is the mean time of those
+/// points of the same rounds whose times changed by similar factors. Returns `None` if there is no
+/// reference, or if there are too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
@@ -34,7 +34,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     Some((of(after, second)?.over(of(before, first)?), against))
 }
 
-/// Compares ratios to the anchor, if both runs have the same anchor.
+/// Compares the point's two ratios to the anchor's time, if both runs have the same anchor.
 fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
     (first == second).then(|| after.over(before))
@@ -58,8 +58,8 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     beside
 }
 
-/// Returns the ratio of the measured times themselves. It includes every other difference between
-/// the runs, such as the machine's speed.
+/// Returns the ratio of the measured times themselves. This ratio includes every other difference
+/// between the runs, such as the machine's speed.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
 }
