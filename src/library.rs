@@ -56,10 +56,9 @@ impl Raycaster {
         &self.device.info.name
     }
 
-    /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render
-    /// --strategy`: a preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). If it is
-    /// `None`, the fastest strategy known for the device and the scene is used. Compiled programs are stored
-    /// in raycl's cache.
+    /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render --strategy`: a
+    /// preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). If `strategy` is `None`, the fastest
+    /// strategy known for the device and the scene is used. Compiled programs are stored in raycl's cache.
     ///
     /// # Errors
     ///
@@ -79,13 +78,14 @@ impl Raycaster {
 }
 
 impl Picture {
-    /// Writes the picture in the format of the file's extension: PNG and JPEG after the scene's display
-    /// transform, EXR and HDR as linear radiance. A file that raycl did not make is never replaced.
+    /// Writes the picture in the format of the file's extension. PNG and JPEG files contain the picture after the
+    /// scene's display transform; EXR and HDR files contain linear radiance. A file that raycl did not make is never
+    /// replaced.
     ///
     /// # Errors
     ///
-    /// Fails if the extension is none of these, if the file cannot be written, or if it exists and raycl did
-    /// not make it.
+    /// Fails if the extension names no supported format, if the file cannot be written, or if the file exists and raycl
+    /// did not make it.
     pub fn save(&self, path: &Path) -> Result<()> {
         let choice = Choice { force: false, elsewhere: "another path" };
         save(&self.radiance, self.display, &Target::new(path, choice))
@@ -102,9 +102,9 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
     layers(&loaded.scene, &loaded.object_starts, size, Culling::None)
 }
 
-/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume` it continues an
-/// interrupted run. Worker processes measure the points. Each is the calling program, started again;
-/// therefore its `main` must begin with [`serve_if_worker`].
+/// Runs an experiment as `raycl run CONFIG --out OUT --device WORD...` does. With `resume`, continues an interrupted
+/// run. Worker processes measure the points. Each worker process is the calling program, started again; therefore the
+/// program's `main` must begin with [`serve_if_worker`].
 ///
 /// # Errors
 ///
@@ -116,7 +116,7 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     Ok(run::measure(&arguments, &mut ())?.1)
 }
 
-/// Measures points and then ends the process, if this process is a worker; otherwise does nothing. Call it
+/// Measures points and then ends the process, if this process is a worker; otherwise does nothing. Call this function
 /// first in the `main` of a program that runs experiments.
 pub fn serve_if_worker() {
     if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {

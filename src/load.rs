@@ -23,7 +23,7 @@ struct Ticks {
     own: f64,
 }
 
-/// The processor time that others took during an interval.
+/// The processor time that other processes took during an interval.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load {
     /// Length of the interval in milliseconds.
@@ -41,7 +41,7 @@ pub struct Load {
     pub core_to_core_ns: Option<f64>,
 }
 
-/// Measures the processor time that others take between one reading and the next.
+/// Measures the processor time that other processes take between one reading and the next.
 pub struct Watch {
     since: Instant,
     before: Option<Ticks>,
@@ -56,7 +56,7 @@ impl Watch {
         Self { since: Instant::now(), before: ticks() }
     }
 
-    /// Returns the processor time that others took since the last reading; `None` if the system does not
+    /// Returns the processor time that other processes took since the last reading; `None` if the system does not
     /// report it or the interval is too short.
     pub fn look(&mut self) -> Option<Load> {
         let ms = self.since.elapsed().as_secs_f64() * 1e3;
@@ -110,7 +110,7 @@ fn processors() -> Option<usize> {
     Some(stat.lines().filter(is_one).count()).filter(|count| *count > 0)
 }
 
-/// Reads the first line of `/proc/stat`. Its numbers are user, nice, system, idle, iowait, irq, softirq, steal.
+/// Reads the first line of `/proc/stat`. The line's numbers are user, nice, system, idle, iowait, irq, softirq, steal.
 fn machine_ticks(stat: &str) -> Option<Ticks> {
     let numbers: Vec<f64> = stat
         .lines()
@@ -140,7 +140,7 @@ fn process_ticks(process: &str) -> f64 {
 }
 
 /// Returns the sum of fields 14 and 15 of a process's `stat` (user and system time). Field 2, the process's name, may
-/// contain any character, but it ends with the last bracket.
+/// contain any character, but it ends at the last closing bracket of the line.
 fn user_and_system(stat: &str) -> Option<f64> {
     let after_name = &stat[stat.rfind(')')? + 1..];
     let mut fields = after_name.split_whitespace().skip(11);

@@ -27,8 +27,8 @@ fn run(cli: raycl::cli::Cli) -> raycl::Result<()> {
     cli.run()
 }
 
-/// Sets environment variables for drivers. A driver reads them when it is loaded, in this process or in
-/// a worker, which inherits them.
+/// Sets environment variables for drivers. A driver reads these variables when it is loaded, in this process or in a
+/// worker process, which inherits them.
 fn set(variables: Vec<(&str, String)>) {
     for (name, value) in variables {
         // SAFETY: the program has just begun. No driver is loaded, and no other thread exists that could read
@@ -45,6 +45,6 @@ fn choose_look() {
         Some(coloured) => look.color(coloured),
         None => look,
     };
-    // This fails only if a hook is already set; that hook is then used.
+    // Setting the hook fails only if there already is a hook, which is then used.
     let _ = miette::set_hook(Box::new(move |_| Box::new(look.clone().build())));
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Memory that this process may still allocate, and the source of this figure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Available {
-    /// Bytes; `u64::MAX` if this system does not report it.
+    /// Available bytes; `u64::MAX` if the system does not report available memory.
     pub bytes: u64,
     /// The file from which the number of bytes was read.
     pub source: String,
@@ -80,8 +80,8 @@ fn kibibytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The names of three numbers in one version of control groups: the files with the limit and the use, and the
-/// key in `memory.stat` of the reclaimable part of the use.
+/// The names of three numbers in one version of control groups: the file with the limit, the file with the memory in
+/// use, and the key in `memory.stat` for the reclaimable part of the memory in use.
 struct GroupFiles {
     limit: &'static str,
     used: &'static str,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// Returns a command that starts this program, even if its file was replaced or removed since it started (by a newer
-/// build, say). Lists of processes show it as `raycl`.
+/// build, say). Lists of processes show the started program as `raycl`.
 pub fn own_program() -> Result<Command> {
     #[cfg_attr(not(unix), expect(unused_mut))]
     let mut command = Command::new(file()?);

@@ -1,7 +1,6 @@
-//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and
-//! Markdown. All such text must pass through here. Control characters could move a terminal's cursor, rename
-//! its window or forge lines of a log; they are printed as escapes such as `\u001b`, which are also valid
-//! JSON.
+//! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and Markdown. All
+//! text from others must pass through this module. Control characters could move a terminal's cursor, rename its window
+//! or forge lines of a log; they are printed as escapes such as `\u001b`, which are also valid JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -76,7 +75,7 @@ pub fn markdown(text: &str) -> String {
     shown
 }
 
-/// Prints a line to standard error. If that fails, the command continues.
+/// Prints a line to standard error. If printing fails, the command continues.
 pub fn tell(text: impl std::fmt::Display) {
     let _ = writeln!(std::io::stderr(), "{}", coloured(&text.to_string()));
 }

@@ -38,8 +38,8 @@ impl Queue {
         })
     }
 
-    /// Returns a queue that treats its device as one with separate memory, with transfers in pieces of this
-    /// many bytes. Tests use this to imitate such a device.
+    /// Returns a queue that treats its device as if it had separate memory, and transfers data in pieces of this many
+    /// bytes. Tests use this queue to imitate a device with separate memory.
     #[must_use]
     pub fn apart(self, piece_bytes: usize) -> Self {
         Self { shares_memory: false, staging: Arc::new(Staging::of(piece_bytes)), ..self }

@@ -57,7 +57,7 @@ impl Prepared {
         let [across, down] = self.workload.local_size.map(|n| n as usize);
         kernel.global_work_size([items.next_multiple_of(across), down]).local_work_size([across, down]);
         let kernel = kernel.build()?;
-        // SAFETY: its arguments were checked; the kernel accesses no ray beyond their count.
+        // SAFETY: the kernel's arguments were checked; the kernel accesses no ray beyond `ray_count`.
         unsafe { kernel.cmd().queue(&queue.commands).enq()? };
         let mut triangles = vec![0; rays.len()];
         nearest.read(&mut triangles).enq()?;
@@ -88,7 +88,7 @@ fn pack(ray: &Ray) -> [Float4; 2] {
     [Float4::new(from.x, from.y, from.z, ray.t_min), Float4::new(to.x, to.y, to.z, 0.0)]
 }
 
-/// Prepares the planes of every triangle for the rays' origin, if the test needs them.
+/// Prepares each triangle's planes for the rays' common origin, if the ray-triangle test needs planes.
 fn prepare(
     queue: &Queue,
     program: &BuiltProgram,
@@ -111,7 +111,7 @@ fn prepare(
     let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
     size_for_preparing(&mut kernel, scene.triangle_count, 1);
     let kernel = kernel.build()?;
-    // SAFETY: as above; `prepared` has one row per triangle.
+    // SAFETY: the kernel's arguments were checked; `prepared` has one row per triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };
     Ok(Some(prepared))
 }

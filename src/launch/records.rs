@@ -1,4 +1,4 @@
-//! Records of triangles: data for the ray-triangle test that is computed once per scene.
+//! Records of triangles: data that is computed once per scene, for the ray-triangle test.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -18,7 +18,8 @@ pub(super) struct Records {
 }
 
 impl Records {
-    /// Prepares the records from a scene's arguments and waits for them; `None` if the strategy uses none.
+    /// Prepares the records from a scene's kernel arguments, and waits until the records are ready; `None` if the
+    /// strategy uses no records.
     pub fn prepare(
         queue: &Queue,
         program: &BuiltProgram,
@@ -40,8 +41,8 @@ impl Records {
             let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
             size_for_preparing(&mut kernel, triangles, 1);
             let kernel = kernel.build()?;
-            // SAFETY: its arguments were checked; it writes one record per triangle, and the buffer has room
-            // for them.
+            // SAFETY: the kernel's arguments were checked; the kernel writes one record per triangle, and the buffer
+            // has room for all records.
             unsafe { kernel.cmd().queue(&queue.commands).enew(&mut event).enq()? };
             queue.commands.finish()?;
         }

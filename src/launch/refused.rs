@@ -8,11 +8,11 @@ use crate::strategy::Infeasible;
 /// The obstacle that prevents a strategy from being cast.
 #[derive(Debug)]
 pub enum Refused {
-    /// The strategy contradicts itself, or a kernel file has a mistake: a mistake of the user.
+    /// The user made a mistake: the strategy contradicts itself, or a kernel file has an error.
     Mistake(Error),
-    /// The strategy needs more than the device has, or does not support something that the scene has.
+    /// The strategy exceeds a limit of the device (such as its memory), or does not support a part of the scene.
     Device(Infeasible),
-    /// It needs more memory than the host has.
+    /// The strategy needs more memory than the host has.
     Host(Infeasible),
     /// The compiler rejects its program.
     Build(BuildError),
@@ -33,7 +33,7 @@ const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
 impl Refused {
-    /// Adds the name of the step in which a launch failed.
+    /// Adds to an error the name of the step that failed.
     pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
         move |error| Self::Launch { step, error }
     }
@@ -48,7 +48,7 @@ impl Refused {
         }
     }
 
-    /// Returns the error that ends a command, for commands that have nothing else to cast on `device`.
+    /// Returns the error that ends a command, for a command that casts nothing else on `device`.
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
         let too_large =

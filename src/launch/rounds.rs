@@ -1,4 +1,4 @@
-//! The kernels of a frame whose tiles are shared by groups of work-items. Lights are processed in rounds.
+//! The kernels of a frame in which the work-items of a group share each tile. Lights are processed in rounds.
 
 use super::frame::Phase;
 use super::parts::{Parts, size_for_preparing};
@@ -13,16 +13,16 @@ use ocl::Buffer;
 use ocl::prm::Float4;
 use std::ops::Range;
 
-/// Casts frames in tiles that groups share.
+/// Casts frames in tiles, each of which is shared by the work-items of a group.
 pub(super) struct Rounds<'p, 'a> {
     parts: &'p Parts<'a>,
     shared: &'a Shared,
     arguments: Arguments<'a>,
     /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
-    /// True if the shading kernel also casts the leftover shadow rays. It then stores each pixel as soon as the
-    /// shadow rays of the pixel's only primary ray are decided. This is impossible if frames cast several samples of
-    /// a pixel.
+    /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each pixel as
+    /// soon as the shadow rays of the pixel's only primary ray are decided. False if frames cast several samples of a
+    /// pixel, since a pixel then has several primary rays.
     shades_left_over: bool,
 }
 
@@ -43,7 +43,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
     }
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
-    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). It casts shadow rays, then leftover
+    /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then leftover
     /// shadow rays (each by a whole group), and then shades.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
@@ -79,7 +79,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
         let setup = &self.parts.setup;
-        // The sky is the last light source. Its shadow rays have no common origin, so it needs no planes.
+        // The sky is the last light source. Shadow rays of the sky have no common origin, so the sky needs no planes.
         let left = setup.uploaded.light_count.saturating_sub(first_light);
         let lights = left.min(setup.strategy.lights_of_round());
         let origins = if first { 0 } else { 1 }..1 + lights;

@@ -1,5 +1,6 @@
 //! Several samples per pixel: device buffers with the number of samples of each block of pixels, and the kernel that
-//! marks rough blocks, which get more samples because neighbouring pixels differ visibly after the first ones.
+//! marks rough blocks. Rough blocks get more samples, because neighbouring pixels in them differ visibly after the
+//! first samples.
 
 use super::arguments::{Arguments, WANTED};
 use super::buffers::allocate;
@@ -21,12 +22,12 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
-    /// The rough blocks, which also get the samples after the first round, and their number.
+    /// The rough blocks, and their number. Only rough blocks get the samples that follow the first round.
     rough: Buffer<u32>,
     rough_counter: Buffer<u32>,
     /// The position of each sample of a frame within its pixel.
     places: Buffer<f32>,
-    /// For each pixel, the number of its samples that hit something; only if a picture of the sky is behind everything.
+    /// For each pixel, the number of its samples that hit something; `None` unless the scene has a picture of the sky.
     hits_before: Option<Buffer<u32>>,
     size: [u32; 2],
     mark: Option<Step>,
@@ -190,7 +191,8 @@ mod tests {
         }
     }
 
-    /// A picture of 13 x 9 pixels. The kernel that marks its rough blocks runs alone, without the rest of a frame.
+    /// A picture of 13 x 9 pixels. The kernel that marks the picture's rough blocks runs alone, without the rest of a
+    /// frame.
     struct Marking {
         device: Alone,
     }
@@ -246,8 +248,8 @@ mod tests {
         }
     }
 
-    /// The edge lies between a pixel and the one to its left, or the one above it. A block is rough if it contains at
-    /// least one of these two pixels.
+    /// The edge lies between a pixel and the pixel to its left, or the pixel above it. A block is rough if it contains
+    /// at least one of the two pixels at the edge.
     #[test]
     fn an_edge_is_in_the_blocks_on_both_its_sides() {
         let marking = Marking::new();

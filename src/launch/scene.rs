@@ -32,7 +32,7 @@ pub(super) struct Sets<I: ocl::OclPrm> {
 }
 
 impl<I: ocl::OclPrm> Sets<I> {
-    /// Returns its buffers as arguments; `of` turns an index buffer into an argument.
+    /// Returns the sets' buffers as arguments; `of` turns an index buffer into an argument.
     pub fn arguments<'a>(&'a self, of: impl Fn(&'a Buffer<I>) -> Argument<'a>) -> Arguments<'a> {
         Arguments::default()
             .with("position_set", &self.positions)
@@ -95,8 +95,8 @@ pub(super) fn move_lights(queue: &Queue, buffer: &Buffer<f32>, lights: &[Light])
     Ok(())
 }
 
-/// Replaces the lights on a device by the lights of a scene with the same number of lights. Also
-/// replaces the sky if it has changed; the size of the sky's picture must stay the same.
+/// Replaces the lights on a device by those of another scene, which must have the same number of lights. Also replaces
+/// the sky if it has changed; the size of the sky's picture must stay the same.
 pub(super) fn light_anew(
     queue: &Queue,
     uploaded: &DeviceScene,

@@ -14,9 +14,9 @@ use crate::scene::{Sampling, Scene};
 use crate::strategy::{HostNeeds, Infeasible, Requirements, Strategy, Workload};
 use std::sync::Arc;
 
-/// A scene on an open device. For a strategy and sizes, it checks that they are valid and fit into the memory of
-/// device and host. It then builds the tree and the program, uploads the scene and the tree, and returns a
-/// `Prepared`, which makes casters. Its strategies share the scene.
+/// A scene on an open device. The session checks that a strategy and its sizes are valid and fit into the memory of
+/// device and host. The session then builds the tree and the program, uploads the scene and the tree, and returns a
+/// `Prepared`, which makes casters. All strategies of a session share the scene.
 pub struct Session {
     queue: Queue,
     scene: Arc<Scene>,
@@ -60,13 +60,13 @@ impl Session {
         }
     }
 
-    /// Sets the limits of a smaller device.
+    /// Sets lower limits, such as those of a smaller device.
     #[must_use]
     pub fn limited(self, limits: DeviceLimits) -> Self {
         Self { limits, ..self }
     }
 
-    /// Sets which built-ins kernels may use.
+    /// Sets the compiler's built-in functions that kernels may use.
     #[must_use]
     pub fn with_builtins(self, builtins: Builtins) -> Self {
         Self { builtins, ..self }
@@ -78,10 +78,9 @@ impl Session {
         Self { kept, ..self }
     }
 
-    /// Sets how many devices with the same name and lower numbers cast in this process. If there
-    /// are any, this session's programs get an additional define: PoCL 5.0 is aborted by an
-    /// assertion (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one
-    /// process.
+    /// Sets how many devices of the same name, but with lower numbers, cast in this process. If this count is above 0,
+    /// this session's programs get an additional define: PoCL 5.0 is aborted by an assertion
+    /// (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
@@ -124,7 +123,7 @@ impl Session {
         Arc::ptr_eq(&self.scene, scene)
     }
 
-    /// Returns which of the compiler's built-ins kernels may use.
+    /// Returns the compiler's built-in functions that kernels may use.
     pub fn builtins(&self) -> Builtins {
         self.builtins
     }
@@ -229,14 +228,13 @@ impl Session {
         HostNeeds::of(strategy, workload, self.queue.shares_memory, self.verifies)
     }
 
-    /// Refuses a strategy that does not fit into the memory of device or host in addition to what other
-    /// strategies hold.
+    /// Refuses a strategy if it does not fit into the memory of the device or host that other strategies leave free.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
         let held_bytes = self.held.beside(strategy);
         let limits =
             DeviceLimits { global_bytes: self.limits.global_bytes.saturating_sub(held_bytes), ..self.limits };
         Requirements::check(strategy, workload, &limits).map_err(|refused| {
-            // Of a device's memories, strategies share only global memory.
+            // Strategies share global memory, but no other memory of a device.
             let shared = refused.reason.starts_with("global memory");
             Refused::Device(if shared { beside(refused, held_bytes) } else { refused })
         })?;
@@ -248,7 +246,7 @@ impl Session {
     }
 }
 
-/// Adds to the reason how much of a shared memory other strategies hold.
+/// Adds to the reason for a refusal how many bytes of the memory other strategies use.
 fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;

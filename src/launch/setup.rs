@@ -26,7 +26,7 @@ pub(super) struct Setup<'a> {
     pub scene: &'a Scene,
     /// The scene on the device.
     pub uploaded: &'a DeviceScene,
-    /// Its tree, if the strategy uses one.
+    /// The scene's tree on the device, if the strategy uses a tree.
     pub tree: Option<&'a DeviceTree>,
 }
 
@@ -49,7 +49,7 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// The buffer for a frame's working vectors, if they need one.
+/// The buffer for a frame's working vectors, if they need a buffer.
 pub(super) enum Working {
     None,
     Scratch(Buffer<f32>),

@@ -1,4 +1,4 @@
-//! Buffers that pass results from kernel to kernel, for tiles that are shared by groups of work-items.
+//! Buffers that pass results from kernel to kernel, for tiles that are each shared by the work-items of a group.
 
 use super::Queue;
 use super::buffers::allocate;
@@ -6,17 +6,17 @@ use ocl::Buffer;
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::prm::Uint2;
 
-/// Number of groups per compute unit that cast leftover shadow rays. With fewer, scenes of millions of small
-/// triangles take longer (16: 14% more at three million); with more, all other scenes take longer (64: 3 to 4%
-/// more on the bunny and the dragon; NVIDIA H200, 2026-11-20).
+/// Number of groups that cast leftover shadow rays, per compute unit. With fewer groups, scenes of millions of small
+/// triangles take longer (16 groups: 14% longer at three million triangles). With more groups, all other scenes take
+/// longer (64 groups: 3 to 4% longer on the bunny and the dragon). Measured on an NVIDIA H200, 2026-11-20.
 const GROUPS_A_UNIT: usize = 32;
 
 /// Buffers between the kernels of a round of lights.
 pub(super) struct Shared {
     /// The lights that reach the hit of a ray from the eye, one bit per light.
     pub lit: Buffer<u32>,
-    /// Rays from the eye that have leftover shadow rays, each with the lights of these shadow rays; at most one entry
-    /// per ray from the eye.
+    /// The queue: an entry for each ray from the eye that has leftover shadow rays, with the lights of those shadow
+    /// rays.
     pub queue: Buffer<Uint2>,
     /// Number of entries in the queue.
     pub queued: Buffer<i32>,

@@ -40,7 +40,7 @@ impl SharedScene {
         self.trees.get(&Kind::of(strategy).tree?).cloned()
     }
 
-    /// Uploads the tree of a strategy, if it uses one. The tree was built early or is built now.
+    /// Uploads the tree of a strategy, if the strategy uses a tree. Builds the tree first, unless it was built early.
     pub fn build_tree(
         &mut self,
         queue: &Queue,

@@ -49,9 +49,9 @@ impl ShowProgram {
         self.built.build_ms
     }
 
-    /// Applies the display transform to an image's rows. `take` receives them from the top as red, green and
-    /// blue, in multiples of `together` rows except for the last call. Returns the number of pixels that hit
-    /// something, or `None` if a pixel is not finite, since it cannot be displayed.
+    /// Applies the display transform to an image's rows. `take` receives the rows from top to bottom, as red, green and
+    /// blue bytes. Each call except the last receives a multiple of `together` rows. Returns the number of pixels that
+    /// hit something, or `None` if a pixel is not finite, since it cannot be displayed.
     pub(super) fn read(
         &self,
         queue: &Queue,
@@ -117,7 +117,7 @@ mod tests {
     /// A size that is neither a multiple of a work-item's pixels nor of a piece's rows.
     const SIZE: [u32; 2] = [37, 101];
 
-    /// Returns a queue on a CPU that is treated as a device with separate memory, with small pieces.
+    /// Returns a queue that treats a CPU as a device with separate memory, and transfers images in small pieces.
     fn queue() -> Queue {
         queue_of(2000)
     }
@@ -167,7 +167,7 @@ mod tests {
     fn every_byte_is_the_hosts() {
         let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
         let pixels = radiances();
-        // In pieces, and all at once.
+        // The first queue transfers the image in pieces, the second all at once.
         let queues = [queue(), queue_of(1 << 20)];
         let displays = [Display::default(), display(1.0, 1.0), display(0.0, 2.2), display(1e6, 5.0)];
         for (display, queue) in

@@ -13,14 +13,15 @@ use std::time::Instant;
 
 /// Number of parts into which a trial frame is divided, to measure the cost of each.
 const PARTS: usize = 32;
-/// Pixel rows of the first trial frame; each later one has twice as many, until it takes long enough.
+/// Pixel rows of the first trial frame. Each later trial frame has twice as many, until one takes long enough.
 const TRIAL_ROWS: u32 = 256;
-/// Least time of a trial frame; a shorter frame would not fill a device or show how the cost is distributed.
+/// Minimum time of a trial frame. A shorter frame would not fill a device, and would not show how the cost is
+/// distributed.
 const TRIAL_MS: f64 = 5.0;
 /// Number of casts per measurement; their smallest or median time is used.
 const CASTS: usize = 3;
-/// A device this many times slower than the fastest could save at most a tenth of the frame's time,
-/// and would cost time if its rows took slightly longer than measured.
+/// A device is left out if it takes more than this many times as long as the fastest. Such a device could save at most
+/// a tenth of the frame's time, and would cost time if its rows took slightly longer than measured.
 const SLOWEST: f64 = 10.0;
 
 /// A frame to be cast by several devices.
@@ -70,7 +71,7 @@ pub struct Share {
     pub upload_ms: f64,
     /// The times of each cast.
     pub frames: Vec<FrameTimes>,
-    /// Time for reading its rows back.
+    /// Time for reading the device's rows back.
     pub read_ms: f64,
 }
 
@@ -146,7 +147,7 @@ impl Ready {
     }
 }
 
-/// The devices that cast together, and the cost on each.
+/// The devices that cast a frame together, and the cost of the frame on each device.
 struct Team<'a> {
     ready: Vec<&'a Ready>,
     costs: Vec<Cost>,
@@ -198,7 +199,8 @@ impl Split<'_> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
         let label = device.info.label.clone();
-        // GPUs with the same name can share a compiled program, so they are not counted as twins.
+        // GPUs with the same name can share a compiled program, so only CPUs count as twins (devices with the same
+        // name).
         let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
         let session = session.sampling(self.sampling);
@@ -208,8 +210,8 @@ impl Split<'_> {
         Ok(Ready { label, strategy: *strategy, prepared, build_ms })
     }
 
-    /// Returns the devices that cast: all devices, or only as many as make a trial frame faster
-    /// than the fastest device alone.
+    /// Returns the devices that cast. As long as the remaining devices together do not cast a trial frame faster than
+    /// the fastest device alone, the slowest device is removed.
     fn team<'a>(&self, ready: &'a [Ready]) -> Result<(Team<'a>, Vec<LeftOut>)> {
         let costs = vec![Cost { whole_ms: 1.0, parts: Vec::new() }; ready.len()];
         let mut team = Team { ready: ready.iter().collect(), costs };
@@ -234,9 +236,9 @@ impl Split<'_> {
         Ok((team, left_out))
     }
 
-    /// Returns the size of a trial frame: the smallest that keeps the fastest device busy for a while, or the
-    /// full frame. Also measures each device's time for the trial frame, and leaves out devices that are much
-    /// slower, since a larger frame would only increase the difference.
+    /// Returns the size of a trial frame: the smallest that keeps the fastest device busy for a while, or the full
+    /// frame. Also measures each device's time for the trial frame, and removes devices that are much slower than the
+    /// fastest, since a larger frame would only increase the difference.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;
@@ -318,9 +320,9 @@ fn together_ms(team: &Team<'_>, image_size: [u32; 2]) -> Result<f64> {
     Ok(times.into_iter().fold(0.0, f64::max))
 }
 
-/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1
-/// miscounts the users of a kernel if two devices of one process compile the kernel at the same
-/// time, and aborts when they release it.
+/// Does the first cast, in which the driver may compile, on one device at a time. PoCL 3.1 miscounts the users of a
+/// kernel if two devices of one process compile the kernel at the same time, and aborts when the devices release the
+/// kernel.
 fn cast_first(caster: &Caster) -> Result<()> {
     static TURN: Mutex<()> = Mutex::new(());
     // The lock guards no data, only the order, so a panic of its holder is harmless.
@@ -328,7 +330,8 @@ fn cast_first(caster: &Caster) -> Result<()> {
     caster.cast().map(drop).map_err(failed)
 }
 
-/// Returns the time of the fastest of a few casts; one more cast precedes them, in which the driver may compile.
+/// Returns the shortest time of a few casts. The timed casts follow one that is not timed, in which the driver may
+/// compile.
 fn fastest_ms(caster: &Caster) -> Result<f64> {
     cast_first(caster)?;
     Ok(cast_times(caster)?.into_iter().fold(f64::INFINITY, f64::min).max(1e-6))

@@ -1,16 +1,16 @@
-//! Pinned memory of the host, which a device with separate memory can access directly, without a copy by the
-//! driver. It consists of two pieces: one is filled or emptied while the other is transferred.
+//! Pinned memory of the host, which a device with separate memory can access directly, without a copy by the driver.
+//! The pinned memory consists of two pieces: one is filled or emptied while the other is transferred.
 
 use ocl::core::{enqueue_read_buffer, enqueue_write_buffer};
 use ocl::{Buffer, Event, MapFlags, MemFlags, MemMap, OclPrm, Queue};
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// Size of a piece in bytes: large enough that starting a transfer takes no noticeable time, and that all
-/// cores have work.
+/// Size of a piece in bytes: large enough that the cost of starting a transfer is negligible, and that all cores have
+/// work.
 const PIECE_BYTES: usize = 16 << 20;
 
-/// The pinned memory of a queue. It is allocated at first use, since pinning takes longer than a short
+/// The pinned memory of a queue. Pinned memory is allocated at first use, since pinning takes longer than a short
 /// transfer.
 #[derive(Debug)]
 pub(super) struct Staging {
@@ -41,7 +41,7 @@ impl Staging {
         (self.piece_bytes / unit).max(1) * together
     }
 
-    /// Writes a buffer's rows of `row` values; `fill` computes them piece by piece.
+    /// Writes the rows of a buffer, each with `row` values; `fill` computes the rows piece by piece.
     pub fn write<T: OclPrm>(
         &self,
         commands: &Queue,
@@ -60,7 +60,8 @@ impl Staging {
                 let values = pieces.values(half, rows.len() * row);
                 fill(rows.clone(), values);
                 let mut event = Event::empty();
-                // SAFETY: the values stay in place until the event has completed; this function or `with` waits for it.
+                // SAFETY: the values stay in place until the event has completed; this function or `with` waits for the
+                // event.
                 unsafe {
                     enqueue_write_buffer(
                         commands,
@@ -79,7 +80,7 @@ impl Staging {
         })
     }
 
-    /// Reads rows of `row` values piece by piece, in multiples of `together` rows except for the last piece.
+    /// Reads rows of `row` values piece by piece. Each piece except the last has a multiple of `together` rows.
     /// `enqueue` returns the buffer that contains the rows, and their offset; `take` receives the rows.
     pub fn read<T: OclPrm>(
         &self,
@@ -132,7 +133,7 @@ impl Staging {
         bytes: usize,
         work: impl FnOnce(&mut Pieces) -> ocl::Result<()>,
     ) -> ocl::Result<()> {
-        // If a holder panicked, the memory can still be used.
+        // If a thread panicked while it held the lock, the memory can still be used.
         let mut kept = self.pieces.lock().unwrap_or_else(PoisonError::into_inner);
         let pieces = match kept.take() {
             Some(pieces) if pieces.bytes() >= bytes => pieces,
@@ -148,7 +149,7 @@ impl Staging {
 /// An empty list of events to wait for: the queue is in order.
 const NO_EVENTS: Option<&Event> = None;
 
-/// Rows divided into pieces of equal size; the last may be smaller.
+/// Rows divided into pieces of equal size; the last piece may be smaller.
 struct Cut {
     rows: Range<usize>,
     piece: usize,

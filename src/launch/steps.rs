@@ -61,7 +61,7 @@ impl Step {
     }
 }
 
-/// Returns dimensions across and down, each times 2^`bits`.
+/// Returns the dimensions across and down, each multiplied by 2^`bits`.
 fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     match size {
         SpatialDims::Two(across, down) => SpatialDims::Two(across << bits, down << bits),
@@ -69,8 +69,8 @@ fn finer(size: SpatialDims, bits: u32) -> SpatialDims {
     }
 }
 
-/// Returns dimensions that are reduced to the rows of work-groups that `tiles` tiles need. In a
-/// work-group, each row of work-items casts one tile.
+/// Returns smaller dimensions, with only as many rows of work-groups as `tiles` tiles need. In a work-group, each row
+/// of work-items casts one tile.
 fn rows_for(tiles: usize, size: SpatialDims, local: SpatialDims) -> SpatialDims {
     match (size, local) {
         (SpatialDims::Two(across, down), SpatialDims::Two(local_across, local_down)) => {
@@ -94,7 +94,7 @@ mod tests {
             let [all, local] = [[320, 64], [32, local_down]].map(|[x, y]| SpatialDims::Two(x, y));
             rows_for(tiles, all, local).to_lens().map(|lens| lens[1])
         };
-        // Ten work-groups side by side, of one tile each, or of four.
+        // Ten work-groups side by side, first with one tile in each, then with four.
         assert_eq!([0, 1, 10, 11, 9999].map(|tiles| size(tiles, 1).ok()), [1, 1, 1, 2, 64].map(Some));
         assert_eq!([1, 40, 41, 9999].map(|tiles| size(tiles, 4).ok()), [4, 4, 8, 64].map(Some));
     }

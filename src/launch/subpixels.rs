@@ -23,9 +23,9 @@ fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
-/// Returns the finest division of pixels in a frame of a strategy, as the binary logarithm of the
-/// sub-pixels across. Only tiles have places for several rays of one pixel. If the sky's picture is
-/// seen, pixels are not divided, since the kernel that adds the picture supports only whole pixels.
+/// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the sub-pixels across. Only
+/// tiles have room for several rays of one pixel. If the sky's picture is seen, pixels are not divided, since the
+/// kernel that adds the picture supports only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -43,9 +43,9 @@ pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
     fits.then(|| tile.iter().map(|rays| side / rays).product())
 }
 
-/// Distributes the samples of one round (the first samples of every pixel, or the others) over frames that divide
-/// pixels at most as finely as `most_bits`. Most sub-pixels of a frame have a sample; the remaining samples are cast
-/// one by one.
+/// Distributes the samples of one round (the first samples of every pixel, or the later ones) over frames. A frame
+/// divides a pixel into at most 2^`most_bits` sub-pixels across. Most sub-pixels of a frame have a sample; the
+/// remaining samples are cast one by one.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;
@@ -55,8 +55,8 @@ pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<It
     })
 }
 
-/// Adds the samples that a frame casts to its arguments, and returns how finely the frame divides pixels. All samples
-/// belong to one round. A single sample is at the centre of its pixel; the camera is shifted instead.
+/// Adds a frame's samples to the frame's arguments, and returns how finely the frame divides pixels. All samples belong
+/// to one round. A single sample is at the centre of its pixel; the camera is shifted instead.
 pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample]) -> (Arguments<'a>, u32) {
     let bits = bits_for(samples.len());
     let place = |axis: usize| {
@@ -68,8 +68,8 @@ pub(super) fn subpixel_arguments<'a>(arguments: Arguments<'a>, samples: &[Sample
     (arguments.with("sample_x", place(0)).with("sample_y", place(1)), bits)
 }
 
-/// Returns the position of a frame's sample within its pixel. A sub-pixel without a sample gets the
-/// first sample's place.
+/// Returns the position of a frame's sample within its pixel. A sub-pixel without a sample gets the position of the
+/// first sample.
 fn place_of(samples: &[Sample], number: usize) -> [f32; 2] {
     let sample = samples.get(number).or(samples.first()).filter(|_| samples.len() > 1);
     sample.map_or([CENTRE; 2], |sample| sample.offset.map(|offset| CENTRE + offset))
@@ -81,8 +81,8 @@ pub(super) fn places(samples: &[Sample]) -> Vec<f32> {
     (0..room(MOST_BITS)).flat_map(|number| place_of(samples, number)).collect()
 }
 
-/// Returns the number of the sample that a lane casts, counted within the frame. cl/tile_cpu/camera.cl has the same
-/// function.
+/// Returns the index of the sample that a lane casts, among the samples of the frame. cl/tile_cpu/camera.cl has the
+/// same function.
 fn number_of_lane(bits: u32, lane: usize) -> usize {
     let last = (1 << bits) - 1;
     ((lane % SIDE) & last) | ((lane / SIDE) & last) << bits

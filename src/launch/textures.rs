@@ -47,7 +47,7 @@ impl DeviceTextures {
     }
 }
 
-/// Writes a triangle's row; with mip levels, it is longer.
+/// Writes a triangle's row; the row is longer if textures have mip levels.
 fn write_row(row: &mut [f32], mesh: &Mesh, triangle: usize) {
     let words = mesh.textures.mapped[triangle].to_words();
     let (place, texel) = row.split_at_mut(words.len());
@@ -73,8 +73,8 @@ pub(super) fn word_count(textures: &Textures) -> usize {
     head_words(textures) + own.map(|(_, texture)| texture.texels.len()).sum::<usize>()
 }
 
-/// Returns the first earlier texture with the same texels, if there is one: a picture may have two wrap modes, or
-/// be both a colour and a mask.
+/// Returns the first earlier texture with the same texels, if there is one: textures of one picture may differ in their
+/// wrap mode, or one may be a colour and the other a mask.
 fn shares(textures: &Textures, number: usize, texture: &Texture) -> Option<usize> {
     textures.list[..number].iter().position(|other| Arc::ptr_eq(&other.texels, &texture.texels))
 }

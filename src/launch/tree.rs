@@ -10,7 +10,7 @@ use crate::strategy::{HostNeeds, Requirements, Strategy, Traversal, Workload};
 use ocl::Buffer;
 use std::time::Instant;
 
-/// Stack sizes are multiples of this many entries, so that scenes of similar depth share a program.
+/// Stack sizes are multiples of this many entries, so that scenes whose trees have similar depths share a program.
 const STACK_STEP: usize = 32;
 
 /// The nodes of a tree, and its triangles in leaf order.
@@ -60,7 +60,7 @@ impl HostTree {
     }
 }
 
-/// Normals in leaf order, and the materials that they refer to.
+/// The triangles' normals and material indices in leaf order, and all materials.
 #[derive(Debug)]
 pub(super) struct Surfaces {
     pub normals: Buffer<f32>,

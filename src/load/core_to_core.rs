@@ -1,7 +1,6 @@
 //! Measures core-to-core latency: how long a cache line takes from one processor to another. A virtual machine's
-//! processors are threads of its host, and the host may move them: two of them may share a core, or run on distant
-//! cores.
-//! All kernels that share data between work-groups become faster or slower with this latency.
+//! processors are threads of its host, and the host may move these threads: two of them may share a core, or run on
+//! distant cores. All kernels that share data between work-groups become faster or slower with this latency.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -10,7 +9,7 @@ use std::time::{Duration, Instant};
 
 /// The number of round trips of one timed piece. A piece takes tens of microseconds, so few pieces are interrupted.
 const ROUND_TRIPS: u32 = 100;
-/// The number of pieces; the fastest one counts.
+/// The number of timed pieces; the fastest piece is the result.
 const PIECES: u32 = 5;
 /// If the measurement takes longer than this, the processors are assumed to be busy with other programs.
 const PATIENCE: Duration = Duration::from_millis(5);
@@ -25,9 +24,9 @@ const PING: u32 = 0;
 const PONG: u32 = 1;
 const OVER: u32 = 2;
 
-/// Returns the time in nanoseconds that a cache line takes from one processor to another: half a round trip. The
-/// two processors are the first ones on which the calling thread may run. Returns `None` if it may run on only one, if
-/// the system does not pin threads, or if other programs keep the processors busy.
+/// Returns the time in nanoseconds that a cache line takes from one processor to another: half a round trip. The two
+/// processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on only one
+/// processor, if the system does not pin threads, or if other programs keep the processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
     let [first, second] = two_processors()?;
     let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);
@@ -82,7 +81,7 @@ fn two_processors() -> Option<[usize; 2]> {
     Some([processors.next()?, processors.next()?])
 }
 
-/// Pins the calling thread to a processor. Returns false if the system refuses this.
+/// Pins the calling thread to a processor. Returns false if the system refuses to pin the thread.
 fn pin(processor: usize) -> bool {
     let mut only = CpuSet::new();
     only.set(processor);

@@ -8,26 +8,27 @@ pub const NO_HIT: i32 = i32::MAX;
 /// Number of floats in a row. A row contains a triangle of a leaf, or the planes that are prepared for a triangle and a
 /// common origin of rays.
 pub const ROW_FLOATS: usize = TRIANGLE_WORDS;
-/// Number of working vectors of a ray, with three floats each. They are arrays in the paper.
+/// Number of working vectors of a ray, with three floats each. The paper keeps working vectors in arrays.
 pub const WORKING_VECTORS: usize = 9;
 /// Number of floats of a triangle without shared vertices: corners 9, normals 9, material 8.
 pub const SOUP_FLOATS: usize = 18 + Material::FLOATS;
 /// Number of floats of a light: position and power.
 pub const LIGHT_FLOATS: usize = 6;
-/// Number of floats of the sky, which precede the lights' radii: its radiance at zenith and horizon, the upward
-/// direction, and its reach (surfaces farther away do not block it).
+/// Number of floats that describe the sky: its radiance at zenith and horizon, the upward direction, and its reach
+/// (surfaces farther away do not block the sky). In the buffer, the lights' radii follow these floats.
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// Side in pixels of the blocks whose pixels get equally many samples. The vectors of a tile cover such blocks.
+/// Side in pixels of the blocks whose pixels get equally many samples. A vector of rays in a tile covers one block, if
+/// each pixel has one ray.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// A block of pixels gets more samples if neighbouring pixels in it or directly around it differ in a channel by more
-/// than this many 8-bit steps, as displayed.
+/// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ by more
+/// than this in a channel. The difference is counted in 8-bit steps of the displayed picture.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
-/// and down. The filter of soft light covers the same number of pixels.
+/// and down. The filter of soft light covers equally many pixels across and down.
 pub const INTERLEAVED: u32 = 4;
-/// How fast a pixel's weight in the filter of soft light falls as its unoccluded light differs from that of the
+/// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from that of the
 /// filtered pixel.
 pub const HALF_LIGHT_SHARPNESS: u32 = 50;
 /// Number of work-items that share a tile.

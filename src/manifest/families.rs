@@ -10,7 +10,7 @@ use super::define_lists::*;
 use super::parameters::*;
 use super::{Family, Kernel, Parameter, Role, Rule};
 
-/// All families. `Strategy::family` determines which one a strategy belongs to.
+/// All families. `Strategy::family` determines the family of a strategy.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
 /// Rays that are tested against every triangle.
@@ -349,7 +349,7 @@ const CAST_KERNELS: &[Kernel] = &[
 const MARK_KERNEL: Kernel =
     Kernel { name: "mark_rough", role: Mark, when: Sampled, parameters: &[SIZE, MARK_ROUGH] };
 
-/// The kernels that filter soft light cast at half resolution, and apply it to the whole picture.
+/// The kernels that filter soft light, which was cast at half resolution, and apply it to the whole picture.
 const FILTER_KERNEL: Kernel = Kernel {
     name: "filter_half_light",
     role: FilterLight,

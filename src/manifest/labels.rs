@@ -1,5 +1,5 @@
-//! Tests, without a device, that every label stands for its own code: that a change to a file changes the hashes of
-//! the programs that include it, and no other hashes, and that two values of an axis never result in the same program.
+//! Tests, without a device, that every label stands for its own code. A change to a file must change the hashes of the
+//! programs that include it, and no other hashes. Two values of an axis must never result in the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};
@@ -84,8 +84,8 @@ fn values_of_another_name_are_another_program_or_another_tree() {
         for axis in AXES {
             let values = taken(&base, axis);
             let known = seen.entry((family, axis.name)).or_default();
-            // The base strategy that accepts the most values of an axis covers all of them, so one that accepts no
-            // more than an earlier one is skipped.
+            // A base strategy is skipped if an earlier one accepted at least as many values of the axis, since the base
+            // strategy that accepts the most values covers all others.
             if values.len() <= *known.max(&mut 1) {
                 continue;
             }

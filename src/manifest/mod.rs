@@ -1,9 +1,9 @@
 //! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a set of kernels that casts a frame. Its row names the file that includes all others, its
-//! kernels with their parameters, the defines it is compiled with and the values of axes that it supports.
-//! The row determines which source is compiled and hashed, how arguments are bound, which kernel's registers are
-//! reported and which strategies are allowed.
+//! A [`Family`] is a set of kernels that casts a frame. A family's row names the file that includes all others, the
+//! kernels with their parameters, the defines for compilation, and the values of axes that the family supports. The row
+//! determines which source is compiled and hashed, how arguments are bound, which kernel's registers are reported and
+//! which strategies are allowed.
 
 mod constants;
 mod define_lists;
@@ -44,13 +44,13 @@ pub enum Fact {
     Heap,
     /// The scene has textures: a property of the scene, not of the strategy.
     Textured,
-    /// The scene has a sky, or lights with a radius that are sampled: a property of the scene, too.
+    /// The scene has a sky, or lights with a radius that are sampled: a property of the scene.
     Soft,
     /// Pixels get several samples: a property of the picture.
     Sampled,
-    /// The scene has cut-outs, whose triangles have holes: a property of the scene, too.
+    /// The scene has cut-outs (triangles with holes): a property of the scene.
     CutOut,
-    /// The sky is a picture: a property of the scene, too.
+    /// The sky is a picture: a property of the scene.
     Environment,
     /// Soft light is cast at half resolution: a property of the picture.
     HalfLight,
@@ -63,22 +63,22 @@ pub enum Role {
     Prepare,
     /// Casts primary rays, and does as much of the rest of a frame as one kernel can.
     Frame,
-    /// Finds the nearest hits of primary rays. If several kernels do this together, it is the first of them.
+    /// Finds the nearest hits of primary rays. If several kernels find the hits together, only the first has this role.
     Primary,
     /// Completes the result of the primary kernel: if that kernel finds only the nearest depth of each pixel, this
-    /// one finds the triangle at that depth.
+    /// kernel finds the triangle at that depth.
     Resolve,
     /// Casts shadow rays.
     Shadow,
     /// Casts leftover shadow rays.
     LeftOver,
-    /// Shades nearest hits; if no kernel has the role `Shadow`, it casts shadow rays too.
+    /// Shades nearest hits; if no kernel has the role `Shadow`, the shading kernel casts shadow rays too.
     Shade,
     /// Shows the sky where rays have hit nothing.
     Background,
     /// Casts arbitrary rays; not part of a frame.
     Rays,
-    /// Prepares records of triangles once per scene; not part of a frame either.
+    /// Prepares records of triangles once per scene; not part of a frame.
     Records,
     /// Decides which pixels get more samples; runs between a picture's frames.
     Mark,
@@ -97,7 +97,7 @@ pub struct Kernel {
     pub role: Role,
     /// The condition under which the kernel exists.
     pub when: Fact,
-    /// Its parameters in order, in groups that several kernels use.
+    /// The kernel's parameters in order, in groups that several kernels use.
     pub parameters: &'static [&'static [Parameter]],
 }
 
@@ -108,13 +108,13 @@ impl Kernel {
         matches!(self.role, Role::Frame | Role::Primary)
     }
 
-    /// Returns its parameters under these conditions.
+    /// Returns the kernel's parameters under these conditions.
     pub fn parameters(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static Parameter> {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
 
-    /// Returns its parameter list in OpenCL C as a macro named after the kernel. Kernels have no other
-    /// parameter list.
+    /// Returns the kernel's parameter list in OpenCL C, as a macro named after the kernel. All kernels use such a macro
+    /// as their parameter list.
     pub fn parameter_macro(&self, holds: impl Fn(Fact) -> bool) -> String {
         parameter_macro(self.name, self.parameters(holds))
     }
@@ -127,13 +127,13 @@ pub enum Values {
     Only(&'static [&'static str]),
     /// All values except these.
     AllBut(&'static [&'static str]),
-    /// The values that have a file in this folder. With a fact, only those of them for which the fact is false.
+    /// The values that have a file in this folder. If a fact is given, only the values for which it is false.
     FilesIn(&'static str, Option<Fact>),
 }
 
 impl Values {
-    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder, and
-    /// `holds` whether a fact is true of a strategy with the value.
+    /// Returns whether a value is supported. `has_file` returns whether the value has a file in a folder. `holds`
+    /// returns whether a fact is true of a strategy with the value.
     pub fn take(&self, value: &str, has_file: impl Fn(&str) -> bool, holds: impl Fn(Fact) -> bool) -> bool {
         match self {
             Self::Only(values) => values.contains(&value),
@@ -148,7 +148,7 @@ impl Values {
 pub struct Rule {
     /// The axis.
     pub axis: &'static str,
-    /// The supported values. Of an axis that the family ignores, only the default value is supported.
+    /// The supported values. The family supports only the default value of an axis that it ignores.
     pub takes: Values,
     /// The reason, which follows the family's label in messages: "uses its own edge functions".
     pub because: &'static str,
@@ -165,36 +165,36 @@ pub struct Family {
     pub entry: &'static str,
     /// Its kernels.
     pub kernels: &'static [Kernel],
-    /// The names of its defines, in groups that several families use.
+    /// The names of the family's defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],
-    /// The axes of which it supports only some values.
+    /// The axes of which the family supports only some values.
     pub rules: &'static [Rule],
 }
 
 impl Family {
-    /// Returns its first kernel with this role, if any.
+    /// Returns the family's first kernel with this role, if any.
     pub fn kernel(&self, role: Role) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.role == role)
     }
 
-    /// Returns whether it supports scenes with this property: textures, soft lights or a sky.
+    /// Returns whether the family supports scenes with this property: textures, soft lights or a sky.
     pub fn takes(&self, fact: Fact) -> bool {
         let parameters = self.kernels.iter().flat_map(|kernel| kernel.parameters.iter().copied().flatten());
         parameters.into_iter().any(|parameter| parameter.when == fact)
     }
 
-    /// Returns its kernel of this name.
+    /// Returns the family's kernel of this name.
     pub fn kernel_named(&self, name: &str) -> Option<&'static Kernel> {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }
 
-    /// Returns its defines under these conditions.
+    /// Returns the family's defines under these conditions.
     pub fn defines(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static str> {
         self.defines.iter().copied().flatten().filter(move |(when, _)| holds(*when)).map(|(_, name)| *name)
     }
 }
 
-/// Returns whether the kernel of this name casts primary rays; its registers are reported.
+/// Returns whether the kernel of this name casts primary rays; the registers of such a kernel are reported.
 pub fn is_main(name: &str) -> bool {
     FAMILIES.iter().filter_map(|family| family.kernel_named(name)).any(Kernel::is_main)
 }

@@ -5,7 +5,7 @@ use super::Fact::{
     Always, CutOut, Heap, Indexed, Planes, Records, Sampled, Scratch, Soft, Soup, Textured, Tree,
 };
 
-/// A parameter of a kernel. The argument of the same name is bound to it.
+/// A parameter of a kernel. The argument of the same name is bound to the parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parameter {
     /// The condition under which the parameter exists.
@@ -40,7 +40,7 @@ pub const GEOMETRY: &[Parameter] = &[
 /// The lights, and the distance from a surface at which shadow rays start.
 pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
-/// The planes of triangles that are prepared for the eye and for each light.
+/// The triangles' planes, prepared for the eye and for each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
 /// The records of triangles, prepared once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
@@ -72,8 +72,9 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// The same for tiles that are shared by groups of work-items: `places` has x and y of each sample in its pixel. The
-/// frame casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
+/// How finely a frame divides pixels, and how many samples it casts, for tiles that are each shared by the work-items
+/// of a group. `places` has the position (x and y) of each sample in its pixel. The frame casts only the rough blocks
+/// of pixels, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -83,9 +84,9 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
 ];
 /// The number of each pixel's earlier samples that hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
-/// The image after the first samples, the display's exposure, and the numbers of samples per pixel of a block that
-/// is not rough and of one that is. The kernel writes these numbers into `wanted`, and lists the rough blocks in
-/// `rough`.
+/// The image after the first samples, the display's exposure, and two numbers of samples per pixel: one for blocks that
+/// are not rough, one for rough blocks. The kernel writes each block's number of samples per pixel into `wanted`, and
+/// lists the rough blocks in `rough`.
 pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, QUADS, "means"),
     p(Sampled, "const float", "exposure"),
@@ -103,8 +104,8 @@ pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 /// The part of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
-/// The planes of triangles that are prepared for the eye and for the lights of one round (lights are processed in
-/// rounds), and the number of triangles in a row of planes.
+/// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds), and
+/// the number of triangles in a row of planes.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
 /// The camera; functions called by kernels have these parameters too.
@@ -119,7 +120,7 @@ pub const IMAGE: &[Parameter] =
     &[p(Always, "const float4", "background"), p(Always, "__global float4 *restrict", "image")];
 pub const NEAREST_OUT: &[Parameter] = &[p(Always, "__global int *restrict", "nearest_triangle")];
 pub const NEAREST_IN: &[Parameter] = &[p(Always, INTS, "nearest_triangle")];
-/// The buffer of the working vectors, if they need one.
+/// The buffer of the working vectors, if they need a buffer.
 pub const WORKING: &[Parameter] = &[
     p(Scratch, "__global float *", "scratch"),
     p(Heap, "__global float *", "heap"),

@@ -8,8 +8,8 @@ use crate::strategy::{AXES, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign as _;
 
-/// Returns the presets, and the strategies that differ from a preset in one axis. Together they use every file
-/// of every family.
+/// Returns the presets, and the strategies that differ from a preset in one axis. Together, these strategies use every
+/// file of every family.
 pub(super) fn strategies() -> Vec<Strategy> {
     let mut all: Vec<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for strategy in all.clone() {
@@ -59,7 +59,8 @@ fn words(text: &str) -> Vec<&str> {
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Returns whether a text uses a name, other than to ask whether it is defined or in an `#error`.
+/// Returns whether a text uses a name. A test whether the name is defined does not count, nor does a mention in an
+/// `#error`.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();

@@ -1,7 +1,7 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
-/// Start and end are each rounded to the timer's resolution, so the error of a time of this many steps is at
-/// most a few per cent. A batch takes at least this many steps.
+/// Start and end are each rounded to the timer's resolution, so the error of a time of this many steps is at most a few
+/// per cent. A batch takes at least this many steps of the timer.
 const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since event objects and queues have limits.
 const MOST: u32 = 256;

@@ -5,13 +5,13 @@ use super::Interval;
 /// The result of a comparison with an earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Certainly faster, by more than the threshold.
+    /// Faster by more than the threshold, over the whole 95% interval.
     Faster,
-    /// Certainly slower, by more than the threshold.
+    /// Slower by more than the threshold, over the whole 95% interval.
     Slower,
-    /// The difference is certainly smaller than the threshold.
+    /// The difference is at most the threshold, over the whole 95% interval.
     Same,
-    /// The interval includes both ratios that count as equal and ratios that count as different.
+    /// Some ratios in the 95% interval count as equal, others as different.
     Unclear,
     /// There is no earlier result to compare with.
     CannotTell,
@@ -76,7 +76,7 @@ mod tests {
         };
         assert_eq!(of(0.8, 1.25), Verdict::Same);
         assert_eq!((of(1.25, 2.0), of(0.5, 0.8)), (Verdict::Unclear, Verdict::Unclear));
-        // A quarter slower and a fifth faster are the same change, seen from either direction.
+        // If one result is a quarter slower than another, the other is a fifth faster: both are the same change.
         assert_eq!((of(0.5, 0.79), of(0.78, 1.0)), (Verdict::Faster, Verdict::Unclear));
     }
 }

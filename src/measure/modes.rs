@@ -1,13 +1,13 @@
-//! Detects times that cluster around two values, as on a machine, or in a launch, that has two speeds.
+//! Detects times that cluster around two values, for example because a machine changes between two speeds.
 
-/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`]
-/// / sqrt(n). For a uniform distribution, which is the worst case of a single mode, 99.9% of samples of 10 to 200
-/// times stay below this threshold (simulated; J. and P. Hartigan, *The Dip Test of Unimodality*, Annals of
-/// Statistics 13, 1985). So at most one point in a thousand is a false alarm; fewer in practice, since distributions
+/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
+/// sqrt(n). For a uniform distribution, which is the worst case of a single mode, 99.9% of samples of 10 to 200 times
+/// stay below this threshold (simulated; Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13,
+/// 1985). Therefore at most one point in a thousand is a false alarm. In practice there are fewer, since distributions
 /// of times have tails.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
-/// Samples with fewer times are not tested.
+/// Samples with fewer times than this are not tested.
 const FEWEST: usize = 10;
 /// Modes closer to each other than this relative distance count as one, since a timer's steps would
 /// otherwise look like modes.
@@ -16,16 +16,16 @@ const LEAST_DISTANCE: f64 = 0.05;
 /// Two values around which times cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Modes {
-    /// The median of the faster and of the slower times.
+    /// The median of the faster times, and the median of the slower times.
     pub ms: [f64; 2],
-    /// The number of times in each mode.
+    /// How many of the measured times belong to each mode.
     pub samples: [usize; 2],
     /// The boundary: the faster times are at most this long.
     pub parted_at_ms: f64,
 }
 
 impl Modes {
-    /// Returns the two modes of some times; `None` if they may have a single one.
+    /// Returns the two modes of some times; `None` if the times may have a single mode.
     pub fn of(times_ms: &[f64]) -> Option<Self> {
         let mut sorted = times_ms.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -46,8 +46,8 @@ fn median(sorted: &[f64]) -> f64 {
     (at(sorted.len() / 2) + at(sorted.len().saturating_sub(1) / 2)) / 2.0
 }
 
-/// Returns the size of the lower of two groups of sorted values, chosen so that the sum of squares within the
-/// groups is least.
+/// Splits sorted values into two groups such that the sum of squares within the groups is least. Returns the number of
+/// values in the lower group.
 fn cut(sorted: &[f64]) -> usize {
     let total: f64 = sorted.iter().sum();
     let n = sorted.len() as f64;
@@ -65,10 +65,10 @@ fn cut(sorted: &[f64]) -> usize {
     best.0
 }
 
-/// Returns the dip: the largest distance between the sample's distribution function and the nearest unimodal
-/// one. The algorithm is that of P. Hartigan, *Computation of the Dip Statistic to Test for Unimodality*,
-/// Applied Statistics 34, 1985 (AS 217). It narrows a modal interval until, within it, the distance between
-/// the greatest convex minorant and the least concave majorant is less than the distance found outside.
+/// Returns the dip: the largest distance between the sample's distribution function and the nearest unimodal one. The
+/// algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for Unimodality*, Applied Statistics 34,
+/// 1985). The algorithm narrows a modal interval. The narrowing ends when the distance between the greatest convex
+/// minorant and the least concave majorant is less within the interval than outside.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut found) = (0, n - 1, 1.0_f64);

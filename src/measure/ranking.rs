@@ -1,10 +1,10 @@
-//! Ranks points; everything that shows winners uses this one rule.
+//! Ranks points by one rule, which is used wherever winners are shown.
 
 /// Points ordered by their times, fastest first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ranking<T> {
-    /// The fastest point with enough samples, and every other that ties with it. With more than one winner
-    /// there is a tie.
+    /// The fastest point with enough samples, and every other point that ties with it. With more than one winner there
+    /// is a tie.
     pub winners: Vec<T>,
     /// Every point with enough samples, including the winners.
     pub ranked: Vec<T>,
@@ -13,9 +13,8 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, such as the logarithms of their times; lower is better, and a
-    /// point without a level has no rank. `ties` takes a point and the best one and returns whether
-    /// they tie.
+    /// Ranks points by their levels, such as the logarithms of their times; lower is better, and a point without a
+    /// level has no rank. `ties` takes a point and the best point, and returns whether the two tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,

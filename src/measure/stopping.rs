@@ -2,9 +2,9 @@
 
 use super::MIN_SAMPLES;
 
-/// Number of latest noise values that must agree.
+/// Number of latest noise values (sigma / mean) that must agree.
 const SETTLING: usize = 16;
-/// Largest relative variation of the latest noise values.
+/// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
 
 /// Decides when a group of points has enough samples in a launch. All its points stop together, so each has
@@ -17,8 +17,8 @@ pub struct StoppingRule {
     pub max_samples: usize,
     /// Samples are precise if the standard deviation divided by the mean is below this.
     pub relative_sigma: f64,
-    /// The limit of the time per point, as a mean over the group. At least [`MIN_SAMPLES`] rounds are measured even
-    /// if they take longer.
+    /// The limit of the time per point, as a mean over the group. At least [`MIN_SAMPLES`] rounds are measured, even if
+    /// they exceed the limit.
     pub time_limit_ms: f64,
 }
 
@@ -31,7 +31,7 @@ pub enum StopReason {
     NoiseSettled,
     /// The group reached its time limit.
     TimeLimit,
-    /// The points have the largest number of samples.
+    /// The points have reached the largest permitted number of samples.
     MaxSamples,
 }
 
@@ -48,8 +48,8 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// Returns the rule for one of several launches that share samples and time. Each launch takes at least
-    /// as many samples as a verdict needs, unless the total allows fewer.
+    /// Returns the rule for one of several launches of the worker processes, which share the limits of samples and
+    /// time. Each launch takes at least as many samples as a verdict needs, unless the total allows fewer.
     pub fn shared_by(self, launches: usize) -> Self {
         let least = MIN_SAMPLES.min(self.max_samples);
         Self {
@@ -60,7 +60,7 @@ impl StoppingRule {
         }
     }
 
-    /// Returns the smallest number of rounds in a launch that counts.
+    /// Returns the minimum number of rounds in a launch; a launch with fewer rounds does not count.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
@@ -108,7 +108,7 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
     noise
 }
 
-/// Returns whether the last values of the noise agree.
+/// Returns whether the last noise values agree.
 fn settled(noise: &[f64]) -> bool {
     noise.last_chunk::<SETTLING>().is_some_and(|last| {
         let (mean, sigma) = super::mean_and_sigma(last);

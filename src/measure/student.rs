@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 /// From this number of degrees of freedom on, the quantiles equal the normal distribution's to four decimals.
 const MANY: f64 = 1e5;
 
-/// Returns the value that Student's t stays below with probability `p`; infinite without degrees of freedom.
+/// Returns the value below which Student's t lies with the probability `p`; infinite without degrees of freedom.
 pub(super) fn t_quantile(p: f64, degrees: f64) -> f64 {
     if degrees >= MANY {
         return Normal::standard().inverse_cdf(p);

@@ -9,15 +9,13 @@ use std::collections::BTreeMap;
 pub struct Instruction {
     /// Its text.
     pub text: String,
-    /// Its line in the source, from the compiler's line table; `None` if the table has no line for
-    /// it.
+    /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line for it.
     pub line: Option<u32>,
-    /// The part of the kernel to which the instruction belongs. In PTX and SASS, this is the last
-    /// label before the instruction, or empty if there is none. On a CPU, it is the name of the
-    /// function.
+    /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label before the
+    /// instruction; it is empty if there is no such label. On a CPU, the part is the name of the function.
     pub part: String,
-    /// The kinds of work that it does. Empty for instructions that do nothing, and for instructions
-    /// of processors other than x86-64 and NVIDIA GPUs.
+    /// The kinds of work that the instruction does. Empty for instructions that do nothing, and for instructions of
+    /// processors other than x86-64 and NVIDIA GPUs.
     pub kinds: Vec<Kind>,
 }
 
@@ -38,7 +36,7 @@ pub(super) fn opcode(text: &str) -> &str {
 pub struct Code {
     /// The kernel's name.
     pub kernel: String,
-    /// Its instructions in the order of their addresses.
+    /// The kernel's instructions in the order of their addresses.
     pub instructions: Vec<Instruction>,
 }
 

@@ -1,4 +1,4 @@
-//! Finds the ELF files within a program's binary. A driver for a CPU stores whole files: PoCL's
+//! Finds the ELF files within a program's binary. A driver for a CPU stores whole ELF files in the binary: PoCL's
 //! binary consists of the files of a folder, one after another.
 
 /// The bytes with which a 64-bit, little-endian ELF file begins.
@@ -17,8 +17,8 @@ pub fn files(binary: &[u8]) -> Vec<&[u8]> {
     files
 }
 
-/// Returns the length of the file at the start of `file`. Linkers write the section table at the
-/// end of a file, so the file ends where this table ends. Returns `None` if there is no such table.
+/// Returns the length of the file at the start of `file`. Linkers write the section table at the end of a file, so the
+/// file ends where this table ends. Returns `None` if there is no section table.
 fn length(file: &[u8]) -> Option<usize> {
     let u16_at = |at: usize| Some(u16::from_le_bytes(file.get(at..at + 2)?.try_into().ok()?));
     let table = u64::from_le_bytes(file.get(40..48)?.try_into().ok()?);

@@ -17,9 +17,8 @@ pub enum Memory {
     Private,
     /// The kernel's arguments.
     Argument,
-    /// A memory that is known only when the instruction runs. On a CPU all OpenCL address spaces
-    /// are the same memory. There, every access is generic unless it is to the stack or to a
-    /// constant of the program.
+    /// A memory that is known only when the instruction runs. On a CPU all OpenCL address spaces are the same memory.
+    /// Therefore accesses on a CPU are generic, except to the stack and to constants of the program.
     Generic,
 }
 

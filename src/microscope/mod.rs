@@ -1,11 +1,10 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! The program is compiled again, with a line table, from the text that `raycl kernel` prints. In
-//! this text, `#if` conditions are already evaluated, macros are expanded, and a file that is
-//! included twice appears twice. So each line belongs to only one place in the program. The
-//! instructions are then read from the binary, which contains PTX text or a CPU's machine code;
-//! `objdump` disassembles the latter. If `ptxas` is installed, it translates PTX to SASS, which is
-//! read too. Without a line table, instructions are counted by parts of the kernel.
+//! The program is compiled again, with a line table, from the text that `raycl kernel` prints. In this text, `#if`
+//! conditions are already evaluated, macros are expanded, and a file that is included twice appears twice. Therefore
+//! each line of the text belongs to one place in the program only. The instructions are then read from the binary,
+//! which contains PTX text or a CPU's machine code; `objdump` disassembles the latter. If `ptxas` is installed, it
+//! translates PTX to SASS, which is read too. Without a line table, instructions are counted by parts of the kernel.
 
 mod code;
 mod elf;
@@ -41,7 +40,7 @@ pub struct Microscope {
     pub source: String,
     /// Facts that a reader must know, for example that a disassembler is missing.
     pub notes: Vec<String>,
-    /// The listings. Each kernel has one. For PTX, it has a second one with SASS if `ptxas` and
+    /// The listings. Each kernel has one listing. A kernel in PTX has a second listing, with SASS, if `ptxas` and
     /// `nvdisasm` are installed.
     pub listings: Vec<Listing>,
 }
@@ -51,10 +50,10 @@ pub struct Microscope {
 pub struct Listing {
     /// The kernel's name.
     pub kernel: String,
-    /// The kind of its instructions, and the compiler that generated them.
+    /// The kind of instructions (such as PTX), and the compiler that generated them.
     pub made_by: &'static str,
-    /// Whether the driver generated these instructions. If so, the spills and the occupancy that
-    /// the driver reports for the kernel apply to this listing.
+    /// Whether the driver generated these instructions. The spills and the occupancy that the driver reports for the
+    /// kernel apply only to the driver's own instructions.
     #[serde(skip)]
     pub is_drivers: bool,
     /// The meaning of a row of `rows`.
@@ -129,7 +128,7 @@ impl Microscope {
     /// Returns the binary of the same program with a line table; `None`, and a note, if it cannot be compiled.
     fn with_lines(&mut self, prepared: &Prepared, is_ptx: bool) -> Option<Vec<u8>> {
         let option = LINE_TABLE[usize::from(!is_ptx)];
-        // All defines are already expanded in the text, so their options are left out.
+        // All defines are already expanded in the text, so the options that set defines are left out.
         let options = prepared.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
         let options: Vec<&str> = options.chain([option]).collect();
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
@@ -185,7 +184,7 @@ impl Microscope {
         });
     }
 
-    /// Returns the value. If there is none, adds the reason to the notes.
+    /// Returns the value. If there is no value, adds the reason to the notes.
     fn noting<T>(&mut self, result: Result<T, String>) -> Option<T> {
         result.map_err(|note| self.notes.push(note)).ok()
     }

@@ -39,9 +39,9 @@ impl<'a> Listing<'a> {
     /// it calls directly or indirectly.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL contain a copy of
-            // that function, after the code that reads the arguments. The copies have no source lines and are left
-            // out.
+            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL contain a copy of the
+            // work-group's function, after the code that reads the arguments. The copies have no source lines and are
+            // left out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let mut reached = vec![names.iter().find_map(|name| self.function(name))?];
             let mut at = 0;

@@ -49,7 +49,7 @@ struct Reader {
     file: Option<u32>,
     line: Option<u32>,
     part: String,
-    /// The text so far of the statement that is being read.
+    /// The text of the current statement, as far as it was read.
     statement: String,
     instructions: Vec<Instruction>,
 }

@@ -91,7 +91,7 @@ fn kinds(text: &str) -> Vec<Kind> {
         "STS" => Kind::Store(Memory::Local),
         "LDL" => Kind::Load(Memory::Private),
         "STL" => Kind::Store(Memory::Private),
-        // These also load the kernel's arguments, which are in constant memory.
+        // These instructions also load the kernel's arguments, which are in constant memory.
         "LDC" | "ULDC" | "LDCU" => Kind::Load(Memory::Constant),
         "LD" => Kind::Load(Memory::Generic),
         "ST" => Kind::Store(Memory::Generic),

@@ -32,7 +32,7 @@ impl Tool {
         Some(Self { name, path })
     }
 
-    /// Runs the program in a folder. The error says how it failed.
+    /// Runs the program in a folder. The error says how the program failed.
     pub fn run(&self, folder: &Folder, arguments: &[&str]) -> Result<Written, String> {
         let mut command = Command::new(&self.path);
         // The program's messages are parsed, so they have to be in English.

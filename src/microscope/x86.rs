@@ -35,8 +35,8 @@ const READERS: [&str; 15] = [
     "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
     "mul", "imul", "fld",
 ];
-/// Beginnings of the names of instructions that write their last operand without reading it. Moves
-/// do this too, but are not repeated here.
+/// Beginnings of the names of instructions that write their last operand without reading it. Moves also belong here,
+/// but are not repeated.
 const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
 
 /// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of

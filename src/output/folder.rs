@@ -9,14 +9,15 @@ use std::fs::File;
 use std::io::{Result as IoResult, Write as _};
 use std::path::{Path, PathBuf};
 
-/// The file that lists raycl's files in a folder in the format of `b3sum`: a hash, two spaces, a name.
+/// The name of the file that lists raycl's files in a folder. Each line of the list has the format of `b3sum`: a hash,
+/// two spaces, a name.
 pub const LIST: &str = "raycl.b3sum";
 
 /// A folder, and the list of files that raycl wrote into it.
 pub struct OutFolder {
     path: PathBuf,
     choice: Choice,
-    /// True if this is a folder of results. Such a folder has no list: raycl treats each file that has one of
+    /// True if this is a folder of results. A folder of results has no list: raycl treats each file that has one of
     /// raycl's file names as its own.
     results: bool,
     /// Hash and name of every file that raycl wrote.
@@ -78,8 +79,8 @@ impl OutFolder {
         if self.results {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
-        // The list is written before the files, so that it includes them even if the command is killed.
-        // Afterwards it is written again without the entries of the replaced files.
+        // The list is written before the files, so that it includes them even if the command is killed. After the files
+        // have been written, the list is written again without the entries of the replaced files.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;

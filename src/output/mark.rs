@@ -20,16 +20,16 @@ const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// The maker of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maker {
-    /// raycl made it, and it is unchanged.
+    /// raycl made the file, and nobody changed it.
     Raycl,
-    /// raycl made it, and somebody changed it.
+    /// raycl made the file, and somebody changed it.
     Changed,
-    /// It has no mark of raycl.
+    /// The file has no mark of raycl.
     Other,
 }
 
-/// Returns a blank mark, which has zeros in place of the hash. Once this text is in a file, [`seal`]
-/// completes it.
+/// Returns a blank mark, which has zeros in place of the hash. Once the blank mark is in a file, [`seal`] replaces the
+/// zeros by the hash.
 pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }

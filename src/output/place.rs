@@ -68,8 +68,8 @@ pub(super) fn permit(
     }
 }
 
-/// Writes a file by calling `write` and puts it into its place, completely or not at all. Just before, checks
-/// again whether the path may be replaced, since another program may have created a file there meanwhile.
+/// Writes a file by calling `write` and puts the file into its place, completely or not at all. Before the file is put
+/// into its place, the path is checked again, since another program may have created a file there meanwhile.
 pub(super) fn put(
     path: &Path,
     choice: Choice,
@@ -102,7 +102,8 @@ fn persist_new(file: NamedTempFile, path: &Path) -> IoResult<()> {
     match file.persist_noclobber(path) {
         Ok(_) => Ok(()),
         Err(error) if error.error.kind() == ErrorKind::AlreadyExists => Err(error.error),
-        // Some file systems do not support this. The name is then reserved by an empty file first.
+        // Some file systems cannot rename a file without the risk of replacing another. On these file systems, an empty
+        // file reserves the name first.
         Err(error) => {
             File::create_new(path)?;
             replace(error.file, path).inspect_err(|_| {
@@ -117,7 +118,7 @@ fn replace(file: NamedTempFile, path: &Path) -> IoResult<()> {
     file.persist(path).map(drop).map_err(|error| error.error)
 }
 
-/// Returns the folder of a new file, which must exist.
+/// Returns the folder of a new file; the folder must exist.
 pub(super) fn folder_of(path: &Path) -> Result<&Path> {
     let folder = reader::folder_of(path);
     if folder.is_dir() {

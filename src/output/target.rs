@@ -65,8 +65,8 @@ impl Target {
         permit(&self.path, self.choice, maker).map(drop)
     }
 
-    /// Writes a file by calling `write`, whose output includes a blank mark, and completes the mark. The file
-    /// is put into its place completely or not at all.
+    /// Writes a file by calling `write`, whose output includes a blank mark. Then completes the mark. The file is put
+    /// into its place completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);

@@ -136,8 +136,8 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     Ok(rates((items as u64 * SLOTS * width * 4) as f64, &seconds))
 }
 
-/// Measures the time of a single kernel launch on the device's clock and on the host's, and then the time per launch
-/// of many; in microseconds.
+/// Measures the time of a single kernel launch on the device's clock and on the host's. Then measures the mean time of
+/// many kernel launches in a row. All times are in microseconds.
 fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let program = rig.program("peak/launch.cl", &[])?;
     let out = rig.buffer::<i32>(1)?;
@@ -146,7 +146,8 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let kernel = kernel.build().map_err(failed)?;
     rig.launch(&kernel)?;
     let single = rig.repeat(|| {
-        // A single launch after a pause is not typical, so the best of several consecutive ones is used.
+        // A single kernel launch after a pause is not typical, so the shortest time of several consecutive launches is
+        // used.
         let row: Vec<(f64, f64)> = (0..20).map(|_| rig.launch(&kernel)).collect::<Result<_>>()?;
         let best = |of: fn(&(f64, f64)) -> f64| row.iter().map(of).fold(f64::INFINITY, f64::min);
         Ok((best(|one| one.0) * 1e3, best(|one| one.1) * 1e3))
@@ -201,8 +202,8 @@ fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Fi
     Ok(latency(&seconds))
 }
 
-/// Chases pointers in one random cycle through all lines of a large buffer. Each launch continues where the
-/// last one ended.
+/// Chases pointers in one random cycle through all lines of a large buffer. Each kernel launch continues where the
+/// previous one ended.
 fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let stride = LINE_BYTES / 4;
     let lines = large_bytes(rig) / LINE_BYTES;

@@ -88,7 +88,7 @@ impl Figure {
 }
 
 impl Peak {
-    /// Converts a latency to cycles of the device's highest clock; `None` if that is unknown.
+    /// Converts a latency to cycles of the device's highest clock; `None` if that clock is unknown.
     pub fn cycles(&self, latency_ns: &Figure) -> Option<f64> {
         self.max_clock_mhz.map(|mhz| latency_ns.median * mhz as f64 * 1e-3)
     }

@@ -20,10 +20,10 @@ pub struct Rig<'a> {
 
 /// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A launch runs enough loops to take at least this long, so that the timer's resolution and launch
-/// costs are negligible.
+/// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and launch costs are
+/// negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
-/// The largest number of loops in a launch.
+/// The largest number of loops in a kernel launch.
 const MOST_LOOPS: i32 = 1 << 24;
 
 /// Returns the error for a measurement that failed.
@@ -120,8 +120,8 @@ impl<'a> Rig<'a> {
         Ok((ns as f64 * 1e-6, host_ms))
     }
 
-    /// Returns the seconds per loop of a kernel, one value per repeat, and the number of loops. The kernel's argument
-    /// 0 is the number of loops. `before` is called with this number before each launch.
+    /// Returns the seconds per loop of a kernel, one value per repeat, and the number of loops. The kernel's argument 0
+    /// is the number of loops. `before` is called with the number of loops before each kernel launch.
     pub fn per_loop(
         &self,
         kernel: &Kernel,
@@ -133,7 +133,7 @@ impl<'a> Rig<'a> {
             self.launch(kernel).map(|(device_ms, _)| device_ms)
         };
         let mut loops = 256;
-        // The first launch may include compilation.
+        // The first kernel launch may include compilation.
         timed(loops)?;
         while timed(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
             loops *= 2;

@@ -50,7 +50,7 @@ impl Traffic {
         })
     }
 
-    /// Returns all bytes of a test.
+    /// Returns the total number of bytes that a test reads.
     pub fn bytes(&self) -> f64 {
         self.triangle_bytes + self.ray_bytes
     }

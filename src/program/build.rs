@@ -10,11 +10,11 @@ use std::ffi::CString;
 use std::time::Instant;
 use thiserror::Error;
 
-/// Makes the compiler print registers and spills into the build log, if it supports that. Not part of a
+/// Makes the compiler print registers and spills into the build log, if it supports that. This option is not part of a
 /// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
-/// An environment variable that turns off the compiler's own cache if it is 1. The compiler prints
-/// messages only when it really compiles, not when it uses that cache.
+/// An environment variable that turns off the compiler's own cache if it is 1. The compiler prints messages only when
+/// it really compiles, not when it uses its cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
 /// The compiler rejected a program.
@@ -92,8 +92,8 @@ impl BuiltProgram {
         !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log: self.log(), binary })
     }
 
-    /// Returns whether the compiler printed no registers although it can. It prints them only when it compiles, so
-    /// the driver took this program from its own cache.
+    /// Returns whether the compiler printed no registers although it can. The compiler prints registers only when it
+    /// compiles, so the driver took this program from its own cache.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
@@ -125,8 +125,8 @@ impl BuiltProgram {
         log.trim_matches(|c: char| c == '\0' || c.is_whitespace()).to_owned()
     }
 
-    /// Returns the program's binary; empty if the driver returns none. To return it, some drivers
-    /// recompile every kernel.
+    /// Returns the program's binary; empty if the driver returns none. To return the binary, some drivers recompile
+    /// every kernel.
     pub fn binary(&self) -> Vec<u8> {
         match self.program.info(ProgramInfo::Binaries) {
             Ok(ProgramInfoResult::Binaries(binaries)) => {

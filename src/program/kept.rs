@@ -5,8 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of these cache entries.
 const KIND: &str = "program";
-/// The kind of entries that map a program's name to its key. If the program uses a tree, its name
-/// is known before the tree is built, but its key is not.
+/// The kind of entries that map a program's name to its key. If the program uses a tree, the program's name is known
+/// before the tree is built, but the program's key is not.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.

@@ -7,17 +7,16 @@ use super::error::Error;
 /// machine may be slower for hours, for example because of its neighbours on the same host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
-    /// The standard deviation of a factor that all points of the same kind of device share. The
-    /// factor cancels in their ratios.
+    /// The standard deviation of a factor that all points of the same kind of device share. This shared factor cancels
+    /// in ratios of the points' times.
     pub shared: f64,
     /// The standard deviation of a factor that is specific to each point.
     pub own: f64,
 }
 
 impl BetweenRuns {
-    /// For points on CPUs, cast by an OpenCL driver or by a caster on the host. Measured by ten
-    /// runs each of two experiments on a quiet virtual machine of two cores (docs/log.md,
-    /// 2026-11-23).
+    /// For points on CPUs, cast by an OpenCL driver or by a caster on the host. Measured with two experiments, each run
+    /// ten times on a quiet virtual machine of two cores (docs/log.md, 2026-11-23).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.008 };
     /// For points on other devices. Derived from ten runs of one experiment on a GPU (docs/log.md,
     /// 2026-11-23) and from records of three days.
@@ -41,8 +40,8 @@ impl BetweenRuns {
     }
 }
 
-/// Returns an error that is known beforehand, instead of estimated from the samples (type B in the *Guide to the
-/// Expression of Uncertainty in Measurement*, JCGM 100:2008).
+/// Returns an error that is known beforehand and not estimated from the samples (type B in the *Guide to the Expression
+/// of Uncertainty in Measurement*, JCGM 100:2008).
 fn known(variance: f64) -> Error {
     Error { error: variance.sqrt(), degrees: f64::INFINITY }
 }
@@ -57,7 +56,7 @@ mod tests {
     fn a_time_has_both_factors_and_a_ratio_only_those_of_its_points() {
         assert!((SLOW_HOURS.of_level(1).error - 0.05).abs() < 1e-12);
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [1, 1]).error - 0.03 * 2.0_f64.sqrt()).abs() < 1e-12);
-        // The own factors of nine points average out to a third.
+        // In the mean of nine points, the points' own factors average out to a third.
         assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, [9, 9]).error - 0.01 * 2.0_f64.sqrt()).abs() < 1e-12);
         for points in [[1, 9], [9, 1]] {
             assert!((SLOW_HOURS.of_ratio(SLOW_HOURS, points).error - 0.01 * 10.0_f64.sqrt()).abs() < 1e-12);

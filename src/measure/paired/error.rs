@@ -12,8 +12,8 @@ pub(super) struct Error {
 }
 
 impl Error {
-    /// Returns the half-width of an interval around the estimate. The true value lies beyond either end with the
-    /// probability `risk` each.
+    /// Returns the half-width of an interval around the estimate. The true value lies below the interval with the
+    /// probability `risk`, and above it with the same probability.
     pub fn reach(self, risk: f64) -> f64 {
         if self.error == 0.0 { 0.0 } else { self.error * t_quantile(1.0 - risk, self.degrees) }
     }

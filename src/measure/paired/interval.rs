@@ -4,7 +4,7 @@ use super::error::Error;
 
 /// The probability that the true value lies below a 95% interval, and also the probability that it lies above.
 pub(super) const RISK: f64 = 0.025;
-/// The least error, as a fraction, that a weight assumes.
+/// Weights are computed as if every error were at least this large (a fraction of the value).
 const LEAST_ERROR: f64 = 1e-6;
 
 /// A value and its 95% interval.
@@ -29,9 +29,10 @@ impl Interval {
         interval((self.middle / other.middle).ln(), error)
     }
 
-    /// Returns the geometric mean of independent values; `None` if there are none. Each is weighted by the inverse of
-    /// its variance, so that an uncertain value counts for little. The variances are estimates, which makes the mean
-    /// less certain than they say: Meier, "Variance of a weighted mean" (Biometrics 9, 1953), equation 1.
+    /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by the
+    /// inverse of its variance, so that an uncertain value counts for little. The variances are only estimates, which
+    /// makes the mean less certain than these variances suggest: Meier, "Variance of a weighted mean" (Biometrics 9,
+    /// 1953), equation 1.
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without an error, a value would have an infinite weight.
         let weight = |one: &Self| one.error.max(LEAST_ERROR).powi(-2);
@@ -45,7 +46,7 @@ impl Interval {
         (!all.is_empty()).then(|| interval(log, Error { error, ..mean }))
     }
 
-    /// Returns the value that the true value exceeds, except with the probability `risk`.
+    /// Returns a lower bound: the true value lies below it only with the probability `risk`.
     pub fn surely_above(self, risk: f64) -> f64 {
         (self.middle.ln() - self.error().reach(risk)).exp()
     }
@@ -87,7 +88,7 @@ mod tests {
         let found = Interval::mean(&[one, known(3.0, 0.3)]).unwrap();
         assert!((found.middle.ln() - 2.1).abs() < 1e-12, "{found:?}");
         assert!((found.error - 0.1 * 0.9_f64.sqrt()).abs() < 1e-12, "{found:?}");
-        // Without any error, both count alike.
+        // Two values without any error count equally.
         assert!(
             (Interval::mean(&[known(2.0, 0.0), known(3.0, 0.0)]).unwrap().middle.ln() - 2.5).abs() < 1e-12
         );

@@ -1,4 +1,4 @@
-//! Compares points by samples that were taken close in time, over several launches of the program.
+//! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
 //! Two things make the plain interval of a median too narrow. First, a machine changes its speed
 //! for seconds at a time, so samples are not independent. Second, some conditions are random but
@@ -11,18 +11,17 @@
 //! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
-//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread
-//!    (two degrees of freedom). Therefore it is averaged with the spread of all points, which counts as at most six
-//!    more degrees (a moderated variance, after Smyth 2004). Student's t gives the interval ([`spread`]).
-//! 3. The interval of a median also includes the effects of a launch that are equal for all points;
-//!    in the ratio of two points, these cancel. The degrees of freedom of this interval are the
-//!    number of launches less one.
+//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread (two
+//!    degrees of freedom). Therefore a pair's spread is averaged with the spread of all points, which counts as at most
+//!    six more degrees (a moderated variance, after Smyth 2004). Student's t gives the interval ([`spread`]).
+//! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
+//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one.
 //!
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
 //!
-//! With a single launch, its time is split into five parts that take the place of launches. Such a result is
+//! If there is only one launch, its time is split into five parts, which are treated as launches. Such a result is
 //! preliminary: its intervals do not include differences between launches.
 
 mod between;
@@ -72,7 +71,7 @@ struct Point {
     relative: Vec<f64>,
 }
 
-/// A point, or the mean of several, with the points that were measured together with it.
+/// A point, or the mean of several points, with the spread of all points that were measured together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Standing {
     launches: usize,
@@ -104,8 +103,8 @@ impl Standing {
         self.point.level()
     }
 
-    /// Returns the ratio of this point's time to that of `other`, by samples close in time. Both must have
-    /// been measured together.
+    /// Returns the ratio of this point's time to that of `other`, from samples that are close in time. Both points must
+    /// have been measured together.
     pub fn ratio(&self, other: &Self) -> Interval {
         let pairs = self.point.relative.iter().zip(&other.point.relative);
         let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
@@ -115,8 +114,8 @@ impl Standing {
         interval(self.level() - other.level(), Error::of_sum([within, between]))
     }
 
-    /// Returns the ratio for a point that was measured at another time. It includes changes of the machine in
-    /// between.
+    /// Returns the ratio to a point that was measured at another time. The ratio includes changes of the machine
+    /// between the two measurements.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
         interval(self.point.median - other.point.median, error)
@@ -151,11 +150,11 @@ impl Point {
 }
 
 impl Paired {
-    /// Compares `points` points by their samples, which must be in the order taken within each launch.
-    /// Samples that are not a valid time are skipped.
+    /// Compares `points` points by their samples. Within each launch, samples must be in the order in which they were
+    /// measured. Samples that are not a valid time are skipped.
     ///
-    /// A point with fewer than [`MIN_SAMPLES`] samples in any launch has too few. A launch in which all
-    /// points have too few, such as an interrupted one, is ignored.
+    /// A launch is ignored if all points have fewer than [`MIN_SAMPLES`] samples in it, for example because it was
+    /// interrupted. A point has too few samples if it has fewer than [`MIN_SAMPLES`] in any other launch.
     pub fn of(samples: &[PairedSample], points: usize) -> Self {
         let fine = |sample: &&PairedSample| sample.point < points && sample.ms.is_finite() && sample.ms > 0.0;
         let samples: Vec<PairedSample> = samples.iter().filter(fine).copied().collect();
@@ -187,8 +186,8 @@ impl Paired {
         Self { between, ..self }
     }
 
-    /// Improves the estimates of several tables of one run on one machine: each uses the spread between
-    /// launches in the others.
+    /// Improves the estimates of several tables of one run on one machine: each table also uses the spread between
+    /// launches in the other tables.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
         for (place, one) in all.iter_mut().enumerate() {
@@ -206,7 +205,7 @@ impl Paired {
         Some(Standing { launches: self.launches, point, points: 1, between, pooled: self.pooled })
     }
 
-    /// Returns a point's median over all samples, in milliseconds; `None` if it has too few.
+    /// Returns a point's median over all samples, in milliseconds; `None` if the point has too few samples.
     pub fn median_ms(&self, point: usize) -> Option<Interval> {
         Some(self.standing(point)?.median_ms())
     }

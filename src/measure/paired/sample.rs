@@ -3,7 +3,7 @@
 /// One timed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairedSample {
-    /// The point's index among those that are compared.
+    /// The point's index among the points that are compared.
     pub point: usize,
     /// The number of the launch.
     pub launch: u32,

@@ -28,7 +28,7 @@ struct Machine {
     launch_of_point: f64,
     /// Autocorrelated noise of a point; every third point has twice as much.
     noise: f64,
-    /// Probability per sample that a slow phase begins, which lasts tens of samples.
+    /// Probability that a slow phase begins at a sample; a slow phase lasts tens of samples.
     regime: f64,
 }
 
@@ -41,12 +41,13 @@ const MACHINE: Machine = Machine {
     regime: 0.005,
 };
 
-/// A machine on which another process keeps one of two cores busy for half of the time. That process takes a
-/// quarter of the machine, so frames take a sixth longer on average. Here a slow phase begins at one sample
-/// in a hundred and makes 30 samples take 1.7 times as long, which has the same effect.
+/// A machine on which another process keeps one of two cores busy for half of the time. The other process takes a
+/// quarter of the machine, so frames take a sixth longer on average. The simulation has the same effect: a slow phase
+/// begins at one sample in a hundred, and makes 30 samples take 1.7 times as long.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
-/// Returns the logarithm of a point's true time. There are five pairs, each 5% slower than the one before.
+/// Returns the logarithm of a point's true time. The points form five pairs; each pair is 5% slower than the pair
+/// before.
 fn level(point: usize) -> f64 {
     0.05 * (point / 2) as f64
 }

@@ -6,9 +6,8 @@ use std::f64::consts::LN_2;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// A row's variance counts as at most this multiple of the typical one: four times the standard
-/// deviation. By chance, one variance in nine million exceeds this limit if all points are alike
-/// (two degrees of freedom).
+/// A row's variance counts as at most this multiple of the typical variance: four times the standard deviation. By
+/// chance, one variance in nine million exceeds this limit if all points are alike (two degrees of freedom).
 const MOST_TIMES: f64 = 16.0;
 /// When the typical variance is computed, a row's variance counts as at least this fraction of the mean.
 const LEAST_SHARE: f64 = 1e-4;
@@ -25,7 +24,7 @@ pub(super) struct Pooled {
     together: f64,
     rows: usize,
     columns: usize,
-    /// The square root of the mean of `together` in other tables, and its degrees of freedom.
+    /// The square root of the mean variance `together` of other tables, with the degrees of freedom of this mean.
     elsewhere: Error,
 }
 
@@ -47,8 +46,8 @@ impl Pooled {
         self.error(variance, borrowed + self.columns - 1)
     }
 
-    /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of this
-    /// table add no information about them; other tables do.
+    /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of the same table
+    /// add no information about these effects. Other tables add information.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));
         let own = self.moderated(self.together, borrowed, variance(row));
@@ -63,7 +62,7 @@ impl Pooled {
         self.columns > 1 && self.columns == other.columns
     }
 
-    /// Adds the spread of levels in other tables of the same run and machine.
+    /// Adds the spread of repeated values in other tables of the same run and machine.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
@@ -105,7 +104,7 @@ fn interaction(table: &[&[f64]]) -> f64 {
     let column = |place: usize| table.iter().map(|row| row[place]).sum::<f64>() / rows as f64;
     let columns_means: Vec<f64> = (0..columns).map(column).collect();
     let all = columns_means.iter().sum::<f64>() / columns as f64;
-    // The columns' means take columns - 1 degrees of freedom from all rows together.
+    // The means of the columns use up columns - 1 degrees of freedom, which all rows share.
     let left = (columns - 1) as f64 * (rows - 1) as f64 / rows as f64;
     let of_row = |row: &&[f64]| {
         let mean = row.iter().sum::<f64>() / columns as f64;
@@ -115,9 +114,9 @@ fn interaction(table: &[&[f64]]) -> f64 {
     usual(&table.iter().map(of_row).collect::<Vec<_>>(), columns)
 }
 
-/// Returns the mean of the rows' variances, where a variance counts as at most [`MOST_TIMES`] the typical one. One
-/// row that varies far more than the others, such as a caster on the host whose threads wait for each other, thus
-/// does not widen the intervals of all rows. With fewer than three rows, no row can stand out.
+/// Returns the mean of the rows' variances, where a variance counts as at most [`MOST_TIMES`] times the typical
+/// variance. One row that varies far more than the others, such as a caster on the host whose threads wait for each
+/// other, thus does not widen the intervals of all rows. With fewer than three rows, no row can stand out.
 fn usual(variances: &[f64], columns: usize) -> f64 {
     let mean_of = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / variances.len().max(1) as f64;
     let mean = mean_of(&mut variances.iter().copied());
@@ -195,7 +194,7 @@ mod tests {
         of_many.borrow(&[alone; 9]);
         assert_eq!(of_many.of_level(rows[0]).degrees, 8.0, "many tables add at most six degrees of freedom");
         assert!((one.error - more.error).abs() < 1e-12 && more.reach(0.025) < 0.6 * one.reach(0.025));
-        // If launches differ more in other tables, the error grows here too.
+        // If launches differ more in other tables, the error of this table grows too.
         let wide = [[0.0, 0.3, -0.3], [1.0, 1.3, 0.7]];
         let wide: Vec<&[f64]> = wide.iter().map(|row| row.as_slice()).collect();
         borrowing.borrow(&[Pooled::of(&wide, &wide)]);
@@ -213,7 +212,7 @@ mod tests {
         let error = |differences: &[f64], rows| pooled.of_difference(differences, rows).error;
         assert!(error(&[0.0; 3], [1, 1]) > 0.02, "{}", error(&[0.0; 3], [1, 1]));
         assert!(error(&[-0.5, 0.5, 0.0], [1, 1]) > error(&[0.0; 3], [1, 1]));
-        // The error of a mean of four is half as large.
+        // The mean of four points has half the error of a single point.
         assert!((error(&[0.0; 3], [1, 1]) / error(&[0.0; 3], [4, 4]) - 2.0).abs() < 1e-12);
     }
 }

@@ -3,8 +3,8 @@
 use super::*;
 use crate::measure::Ranking;
 
-/// Methods for a whole table, which name points by their places in it; the program compares pairs of records instead
-/// (`record::together`).
+/// Methods for a whole table, which identify points by their indices in the table; the program compares pairs of
+/// records instead (`record::together`).
 impl Paired {
     /// Returns the number of launches that count.
     fn launches(&self) -> usize {
@@ -16,7 +16,8 @@ impl Paired {
         Some(self.standing(point)?.ratio(&self.standing(other)?))
     }
 
-    /// Returns the fastest point, and those that are not certainly slower by more than `resolution`.
+    /// Returns the fastest point and all points that tie with it. A point ties if the lower end of the 95% interval of
+    /// its ratio to the fastest point is at most 1 + `resolution`.
     pub(super) fn ranking(&self, resolution: f64) -> Ranking<usize> {
         let level = |place: usize| self.points[place].as_ref().map(Point::level);
         let ties = |place: usize, best: usize| {
@@ -84,7 +85,7 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // By hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends are a factor of 53 apart.
+    // By hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends of the interval are a factor of 53 apart.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }

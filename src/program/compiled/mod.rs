@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 pub struct CompiledKernel {
     /// Its name in the source.
     pub name: String,
-    /// Work-items of the largest work-group it can run with.
+    /// Work-items of the largest work-group with which the kernel can run.
     pub work_group_size: Option<u64>,
     /// The multiple of work-items that the driver prefers as local size: a warp, or a vector.
     pub preferred_multiple: Option<u64>,
@@ -40,7 +40,7 @@ pub struct CompiledKernel {
     pub resident_groups: Option<u64>,
     /// Resident warps divided by the largest possible number, 0 to 1.
     pub occupancy: Option<f64>,
-    /// The limit that prevents more groups.
+    /// The limit that prevents a multiprocessor from holding more groups.
     pub occupancy_limited_by: Option<String>,
 }
 

@@ -5,12 +5,12 @@ use std::collections::VecDeque;
 
 /// Longer lines are broken if possible.
 const WIDEST: usize = 120;
-/// If a bracket opens at this column or before, its contents are continued next to the bracket; otherwise on
-/// lines indented by four more columns.
+/// The contents of a bracket that opens at this column or before are continued next to the bracket. The contents of
+/// other brackets are continued on lines that are indented by four more columns.
 const FURTHEST: usize = 80;
 
-/// Joins a line with the following ones up to its closing round brackets, since a macro earlier in the line has moved
-/// these brackets. Lines that end in a comment stay as they are.
+/// Joins a line with the following lines until all round brackets are closed, since a macro earlier in the line has
+/// moved these brackets. Lines that end in a comment stay as they are.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -45,7 +45,8 @@ pub(super) fn broken(line: Vec<Token>) -> Vec<String> {
     statements.into_iter().flat_map(|statement| fitted(&indent, statement)).collect()
 }
 
-/// Reduces blanks to single ones, with none at either end, and none before closing brackets and separators.
+/// Reduces blanks to single ones. Removes blanks at the start, and before closing round brackets, commas and
+/// semicolons.
 fn tidied(tokens: &[Token]) -> Vec<Token> {
     let mut tidied: Vec<Token> = Vec::new();
     for token in tokens.iter().filter(|token| token.kind != Kind::Nothing) {
@@ -160,8 +161,8 @@ struct Place {
     depth: usize,
 }
 
-/// Returns the last position at which the line fits, within as few brackets as possible; `None` if the line
-/// is short or cannot be broken. `open` has the columns of brackets that were opened on earlier lines.
+/// Returns where to break a line: the last position at which the line fits, within as few brackets as possible. `None`
+/// if the line is short or cannot be broken. `open` has the columns of brackets that were opened on earlier lines.
 fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
     if margin + length(tokens) <= WIDEST {
         return None;
@@ -186,8 +187,8 @@ fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further
     best
 }
 
-/// Returns whether a line may be broken at a token. It may be broken at a blank after a comma, before an operator, or
-/// before the body of a loop.
+/// Returns whether a line may be broken at a token. A line may be broken at a blank after a comma, before an operator,
+/// or before the body of a loop.
 fn may_break(tokens: &[Token], at: usize, depth: usize) -> bool {
     if at == 0 || at + 1 >= tokens.len() || tokens[at].kind != Kind::Space {
         return false;
