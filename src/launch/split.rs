@@ -30,8 +30,8 @@ pub struct Split<'a> {
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Samples per pixel. Every pixel gets the same number, without soft light at half resolution: both need pixels of
-    /// neighbouring bands.
+    /// Every pixel gets the same number of samples, and soft light is cast at full resolution. Adaptive samples and
+    /// half resolution would need pixels of neighbouring bands.
     pub sampling: Sampling,
     /// The files of the kernels.
     pub sources: &'a Sources,
