@@ -78,7 +78,8 @@ impl<'a> Pictures<'a> {
         path.is_some_and(|path| self.bytes(path).is_some())
     }
 
-    /// Returns a picture for the page. Its data is left out if it would exceed the limit.
+    /// Returns a picture for the page. The data is left out if the page's pictures would exceed
+    /// their limit.
     pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
         Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
     }

@@ -37,8 +37,8 @@ struct View {
     name: String,
     /// Facts about the kernel, with their names.
     facts: Vec<(&'static str, String)>,
-    /// A note on how instructions are assigned to rows and whether they are those of the timed
-    /// program.
+    /// A note on how instructions are assigned to rows, and on whether the timed program has the
+    /// same instructions.
     note: String,
     source: Vec<SourceLine>,
     steps: Vec<Step>,
@@ -56,9 +56,9 @@ struct SourceLine {
     tip: String,
 }
 
-/// An instruction, or the label of a part.
+/// An instruction, or a label between instructions.
 struct Step {
-    /// The number of its source line; empty if it has none.
+    /// The number of the instruction's source line; empty if the instruction has none.
     line: String,
     text: String,
     memory: String,
@@ -99,9 +99,9 @@ pub fn microscope_page(
 }
 
 /// Returns the command that writes this page for a record, on the device with this name. Returns
-/// `None` if the record does not name the scene's file, if the run changed values of the scene, or
-/// if the run compared two folders of kernels, since records do not contain the paths of these
-/// folders.
+/// `None` if the record does not name the scene's file, or if the run changed values of the scene.
+/// Also returns `None` if the run compared two folders of kernels, since records do not contain the
+/// paths of these folders.
 pub(super) fn command(record: &Record, device: &str) -> Option<String> {
     let is_plain = record.scene_values.is_empty() && record.kernels_of.is_none();
     let scene = record.scene_file.as_ref().filter(|_| is_plain)?;

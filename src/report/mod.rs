@@ -1,4 +1,4 @@
-//! Writes pages from stored records and pictures. No device is needed for this.
+//! Writes pages from stored records and pictures, without a device.
 
 mod answer;
 mod claims;
@@ -79,8 +79,8 @@ fn exports(records: &[Record]) -> Result<Files> {
     Ok(files)
 }
 
-/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, from folders that were
-/// measured with the paper's configs. Returns the page's path.
+/// Writes `reproduction.html`, `reproduction.json` and the plots into `out`, from folders of
+/// results that were measured with the paper's configs. Returns the page's path.
 pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<PathBuf> {
     let page = Reproduction::of(folders)?;
     let [html, json] = REPRODUCTION.map(str::to_owned);

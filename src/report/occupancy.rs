@@ -17,7 +17,7 @@ const REGISTERS: u32 = 63;
 /// The compute capability of the paper's device.
 const PAPER: &str = "2.0";
 
-/// Plots measured speed over predicted occupancy, with a mark per point with enough samples.
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark.
 /// Returns `None` if all strategies have fewer than three marks.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;

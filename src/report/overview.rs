@@ -164,8 +164,8 @@ mod tests {
 
     #[test]
     fn bars_of_device_against_device_are_the_second_devices() {
-        // The times of the two launches are far apart (10 and 15 ms), so the interval is wide.
-        // Three samples are too few for an interval.
+        // The times of the two launches (worker processes) are far apart (10 and 15 ms), so the
+        // interval is wide. Three samples are too few for an interval.
         let wide = |device: &str| {
             let samples = (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 15.0 }));
             Record { device: device.into(), ..sampled("naive", samples) }

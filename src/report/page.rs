@@ -19,7 +19,7 @@ use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 
 /// The style sheet of every page.
 pub const STYLE: &str = include_str!("templates/page.css");
-/// The script of every page. Pages can also be read without it.
+/// The script of every page. Pages can also be read without the script.
 pub const SCRIPT: &str = include_str!("templates/page.js");
 
 /// The data of the report.
@@ -47,7 +47,8 @@ pub struct Page {
 /// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// True if this view is shown when the page opens. This is so for the largest scene only.
+    /// True if this view is shown when the page opens. Only one view is shown then: that of the
+    /// largest scene.
     first: bool,
     title: String,
     /// Notes from reading the group's scene.
@@ -147,9 +148,9 @@ impl Page {
     }
 }
 
-/// Returns a nonce: a random number with which the page allows only its own script to run. It has
-/// 128 bits, which the standard library derives from the system's random numbers, so no data in the
-/// page can contain it.
+/// Returns a nonce: a random number with which the page allows only its own script to run. The
+/// nonce has 128 bits, which the standard library derives from the system's random numbers, so no
+/// data in the page can contain the nonce.
 pub fn nonce() -> String {
     let random = || RandomState::new().build_hasher().finish();
     format!("{:016x}{:016x}", random(), random())
@@ -274,8 +275,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // With several folders, a device's name may be followed by its folder's name, so the
-        // command could not name the device.
+        // With several folders, the device's name in a record may end with a folder's name. A
+        // command could not name the device then.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -305,7 +306,7 @@ fn command(folders: &[Folder], record: &Record) -> Option<String> {
     microscope::command(record, name.unwrap_or(&record.device))
 }
 
-/// Returns the entries of the environment for the device that records show under this name.
+/// Returns the environment's entries for a device; `shown` is the device's name in the records.
 fn entries<'a>(folders: &'a [Folder], shown: &'a str) -> impl Iterator<Item = &'a Value> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     devices.filter(move |entry| entry["device"].as_str().is_some_and(|name| is_shown_as(name, shown)))

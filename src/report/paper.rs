@@ -1,6 +1,6 @@
-//! The run times in milliseconds that the paper published; the authors of raycl read them off its
-//! Figures 6 to 8. Also contains the configs that repeat the paper's experiments. They are built
-//! in, so that `raycl reproduce` needs no other files.
+//! The run times in milliseconds that the paper published; the authors of raycl read them off the
+//! paper's Figures 6 to 8. Also contains the configs that repeat the paper's experiments. The
+//! configs are built in, so that `raycl reproduce` needs no other files.
 
 use include_dir::{Dir, include_dir};
 
@@ -13,7 +13,7 @@ pub const CONFIGS: [(&str, &str); 5] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The scenes that these configs use.
+/// The scenes that the paper's configs use.
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
 /// Returns the names of the scenes that the paper's configs use.

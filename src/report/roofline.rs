@@ -111,8 +111,8 @@ fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     [low / 2.0, high * 2.0]
 }
 
-/// Returns the roofs as lines. Each rises as a memory's bytes per second times x, up to the rate of
-/// multiply-adds.
+/// Returns the roofs as lines. Each roof rises as a memory's bytes per second times x, up to the
+/// rate of multiply-adds.
 fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     let fma = peak.fma_per_s.median;
     let memories = [

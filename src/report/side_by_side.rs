@@ -11,8 +11,8 @@ use crate::record::{Group, HOST, Record, median, significant};
 /// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
 
-/// Returns two heat maps: the strategies by device, and the losses by device. Returns none for a
-/// single device.
+/// Returns two heat maps: the strategies by device, and the losses by device. Returns no heat map
+/// if there is a single device.
 pub fn side_by_side(groups: &[Group<'_>]) -> Vec<Plot> {
     let devices = devices(groups);
     if devices.len() < 2 {
@@ -159,9 +159,10 @@ mod tests {
             of("room", "cpu", "naive", 9.0),
             of("room", "cpu", "wide", 1.0),
         ]);
-        // On the gpu, `naive` takes 1 times the best time for the teapot and 9 times for the room;
-        // `wide` takes 4 times and 1 times the best time. On the cpu, `wide` is the best for both
-        // scenes, and the gpu's best strategies take 9 times and 1 times the best time.
+        // On the gpu, `naive` is the best for the teapot, where `wide` takes 4 times as long;
+        // `wide` is the best for the room, where `naive` takes 9 times as long. On the cpu, `wide`
+        // is the best for both scenes. On the cpu, the gpu's best strategy takes 9 times the best
+        // time for the teapot, and the best time for the room.
         for plot in side_by_side(&groups(&records)) {
             assert!(plot.svg.contains(">3.00<") && plot.svg.contains(">2.00<"), "{}", plot.svg);
         }
@@ -184,8 +185,9 @@ mod tests {
             of(1600, "cpu", "naive", 3.0),
             of(1600, "cpu", "wide", 1.0),
         ]);
-        // The best of the gpu is `naive` for small images and `wide` for large ones. On the cpu
-        // they take 9 times and 1 times the best time.
+        // The gpu's best strategy is `naive` for small images and `wide` for large images. On the
+        // cpu, `naive` takes 9 times the best time for small images, and `wide` takes the best time
+        // for large images.
         let plots = side_by_side(&groups(&records));
         assert!(plots[1].svg.contains(">3.00<"), "{}", plots[1].svg);
     }

@@ -28,7 +28,7 @@ pub fn size_names(sizes: &[[u32; 2]]) -> Vec<String> {
     sizes.iter().map(|[across, down]| format!("{across}x{down}")).collect()
 }
 
-/// Returns the names of a group's strategies, in its order.
+/// Returns the names of a group's strategies, in the group's order.
 pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in &group.records {
@@ -39,8 +39,8 @@ pub fn names<'a>(group: &Group<'a>) -> Vec<&'a str> {
     names
 }
 
-/// Plots time over local size, with a line per strategy. If `paper` is true, the paper's points are
-/// added, if there are any.
+/// Plots time over local size, with a line per strategy. If `paper` is true, the plot also shows
+/// the points that the paper published, if there are any.
 pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bool) -> Option<Plot> {
     let sizes = sizes(group.records.iter().copied());
     let place = |size: [u32; 2]| sizes.iter().position(|known| *known == size).map(|place| place as f64);

@@ -75,7 +75,7 @@ pub fn tip(record: &Record) -> String {
 }
 
 /// Returns the known properties of a record's main kernel: "168 registers, 12 B spilled, occupancy
-/// 19%". Returns `None` if none is known.
+/// 19%". Returns `None` if no property is known.
 pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));

@@ -51,7 +51,7 @@ pub struct Case {
     /// The kinds of scene to which the case belongs; a test compares them with the scene.
     #[serde(default)]
     pub kinds: Vec<Kind>,
-    /// The kinds of device on which it is measured.
+    /// The kinds of device on which the case is measured.
     pub devices: Vec<String>,
 }
 
@@ -99,8 +99,8 @@ impl Case {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Returns whether the case states exactly those kinds that the task has. `Watertight` is not
-    /// checked, since the task gets it from the case.
+    /// Returns whether the kinds that the case states are exactly the kinds of the task. The kind
+    /// `Watertight` is not checked, since the task takes this kind from the case.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
             (Kind::Few, task.triangles < FEW),
@@ -147,8 +147,8 @@ mod tests {
                 assert!(count >= 5, "{device}: {count} of {kind:?}");
             }
         }
-        // Generating millions of triangles takes seconds. For large scenes, `raycl rule` makes this
-        // check.
+        // Generating millions of triangles takes seconds. For large scenes, `raycl rule` checks the
+        // kinds.
         for case in
             cases.iter().filter(|case| !case.set.values().any(|value| value.as_integer() > Some(300_000)))
         {

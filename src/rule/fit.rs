@@ -7,13 +7,14 @@ use crate::strategy::{Class, Constants, Task};
 
 /// The assumed time of a strategy that a device refused, as a multiple of the best time.
 const REFUSED: f64 = 100.0;
-/// The least gain for which a constant is changed. Each choice has a ratio of its time to the best
-/// time; a gain is a decrease of the sum of the logarithms of these ratios.
+/// The smallest gain for which a constant is changed. Each choice has a ratio of its time to the
+/// best time; a gain is a decrease of the sum of the logarithms of these ratios.
 const GAIN: f64 = 1e-3;
 /// Two cases count as equal if their values differ by less than this factor; no constant is placed
 /// between them.
 const ALIKE: f64 = 1.01;
-/// Largest number of rounds over all constants; several are needed since each depends on the others.
+/// Largest number of rounds over all constants. Several rounds are needed, since the best value of a
+/// constant depends on the other constants.
 const ROUNDS: usize = 8;
 
 /// Returns the constants of a class after fitting. Constants that the sweeps do not determine stay unchanged.
@@ -65,8 +66,8 @@ fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usi
     [0.0, f64::INFINITY].into_iter().chain(between).collect()
 }
 
-/// Returns a value near the geometric mean of `low` and `high`, rounded to the fewest digits for
-/// which it stays above `low` and not above `high`.
+/// Returns a value near the geometric mean of `low` and `high`, with as few digits as possible. The
+/// value is above `low` and not above `high`.
 fn between(low: f64, high: f64) -> f64 {
     let mean = (low * high).sqrt();
     let rounded = |digits: usize| format!("{mean:.digits$e}").parse::<f64>().ok();
@@ -171,9 +172,9 @@ mod tests {
         }
     }
 
-    /// A choice that a device refused counts as if it took a hundred times the best time. It must
-    /// not count as infinite: a case in which every choice is refused would then hide the
-    /// differences between constants.
+    /// A choice that a device refused counts as if it took a hundred times the best time. An
+    /// infinite time would be wrong: a single case in which every choice is refused would then hide
+    /// the differences between constants.
     #[test]
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];

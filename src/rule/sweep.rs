@@ -12,11 +12,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The least time of a sample, in milliseconds. A sample has enough frames to take this long, since
-/// disturbances can last longer than a single frame on a GPU.
+/// The shortest time that a sample may take, in milliseconds. A sample has enough frames to take
+/// this long, since disturbances can last longer than a single frame on a GPU.
 const SAMPLE_MS: f64 = 10.0;
-/// The largest number of triangles for which exhaustive casting is timed. For larger scenes it
-/// would take minutes, and no rule would choose it.
+/// The largest number of triangles for which exhaustive casting is timed. For larger scenes,
+/// exhaustive casting would take minutes, and no rule would choose it.
 const MOST_TESTED: usize = 2000;
 /// Largest number of frames in a sample.
 const MOST_FRAMES: f64 = 200.0;
@@ -35,7 +35,7 @@ pub struct Sweep {
     /// A description of the conditions.
     #[serde(default)]
     pub conditions: String,
-    /// Number of rounds; the least time is used.
+    /// Number of rounds; the shortest time of all rounds is used.
     pub rounds: u32,
     /// The measurements of each case.
     pub cases: Vec<Measured>,
@@ -49,7 +49,7 @@ pub struct Measured {
     /// The work that was cast.
     #[serde(flatten)]
     pub task: Task,
-    /// The time of a frame in milliseconds, by the candidate's name: the least of all rounds.
+    /// The time of a frame in milliseconds, by the candidate's name: the shortest of all rounds.
     /// Candidates that the device refused are missing.
     pub least_ms: BTreeMap<String, f64>,
 }
@@ -59,7 +59,7 @@ pub struct Measured {
 pub struct Verdict {
     /// The chosen candidate.
     pub choice: Way,
-    /// Its time in milliseconds; `None` if the device refused it.
+    /// The choice's time in milliseconds; `None` if the device refused the choice.
     pub choice_ms: Option<f64>,
     /// The fastest candidate, and its time in milliseconds.
     pub best: (String, f64),

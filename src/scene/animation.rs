@@ -20,8 +20,8 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// A scene's values over time. They determine the scene of each frame, which reuses data of the
-/// previous frame: no file is read twice, and a mesh that stays the same is shared.
+/// A scene's values over time. These values determine the scene of each frame. A frame reuses data
+/// of the previous frame: no file is read twice, and a mesh that stays the same is shared.
 pub struct Animation {
     /// The number of frames; the first is 1.
     pub frames: u32,
@@ -83,8 +83,8 @@ impl Animation {
         })
     }
 
-    /// Returns the scene of a frame. If its mesh equals the mesh of the scene `last`, the two
-    /// scenes share the mesh.
+    /// Returns the scene of a frame. If the frame's mesh equals the mesh of the scene `last`, the
+    /// two scenes share the mesh.
     ///
     /// # Errors
     ///
@@ -139,8 +139,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. It points to the track after
-    /// which the document stays invalid, even with all later tracks.
+    /// Returns the error for a frame whose document is not a scene. The error points to the track
+    /// that makes the document invalid, if no later track makes the document valid again.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {

@@ -23,7 +23,7 @@ use std::sync::Arc;
 /// The default shadow bias: this fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// The scene of a document, with other results that its callers need.
+/// The scene of a document, with further results that callers need.
 pub(super) struct Assembled {
     pub scene: Scene,
     /// The axis of a turntable.
@@ -54,8 +54,8 @@ pub(super) fn assemble(
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
     match wire.two_sided.unwrap_or(document.bare) {
-        // If a scene is seen from all sides, its normals are reversed all together or not at all; otherwise parts of
-        // it would be dark from behind.
+        // If a scene is seen from all sides, either all of its normals are reversed or none. Otherwise parts of the
+        // scene would be dark from behind.
         true if shot.turns => normals::turn_outwards(Arc::make_mut(&mut mesh)),
         true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
@@ -76,7 +76,7 @@ pub(super) fn assemble(
     let is_seen = wire.background.is_none();
     let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, (wire.camera.upright(), is_seen), kept));
     let sky = sky.transpose()?;
-    // A picture with a given background is probably to be combined with something else, so no ground is
+    // A picture with a given background will probably be combined with another picture, so no ground is
     // added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())

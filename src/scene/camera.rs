@@ -26,14 +26,15 @@ pub struct Camera {
     pub shift: [f32; 2],
     /// The width of a pixel's cone as a share of the pixel's width; less than 1 if the pixel gets several samples.
     pub cone_share: f32,
-    /// The size of another image. The camera's image shows the field of view of that image, although the two shapes
-    /// may differ slightly. Without it, the image's own size determines the field of view.
+    /// The size of another image. If it is given, the camera's image shows the field of view of the other image,
+    /// although the two shapes may differ slightly. If `None`, the size of the camera's image determines the field
+    /// of view.
     pub covers: Option<[u32; 2]>,
 }
 
 /// The rays of an image. The ray through pixel coordinates (x, y) starts at `eye` in the direction `corner +
-/// x * step_x + y * step_y`; pixels have their centres at half-integers. That direction has depth 1 along the
-/// camera's forward axis and is not normalised.
+/// x * step_x + y * step_y`; pixels have their centres at half-integers. The ray's direction has depth 1
+/// along the camera's forward axis and is not normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelFrame {
     /// The origin of all rays.
@@ -46,8 +47,8 @@ pub struct PixelFrame {
     pub step_y: DVec3,
     /// The smallest visible depth.
     pub z_near: f64,
-    /// The width of a pixel's cone at a point is the inner product of this and the vector from the eye to the point: it
-    /// grows with the point's depth.
+    /// The width of a pixel's cone at a point is the inner product of this vector and the vector from the eye to the
+    /// point. The width grows with the point's depth.
     pub cone: DVec3,
 }
 
@@ -105,7 +106,8 @@ impl Camera {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }
     }
 
-    /// Returns the camera of an image that shows the field of view of another image, whose size is `size`.
+    /// Returns the camera of an image that shows the field of view of another image. `size` is the size of
+    /// the other image.
     #[must_use]
     pub fn covering(&self, size: [u32; 2]) -> Self {
         Self { covers: Some(size), ..*self }

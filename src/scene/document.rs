@@ -22,7 +22,7 @@ pub(super) struct Document {
     pub name: String,
     /// The TOML text, including overrides.
     pub text: String,
-    /// The folder to which its paths are relative.
+    /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
     /// The file's name without extension.
     pub stem: String,

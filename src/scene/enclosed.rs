@@ -1,10 +1,10 @@
-//! Tests whether surfaces lie all around the eye. If they do, more rays hit something, and shadow
-//! rays are longer, than with an object in front of the eye.
+//! Tests whether surfaces lie all around the eye. Inside such surfaces, more rays hit something and
+//! shadow rays are longer than in front of an object.
 
 use super::Scene;
 
-/// Largest number of triangles that are tested; of a larger scene, evenly spaced triangles are
-/// tested.
+/// Largest number of triangles that are tested. In a larger scene, only every second, third, ...
+/// triangle is tested.
 const LOOKED_AT: usize = 4096;
 
 impl Scene {

@@ -1,12 +1,13 @@
-//! Measures how much of the visible surface faces away from the camera. Such surfaces are dark,
-//! since they are lit from behind.
+//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are
+//! dark, since they are lit from behind.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Number of samples across a picture; enough to tell whether most of a surface or little of it faces away.
+/// Number of samples across a picture: enough to tell whether most of a surface faces away, or only little
+/// of it.
 const ACROSS: usize = 48;
 /// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;

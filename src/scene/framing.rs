@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 /// Field of view across the height, like the view of a portrait lens, which has little distortion.
 const FOV_Y_DEGREES: f32 = 35.0;
-/// The mesh fills this fraction of the picture's width or height, and at most this fraction of the
-/// other of the two.
+/// The mesh fills this fraction of the picture in one direction, across or down, and at most this
+/// fraction in the other direction.
 const FILL: f64 = 0.92;
 /// The direction towards the camera: from the right, above and in front, for meshes with y up and their front
 /// towards +z.
@@ -32,8 +32,8 @@ pub(super) struct Ball {
 }
 
 impl Ball {
-    /// Returns the ball of a mesh for an upward direction. Its radius is positive even if the mesh is a
-    /// point, or if f32 cannot distinguish its corners because it is far from the origin.
+    /// Returns the ball of a mesh for an upward direction. The ball's radius is always positive, even
+    /// if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
@@ -62,7 +62,7 @@ pub(super) struct View {
     pub azimuth_degrees: Option<f64>,
     /// Angle above the horizon.
     pub elevation_degrees: Option<f64>,
-    /// The pictures for which it is framed.
+    /// The pictures for which the mesh is framed.
     pub shot: Shot,
 }
 
@@ -74,8 +74,8 @@ impl View {
         (0..count).map(|number| DMat3::from_axis_angle(self.up, angle(number))).collect()
     }
 
-    /// Returns the right and the front of a mesh with this upward direction: with y up, the front is +z; with
-    /// z up, it is -y.
+    /// Returns the directions to the right and to the front of a mesh with this upward direction. With y up,
+    /// the front is +z; with z up, the front is -y.
     fn level(&self) -> [DVec3; 2] {
         let front = if self.up.z.abs() < 0.9 { DVec3::Z } else { DVec3::NEG_Y };
         let front = front.reject_from_normalized(self.up).normalize_or(DVec3::X);
@@ -95,7 +95,7 @@ impl View {
         let azimuth = self.azimuth_degrees.map_or_else(|| x.atan2(z), f64::to_radians);
         let elevation = self.elevation_degrees.map_or_else(|| y.atan2(x.hypot(z)), f64::to_radians);
         let level = right * azimuth.sin() + front * azimuth.cos();
-        // Seen from straight above, the front is at the bottom of the picture.
+        // If the mesh is seen from straight above, its front is at the bottom of the picture.
         let upright = self.up * elevation.cos() - level * elevation.sin();
         [self.up * elevation.sin() + level * elevation.cos(), upright]
     }
@@ -105,13 +105,13 @@ impl View {
 pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [towards_eye, upright] = view.towards_eye(ball.opening);
     let look = Camera::looking_at(Vec3::ZERO, -towards_eye.as_vec3(), upright.as_vec3(), FOV_Y_DEGREES, true);
-    // `upright` is never parallel to the view, so there always is a camera.
+    // `upright` is never parallel to the viewing direction, so the camera always exists.
     let look = look.unwrap_or(Camera::PAPER);
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
     // Four planes through the centre are parallel to the sides of the view. Returns how far a corner is beyond each
-    // of them, measured to the right, left, up or down.
+    // of these planes, measured to the right, left, up or down.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -155,9 +155,9 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     (key_power(distance), distance)
 }
 
-/// Returns a key light from the viewer's upper left and a weaker fill light from the right. Their power is
-/// proportional to the square of the mesh's size, so that a surface with a k_L of 0.8 that faces the key light is
-/// displayed as 80 to 88% grey at any scale.
+/// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both
+/// lights is proportional to the square of the mesh's size. So the display does not depend on the scale: a
+/// surface with a k_L of 0.8 that faces the key light is displayed as 80 to 88% grey.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {
@@ -173,9 +173,9 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     }
 }
 
-/// Returns the power of a light for which a surface at `distance`, which faces the light and has a k_L of 0.8, is
-/// displayed as 88% of white. This follows from `15 L = 0.88^2.2`, with the default exposure 15 and gamma 2.2, and
-/// from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
+/// Returns the power of a light that makes a surface at `distance` appear as 88% of white. The surface faces the
+/// light and has a k_L of 0.8. This follows from `15 L = 0.88^2.2`, with the default exposure 15 and gamma 2.2,
+/// and from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
 fn key_power(distance: f64) -> f64 {
     let radiance = 0.88_f64.powf(2.2) / 15.0;
     radiance * 4.0 * std::f64::consts::PI.powi(2) * distance * distance / 0.8

@@ -18,7 +18,7 @@ impl Inputs {
         Self(Mutex::new(BTreeSet::new()))
     }
 
-    /// Adds a file. If it is a link, the file to which it leads is added too.
+    /// Adds a file. If the path is a link, the link's target is added too.
     pub fn add(&self, path: &Path) {
         let names = [in_canonical_folder(path), path.canonicalize().ok()];
         self.held().extend(names.into_iter().flatten());

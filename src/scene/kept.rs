@@ -17,7 +17,7 @@ use toml::{Table, Value};
 /// mesh itself.
 const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 
-/// Data that is kept between frames; the default keeps nothing.
+/// Data that one frame passes on to the next; by default, nothing is passed on.
 #[derive(Default)]
 pub(super) struct Kept {
     keeps: bool,

@@ -15,7 +15,7 @@ use toml::Value;
 /// A scene, with notes about how it was read.
 #[derive(Debug)]
 pub struct Loaded {
-    /// The validated scene; the first frame of an animation.
+    /// The validated scene; for an animation, the scene of the first frame.
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
@@ -24,7 +24,7 @@ pub struct Loaded {
     pub object_starts: Vec<u32>,
     /// True if a ground, soft light and a sky were added to a bare mesh.
     pub dressed: bool,
-    /// The scene's animation, if its file has one. The animation makes the scenes of the other
+    /// The scene's animation, if its file has one. The animation makes the scenes of the later
     /// frames.
     pub animation: Option<Animation>,
     /// Notes on parts that were ignored or replaced by defaults, such as a missing material file.
@@ -48,8 +48,8 @@ impl Shot {
 }
 
 /// Loads a scene file (TOML) or a bare mesh (OBJ, PLY, STL, glTF), recognised by their contents. A bare mesh
-/// is framed as in experiments: seen from the right, above and in front, for images at least as wide as high,
-/// with a key light and a fill light, and with its normals turned to the viewer.
+/// is framed as in experiments: it is seen from the right, above and in front, for images at least as wide as
+/// high. It gets a key light and a fill light, and its normals are turned to the viewer.
 ///
 /// # Errors
 ///
@@ -79,8 +79,8 @@ pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) ->
     load(path, overrides, shot, true)
 }
 
-/// Loads a scene that another file names, in the same way as [`load_scene_with`]. Messages quote
-/// the scene only if it is in `folder`, the other file's folder.
+/// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the
+/// folder of that other file; messages quote the scene only if the scene's file is in this folder.
 ///
 /// # Errors
 ///

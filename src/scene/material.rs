@@ -4,15 +4,15 @@ use glam::Vec3;
 
 /// The default k_L: the k_L of the paper's ground.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
-/// The k_G of the paper's figures.
+/// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;
-/// The s of the paper's figures.
+/// The highlight's exponent s in the paper's figures.
 pub const PAPER_SHININESS: f32 = 100.0;
 
-/// The largest k_L and k_G. It exceeds the reflectance of any real surface, and products with it
-/// stay within single precision.
+/// The largest k_L and k_G. This limit exceeds the reflectance of any real surface, and products
+/// with it stay within single precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
-/// The largest s, at which a highlight is a point.
+/// The largest exponent s of a highlight; a highlight with this exponent is a point.
 pub const MAX_SHININESS: f32 = 1e6;
 
 /// The reflectance formula of a surface.

@@ -34,7 +34,7 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Returns the bytes of a mesh with these numbers of triangles, positions and normals.
+    /// Returns the size in bytes of a mesh with these numbers of triangles, positions and normals.
     pub const fn bytes(triangles: u64, positions: u64, normals: u64) -> u64 {
         triangles * size_of::<Triangle>() as u64 + (positions + normals) * size_of::<Vec3>() as u64
     }

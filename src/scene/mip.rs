@@ -9,15 +9,15 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};
 
-/// Weight of a fully transparent texel. It is above 0, so that a region without opaque texels has a
-/// colour too.
+/// Weight of a fully transparent texel. The weight is above 0, so that a region without opaque
+/// texels has a colour too.
 const TRANSPARENT_WEIGHT: f32 = 1e-4;
-/// Largest side of a texel in the scene's units. It replaces infinity where texture coordinates do
-/// not vary.
+/// Largest side of a texel in the scene's units. This value replaces infinity where texture
+/// coordinates do not vary.
 const LARGEST_TEXEL: f64 = 1e18;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
-/// The linear light halfway between each two neighbouring 8-bit values of a channel as displayed.
+/// The linear light of the displayed values halfway between neighbouring 8-bit values of a channel.
 static BETWEEN: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
 
@@ -106,7 +106,8 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     rows.flat_map_iter(|down| columns.iter().map(move |across| mean((&down, across)))).collect()
 }
 
-/// The texels that a texel of the next level covers along an axis: the first of them, and the share of each.
+/// The texels that a texel of the next level covers along an axis: the index of the first texel, and the
+/// share of each texel.
 struct Covered {
     first: usize,
     shares: [f32; 3],
@@ -238,7 +239,7 @@ mod tests {
         assert!(textures.have_levels() && Arc::ptr_eq(texels(0), texels(1)));
         let levels: Vec<_> = textures.list.iter().map(Texture::last_level).collect();
         assert_eq!((levels, texels(2).len()), (vec![1, 1, 0, 1], 2));
-        // Only the last picture is a mask too, so that its texels are weighted by their alpha.
+        // Only the last picture is also a mask, so only its texels are weighted by their alpha.
         assert_eq!((texels(0)[2], texels(3)[2]), (0x8000_bcbc, 0x8000_ff00));
     }
 
@@ -256,7 +257,7 @@ mod tests {
             textures: Textures { list: vec![texture([8, 4], &texels, 0)], mapped: vec![row(scale)] },
             ..Mesh::default()
         };
-        // 2 x 4 units of length are 8 x 4 texels: a texel has an area of 1/4.
+        // An area of 2 x 4 units has 8 x 4 texels, so a texel has an area of 1/4.
         assert_eq!(texel_on(&mesh(1.0), 0), [0.0, -0.5, 0.0]);
         assert_eq!(texel_on(&mesh(0.5), 0), [0.0, -1.0, 0.0]);
         assert_eq!(texel_on(&mesh(0.0), 0), [0.0, -(LARGEST_TEXEL as f32), 0.0]);

@@ -1,8 +1,8 @@
 //! Scenes: triangles, materials, lights, a camera.
 //!
 //! A [`Scene`] is validated when it is made: every number is finite, every index in bounds, every triangle
-//! has normals. No later code checks this again. Devices and the reference use the same `f32`
-//! values.
+//! has normals. Later code does not check these properties again. Devices and the reference use the same
+//! `f32` values.
 
 mod animation;
 mod assemble;
@@ -57,9 +57,9 @@ pub fn schema() -> serde_json::Value {
 /// A light: a point, or a ball if there are several samples per pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
-    /// Its position, in the scene's units.
+    /// The light's position, in the scene's units.
     pub position: Vec3,
-    /// Its power in red, green and blue.
+    /// The light's power in red, green and blue.
     pub power: Vec3,
     /// The ball's radius, in the scene's units; 0 for a point light.
     pub radius: f32,
@@ -68,9 +68,10 @@ pub struct Light {
 /// How radiance becomes 8-bit values: `trunc(255 * clamp(exposure * L, 0, 1)^(1/gamma))`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// The factor before the exponent is applied; the paper's is 15.
+    /// The factor by which radiance is multiplied before the exponent is applied; the paper's
+    /// factor is 15.
     pub exposure: f32,
-    /// The inverse of the exponent; the paper's is 2.2.
+    /// The inverse of the exponent; the paper's gamma is 2.2.
     pub gamma: f32,
 }
 
@@ -112,8 +113,8 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
-    /// True if pictures have an alpha channel: the share of a pixel that surfaces cover. The background is then
-    /// black.
+    /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. The
+    /// background is then black.
     pub transparent: bool,
     /// The distance from its surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
@@ -122,7 +123,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Returns the mesh, to be changed; a mesh that other scenes share is copied first.
+    /// Returns the mesh so that callers can change it; a mesh that other scenes share is copied
+    /// first.
     pub fn mesh_mut(&mut self) -> &mut Mesh {
         Arc::make_mut(&mut self.mesh)
     }
@@ -156,7 +158,7 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // Scenes without textures, soft lights and a sky add nothing here, so their hashes are the same as in
+        // A scene without textures, soft lights or a sky adds nothing here, so its hash is the same as in
         // older records.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
@@ -178,7 +180,8 @@ impl Scene {
         }
         if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
-            // A word marks the beginning of the sky, so that no radii of lights result in the same hash.
+            // A marker word comes before the sky's numbers. Without the marker, radii of lights could
+            // result in the same hash.
             hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
             hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }

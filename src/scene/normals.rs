@@ -95,7 +95,7 @@ fn generate(mesh: &mut Mesh) {
     mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
 }
 
-/// Returns the normal, or its direction if its square would exceed the range of f32.
+/// Returns the normal, or the normal scaled to length 1 if its square would leave the range of f32.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;

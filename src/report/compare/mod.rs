@@ -47,8 +47,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Returns whether the folders have several devices, in which case the names of points include
-    /// the device.
+    /// Returns whether the folders have several devices. If so, the names of points include the
+    /// device.
     pub fn has_several_devices(&self) -> bool {
         let mut devices = self.pairs.iter().map(|pair| &pair.before).filter(|record| !record.is_baseline());
         let first = devices.next().map(|record| &record.device);
@@ -59,10 +59,10 @@ impl Comparison {
     /// without an anchor or baselines.
     ///
     /// Points correspond if their scenes, image sizes, strategies and local sizes are equal.
-    /// Devices correspond if their names are equal. If each folder has a single device, these two
-    /// also correspond, so that results of different machines can be compared. Scenes correspond if
-    /// their contents are equal or, if either folder did not record the contents, if their names
-    /// are equal.
+    /// Devices correspond if their names are equal. If each folder has a single device, the two
+    /// devices also correspond, so that results of different machines can be compared. Scenes
+    /// correspond if their contents are equal. If either folder did not record the contents, scenes
+    /// correspond if their names are equal.
     pub fn of(before: &Folder, after: &Folder, threshold: f64, bare: bool) -> Self {
         let (before, after) = (&beside_anchors(before), &beside_anchors(after));
         let one_each = devices(before).len() == 1 && devices(after).len() == 1;
@@ -88,8 +88,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares two folders of kernels within one run. Points that compile to the same program with
-    /// both folders are left out.
+    /// Compares two folders of kernels within one run. Leaves out points whose compiled program is
+    /// the same with both folders.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -130,8 +130,8 @@ impl Comparison {
         Self { labels, pairs: Vec::new(), others: Vec::new(), notes, threshold }
     }
 
-    /// Adds a line per point that only one folder has, but only one line per scene if both folders have a
-    /// scene of that name with different content.
+    /// Adds a line for each point that only one folder has. If both folders have a scene of the same name
+    /// with different content, adds a single line for that scene.
     fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2]) {
         let [before, after] = only;
         let changed = |record: &Record, others: &[Record]| {
@@ -206,8 +206,8 @@ impl Comparison {
         regressions::regressions(self, limit_percent)
     }
 
-    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". If there
-    /// are such points, ", 1 cannot tell, 2 not enough samples" follows.
+    /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The
+    /// counts of "cannot tell" and "not enough samples" follow if they are not zero.
     pub fn summary(&self) -> String {
         let counts = Verdict::ALL.map(|verdict| (verdict, self.count(verdict)));
         let shown = counts.iter().filter(|(verdict, count)| {
@@ -237,8 +237,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns the folder with the position of each record among the records and anchors that were
-/// measured with it.
+/// Returns a copy of the folder in which each record has its position. The position is among the
+/// records and anchors that were measured together with the record.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

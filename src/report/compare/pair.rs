@@ -11,14 +11,14 @@ pub(super) type Both<'a> = (&'a Record, &'a Record);
 /// A point that both folders measured.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// Its record in the first folder.
+    /// The point's record in the first folder.
     pub before: Record,
-    /// Its record in the second folder.
+    /// The point's record in the second folder.
     pub after: Record,
     /// The verdict on the second record.
     pub verdict: Verdict,
-    /// The ratio of the second time to the first time, and the kind of time by which both are
-    /// divided; `None` if the ratio cannot be computed.
+    /// The ratio of the second time to the first time, and the measurements to which both times are
+    /// relative; `None` if the ratio cannot be computed.
     pub change: Option<(Interval, Against)>,
 }
 
@@ -34,9 +34,10 @@ pub enum Against {
     /// Points of the same rounds that changed by similar factors. A change that all points share
     /// cannot be detected.
     PointsInCommon,
-    /// Nothing: the measured times themselves are compared.
+    /// No other measurement: the measured times themselves are compared.
     BareTimes,
-    /// Nothing is needed, since both records were measured in the same rounds of one run.
+    /// No other measurement is needed, since both records were measured in the same rounds of one
+    /// run.
     SameRounds,
 }
 
@@ -46,8 +47,8 @@ impl Pair {
         self.change.map(|(change, _)| percent(change.middle))
     }
 
-    /// Formats the change as "+12.3% (+10.1 to +14.2)", or as "496× as long" if the factor is at
-    /// least ten, or as "n = 10 and 3" if there are too few samples.
+    /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format
+    /// is "496× as long". If there are too few samples, the format is "n = 10 and 3".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {

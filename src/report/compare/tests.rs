@@ -72,8 +72,8 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // In one launch the point is as fast as before, in the other launch it is 20% slower. The mean
-    // change is 10%, and it is uncertain.
+    // In one launch (worker process) the point is as fast as before, in another launch it is 20%
+    // slower. The mean change is 10%, and its interval is wide.
     let mut after = before.clone();
     after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.2);
     after[2].median_ms = Some(5.5);
@@ -92,7 +92,7 @@ fn one_kernel_that_is_slower_is_found_among_others() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let regressions = comparison.regressions(5.0);
     assert!(regressions[0].contains("bvh"), "{regressions:?}");
-    // A third of the risk of 2% is that of single points, and each of the five points has an equal part of it.
+    // Single points have a third of the risk of 2%, and each of the five points has a fifth of this third.
     let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
     let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
     assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
@@ -159,9 +159,9 @@ fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
 
-/// Returns a folder with two strategies at two sizes each, measured in three launches with an
-/// anchor. `machine` is the factor by which the machine is slower than usual, and `slow` returns
-/// the factor by which a strategy is slower than usual.
+/// Returns a folder with two strategies at two sizes each, measured together with an anchor in
+/// three launches (worker processes). `machine` is the factor by which the machine is slower than
+/// usual, and `slow` returns the factor by which a strategy is slower than usual.
 fn anchored(label: &str, machine: f64, slow: impl Fn(&str) -> f64) -> Folder {
     let mut records = Vec::new();
     let mut anchors = Vec::new();

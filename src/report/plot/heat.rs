@@ -23,20 +23,20 @@ pub enum Cell {
     },
     /// No time.
     Nothing {
-        /// The reason, as a word that the legend explains.
+        /// The reason for the missing time, as a word that the legend explains.
         code: String,
         /// The full reason.
         tip: String,
     },
-    /// The experiment has no such point.
+    /// The experiment has no point for this cell.
     Empty,
 }
 
 /// A heat map.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
-    /// A name that is unique on the page; it becomes a part of the hatching pattern's name, which
-    /// must be unique on the whole page.
+    /// A name that is unique on the page. The hatching pattern's name contains this name, and so is
+    /// unique too.
     pub id: String,
     /// Its title.
     pub title: String,

@@ -1,4 +1,4 @@
-//! Draws the legend of a chart. In a page, its entries are buttons.
+//! Draws the legend of a chart. In a page, the legend's entries are buttons.
 
 use super::look::Look;
 use super::svg::{Anchor, Svg};
@@ -33,8 +33,8 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
 }
 
 /// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning
-/// and the end remain, since names in an experiment differ there: in the value of an axis, or in
-/// the exponent of a fitted power law.
+/// and the end of the name remain, since an experiment's names differ there: in the value of an
+/// axis, or in the exponent of a fitted power law.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

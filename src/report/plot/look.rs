@@ -1,5 +1,5 @@
-//! The appearance of series: colours and markers. With markers, there are more combinations than
-//! colours.
+//! The appearance of series: colours and markers. Markers make more series distinguishable than
+//! colours alone.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};

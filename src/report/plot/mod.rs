@@ -1,4 +1,5 @@
-//! Draws plots as SVG. They can be read without a script; the page's script makes them interactive.
+//! Draws plots as SVG. The plots can be read without a script; the page's script makes them
+//! interactive.
 
 pub mod chart;
 pub mod heat;
@@ -17,7 +18,7 @@ pub mod svg;
 pub struct Plot {
     /// Its file name without extension.
     pub name: String,
-    /// Its caption, a sentence or two.
+    /// The plot's caption, one or two sentences.
     pub caption: String,
     /// The drawing.
     pub svg: String,

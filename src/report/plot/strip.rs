@@ -47,7 +47,7 @@ struct Form {
 const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
 /// The layout for phones, with names above the dots.
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
-/// The largest number of dots in a row. If there are more samples, only every second, third, ...
+/// The largest number of dots in a row. If a row has more samples, only every second, third, ...
 /// sample is shown.
 const DOTS: usize = 120;
 
@@ -91,7 +91,8 @@ impl Strip {
     }
 
     /// Returns how far the axis extends on both sides of 0, in percent. Nearly all samples are
-    /// within this range; outliers are not, so that they do not compress the others.
+    /// within this range. Outliers may lie outside, so that the axis does not compress the other
+    /// samples.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();

@@ -1,5 +1,5 @@
-//! The answer at the top of the page, in four lines: the best memory strategy, the best local size, why, and
-//! how certain that is.
+//! The answer at the top of the page, in four lines: the best memory strategy, the best local size, why
+//! these are the best, and how certain the answer is.
 
 use crate::measure::Ranking;
 use crate::memory::readable;
@@ -39,7 +39,7 @@ pub struct Answer {
     pub plots: Vec<Plot>,
 }
 
-/// The kernels of one scene that differ only in their memories.
+/// The kernels of one scene; they differ only in the memories that they use.
 struct Contest<'a> {
     group: &'a Group<'a>,
     ranking: Ranking<&'a Record>,
@@ -69,7 +69,7 @@ impl<'a> Contest<'a> {
 }
 
 /// Returns the answer for a device, from the run that has the most memory strategies. If no run has
-/// several of them, each line says so.
+/// several memory strategies, each line says so.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     let kinds = |run: &&Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -140,8 +140,8 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns the best local size, such as "8 x 8", or how many sizes tie; then the same for the naive
-/// kernel alone.
+/// Returns the best local size of all kernels, such as "8 x 8", and the best local size of the
+/// naive kernel. If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
@@ -162,8 +162,9 @@ fn sizes(records: &[&Record]) -> String {
     }
 }
 
-/// Explains why the best kernel is faster than naive, for the scene with the most triangles: by the
-/// memory traffic that it avoids, and by the properties of both compiled kernels.
+/// Explains why the best kernel is faster than the naive kernel, for the scene with the most
+/// triangles. The explanation consists of the memory traffic that the best kernel avoids, and of
+/// the properties of both compiled kernels.
 fn why(contests: &[Contest<'_>]) -> String {
     let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
         return NO_WINNER.to_owned();
@@ -226,8 +227,8 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns the ratio of naive's best time to the best time of all kernels, and the number of points
-/// that tie.
+/// Returns the ratio of the naive kernel's best time to the best time of all kernels, and the
+/// number of points that tie.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

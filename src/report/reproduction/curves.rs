@@ -33,10 +33,10 @@ fn curves<'a>(figure: u32, groups: &[Group<'a>], device: &str) -> Vec<Curve<'a>>
         .collect()
 }
 
-/// Returns two plots of the paper's figure with this number, one of the curves' shapes and one in
-/// milliseconds, and the figure's values. All measurements come from the run that has the most
-/// points of the figure, since a curve must not be combined from several runs. Returns `None` if no
-/// point of the figure was measured.
+/// Returns two plots of the paper's figure with this number, and the figure's values. One plot
+/// shows the curves' shapes, the other plot shows milliseconds. All measurements come from the run
+/// that has the most points of the figure, since a curve must not be combined from several runs.
+/// Returns `None` if no point of the figure was measured.
 pub(super) fn curves_of(
     number: u32,
     runs: &[Run<'_>],
@@ -61,7 +61,8 @@ pub(super) fn curves_of(
     Some((vec![shapes, times], curves.iter().flat_map(rows).collect()))
 }
 
-/// Draws the curves over block sizes: in milliseconds, or each divided by its least value.
+/// Draws the curves over block sizes. The times are in milliseconds or, if `as_shapes` is true,
+/// divided by the shortest time of their curve.
 fn drawn(curves: &[Curve<'_>], number: u32, device: &str, as_shapes: bool) -> Chart {
     let mut blocks: Vec<u32> = curves
         .iter()

@@ -1,4 +1,5 @@
-//! Describes the paper's figures. Each has its counterpart from raycl and the known differences.
+//! Describes the paper's figures. Each figure comes with raycl's counterpart and the known
+//! differences between the two.
 
 use super::curves::curves_of;
 use super::predicted::predicted;
@@ -33,7 +34,7 @@ struct File {
 
 /// A figure for the page.
 pub struct Figure {
-    /// Its number, title and known differences.
+    /// The figure's number, title and known differences.
     pub about: Described,
     /// Our pictures for it.
     pub pictures: Vec<Picture>,

@@ -51,8 +51,8 @@ struct Paper {
 }
 
 impl Reproduction {
-    /// Collects the page's data from these folders. The more of the paper's configs were measured
-    /// in them, the more claims can be tested.
+    /// Collects the page's data from these folders. More claims can be tested if the folders have
+    /// results of more of the paper's configs.
     pub fn of(folders: &[Folder]) -> Result<Self> {
         let paper = Paper { rows: table()?, figures: figures::described()? };
         let records: Vec<_> = folders.iter().map(|folder| merged(std::slice::from_ref(folder))).collect();

@@ -60,8 +60,9 @@ pub(super) fn between(
 }
 
 /// Returns the value of the monotone cubic interpolant of Fritsch and Butland (1984), as in SciPy's
-/// `PchipInterpolator`. It stays between the values of the two keyframes. So a value that is valid
-/// at all keyframes is valid between them, and a camera does not swing back before it moves.
+/// `PchipInterpolator`. The interpolant stays between the values of the two neighbouring keyframes.
+/// So a value that is valid at all keyframes is valid between them, and a camera does not swing
+/// back before it moves.
 fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     let (from, to) = (values[begin], values[begin + 1]);
     let length = frames[begin + 1] - frames[begin];
@@ -77,8 +78,8 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     value.clamp(from.min(to), from.max(to))
 }
 
-/// Returns the slope at a keyframe: 0 at a turning point, else a harmonic mean of the slopes of the lines to
-/// its neighbours, so that the curve does not overshoot.
+/// Returns the slope at a keyframe. The slope is 0 at a turning point. Elsewhere it is a harmonic mean of
+/// the slopes of the lines to the neighbouring keyframes, so that the curve does not overshoot.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -101,7 +102,8 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 
 /// Returns the slope at the first or the last keyframe: the slope of the parabola through three
 /// keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB,
-/// 2004, section 3.6). In both arguments, the nearer of the two lines comes first.
+/// 2004, section 3.6). The arguments are the lengths and the slopes of the two lines between these
+/// keyframes. In both arguments, the line that touches the first or the last keyframe comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

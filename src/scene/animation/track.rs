@@ -14,7 +14,7 @@ const MAX_DEPTH: usize = 8;
 pub(super) struct Track {
     /// The value's path in the document.
     pub path: Spanned<String>,
-    /// The frame of each of `values`, ascending.
+    /// The frames of the keyframes, ascending.
     at: Vec<f64>,
     /// The values at these frames; at least one.
     values: Vec<Spanned<Value>>,
@@ -66,8 +66,8 @@ impl Track {
         }
     }
 
-    /// Returns the track's value at a frame. It is the first value before the first keyframe, and
-    /// the last value after the last keyframe.
+    /// Returns the track's value at a frame. Before the first keyframe, the track has its first
+    /// value; after the last keyframe, the track has its last value.
     pub fn value(&self, frame: u32) -> Value {
         let frame = f64::from(frame);
         let begin = self.last_keyframe(frame);
@@ -75,14 +75,15 @@ impl Track {
         if frame <= self.at[begin] || begin + 1 == self.at.len() {
             return first.clone();
         }
-        // The slopes at both ends also depend on the next keyframe on each side.
+        // The slopes at these two keyframes also depend on the keyframe before and the keyframe
+        // after the two.
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the location in the file of the value at the last keyframe that is not after a
-    /// frame.
+    /// Finds the last keyframe that is not after a frame. Returns the location of this keyframe's
+    /// value in the file.
     pub fn value_span(&self, frame: u32) -> std::ops::Range<usize> {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }

@@ -1,5 +1,5 @@
 //! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees
-//! the whole scene. Keys of the document change it.
+//! the whole scene. Keys of the document change values of this camera.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, View};

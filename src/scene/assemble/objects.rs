@@ -70,8 +70,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     file
 }
 
-/// Returns the material, with the file's values replacing those of `base`. Either k_g or shininess alone
-/// makes a highlight; the other then has the paper's value.
+/// Returns the material, with the file's values replacing those of `base`. One of k_g and shininess is
+/// enough for a highlight; the missing one has the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
     if wire.k_g.is_none() && wire.shininess.is_none() {
@@ -177,7 +177,7 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
 }
 
 /// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as triangles.
-/// While the rest of the scene is joined to the mesh, half as much memory is needed in addition.
+/// Joining the rest of the scene to the mesh takes half as much memory again.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
@@ -205,7 +205,7 @@ fn inline(
     let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
     mesh.positions = vectors(vertices.get_ref());
     mesh.normals = wire.normals.as_ref().map(|list| vectors(list.get_ref())).unwrap_or_default();
-    // Without separate lists, normals belong to the vertices.
+    // Without separate lists of normal numbers, each vertex has the normal of the same number.
     let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
     check_indices(document, faces, mesh.positions.len(), "vertex")?;
     if let Some(face_normals) = face_normals {

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// When the mean brightness of the channels at the mesh's centre is computed, a light's distance from the centre
-/// counts as at least this fraction of the mesh's radius.
+/// The smallest distance of a light from the mesh's centre, in radii of the mesh, for the computation of the
+/// brightness at the centre. A nearer light counts as if it were at this distance.
 const NEAREST_RADII: f64 = 0.25;
 
 /// Where the light comes from.
@@ -17,7 +17,7 @@ enum Source {
     Direction(DVec3),
 }
 
-/// A light of a file. Only the ratios between the lights of one file are used.
+/// A light of a file. Only the ratios between the strengths of a file's lights are used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scene) struct FileLight {
     source: Source,

@@ -28,7 +28,7 @@ pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 /// dragons of 202,520 and 810,080 triangles, 2026-11-20.)
 const READING_FACTOR: u64 = 4;
 
-/// The sine of the largest angle at a corner of a triangle that counts as a line.
+/// A triangle counts as a line if the sine of its angle at the first corner is at most this.
 const THIN: f64 = 1e-6;
 
 /// The contents of a mesh file, with notes on ignored parts.
@@ -43,7 +43,7 @@ pub(in crate::scene) struct MeshFile {
     pub more_starts: Vec<u32>,
     /// The first camera of the file, relative to the origin.
     pub camera: Option<Camera>,
-    /// A note for the user that is shown only if this camera is used.
+    /// A note for the user that is shown only if the file's camera is used.
     pub camera_note: Option<String>,
     /// The file's lights, relative to the origin.
     pub lights: Vec<FileLight>,
@@ -60,7 +60,8 @@ pub(in crate::scene) fn format(opened: &Opened, path: &Path) -> Option<MeshForma
     }
 }
 
-/// Reads a mesh and the files that it names. These must be in its folder, unless others are permitted.
+/// Reads a mesh and the files that it names. The named files must be in the mesh's folder, unless
+/// files elsewhere are permitted.
 pub(in crate::scene) fn read(
     path: &Path,
     opened: Opened,

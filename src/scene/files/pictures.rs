@@ -12,14 +12,14 @@ use std::sync::Arc;
 
 /// Largest width and height of a texture in texels.
 const MOST_ACROSS: u32 = 1 << 14;
-/// Largest number of texels of all textures of a mesh, which take 1 GiB.
+/// Largest total number of texels in a mesh's textures; this many texels take 1 GiB.
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: texels with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
-/// A result. The text of its error is meant to follow the picture's name in a message.
+/// A result; in a message, the error's text follows the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// A picture's texels.
@@ -29,7 +29,7 @@ type Decoded = ([u32; 2], Arc<[u32]>);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::scene) struct Usage {
     pub wrap: [Wrap; 2],
-    /// The least alpha of a point that is not in a hole, as in [`Texture`].
+    /// The smallest alpha of a point that is not in a hole, as in [`Texture`].
     pub least_alpha: u16,
 }
 

@@ -23,9 +23,9 @@ impl Face {
     }
 }
 
-/// Replaces smooth normals at corners whose faces meet at more than the given angle: a corner gets
-/// the mean normal of the faces whose normals differ from the normal of its own face by less than
-/// this angle.
+/// Replaces smooth normals at corners whose faces meet at more than the given angle. There, each
+/// face's corner gets a mean of face normals: those that differ from the face's own normal by less
+/// than this angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
     for around in sharp_corners(mesh, triangles, (crease / 2.0).cos()).chunk_by(|a, b| a.0 == b.0) {
@@ -44,9 +44,9 @@ pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     }
 }
 
-/// Returns, in order, pairs of a position and a triangle at it. The positions are those where a
-/// face's normal differs from the smooth normal by more than half the crease angle. Only there can
-/// the normals of two faces differ by more than the crease angle.
+/// Returns pairs of a position and a triangle at this position, in order. The positions are those
+/// where a face's normal differs from the smooth normal by more than half the crease angle. The
+/// normals of two faces can differ by more than the crease angle only at these positions.
 fn sharp_corners(mesh: &Mesh, triangles: &[u32], least_cosine: f64) -> Vec<(u32, u32)> {
     let parted = |triangle: &u32| {
         let unit = Face::of(mesh, *triangle).unit;

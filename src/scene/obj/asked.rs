@@ -1,5 +1,5 @@
-//! Counts features in a file that raycl does not support. They are counted while the file is read, and each
-//! kind is reported once.
+//! Counts unsupported features in a file. The features are counted while the file is read, and each kind is
+//! reported once.
 
 use super::text::{quoted, words};
 use crate::words::counted;
@@ -38,7 +38,7 @@ pub(in crate::scene) enum Wish {
 }
 
 impl Wish {
-    /// Returns the feature, and what raycl does instead.
+    /// Returns the feature's name, and how raycl treats the feature.
     fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Texture => ("textures", "only a material's colour may have a texture"),
@@ -121,8 +121,8 @@ impl Asked {
         self.join(other, |count| count.total);
     }
 
-    /// Adds the counts of a material. The material counts once per kind of feature, however many of
-    /// its lines use it.
+    /// Adds the counts of a material. The material counts once for each kind of feature, even if
+    /// several of its lines use this kind.
     pub fn add_material(&mut self, material: &Self) {
         self.join(material, |_| 1);
     }

@@ -20,8 +20,8 @@ pub(super) struct Start<'a> {
     material: &'a str,
 }
 
-/// Returns the starts of all pieces and, last, of the end of the file. `coordinates` has the texture
-/// coordinates of each piece, or is empty.
+/// Returns the starts of all pieces, followed by a start for the end of the file. `coordinates` has
+/// the texture coordinates of each piece, or is empty.
 pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
@@ -106,8 +106,8 @@ impl FaceChunk {
         0
     }
 
-    /// Counts irregularities of a face. If it refers to a normal that does not exist, all its normals are
-    /// dropped.
+    /// Counts irregularities of a face. If the face refers to a normal that does not exist, all normals
+    /// of the face are dropped.
     fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
         if corners.len() < 3 {
             self.short.at(offset);
@@ -123,7 +123,7 @@ impl FaceChunk {
         if corners.len() < 3 {
             return Ok(());
         }
-        // Normals at some corners only cannot be interpolated, so none is used.
+        // Normals can be interpolated only if all corners have one; otherwise no normal is used.
         let complete = corners.iter().all(|corner| corner.1 != MISSING);
         let mut push = |[a, b, c]: [usize; 3]| {
             let [a, b, c] = [corners[a], corners[b], corners[c]];
@@ -170,8 +170,8 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     let first = parts.next().unwrap_or_default();
     let position = resolve(first, token, "vertex", seen.positions, context.total.positions)?;
     let texture = parts.next().unwrap_or_default();
-    // A coordinate that the file does not have counts as missing, and its triangle is counted as a
-    // triangle without texture coordinates.
+    // A texture coordinate that the file does not have counts as missing. Its triangle then counts
+    // as a triangle without texture coordinates.
     let coordinate = match integer(texture) {
         None if texture.is_empty() => MISSING,
         None => return Err(not_an_index(texture, token)),

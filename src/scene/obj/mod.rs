@@ -3,11 +3,11 @@
 //! Geometry is read here and not by `tobj`: `tobj` 4.0.5 lets NaN, infinities
 //! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a
 //! triangle, divides concave polygons into fans, refuses a byte order mark, `\` continuations and
-//! Latin-1 text, reports no line numbers, and uses one core. Its MTL reader is used ([`mtl`]), and
-//! tests compare the result with that of its OBJ reader.
+//! Latin-1 text, reports no line numbers, and uses one core. raycl uses the MTL reader of `tobj`
+//! ([`mtl`]), and tests compare raycl's meshes with those of the OBJ reader of `tobj`.
 //!
-//! There are two passes over the text, both in parallel over pieces of whole lines: the first reads vertices and
-//! normals; the second reads faces, and can check every index.
+//! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
+//! vertices and normals. The second pass reads faces, and can check every index.
 
 mod asked;
 mod faces;

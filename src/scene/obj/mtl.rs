@@ -24,8 +24,8 @@ pub(super) struct Materials {
     pub by_name: HashMap<String, u32>,
 }
 
-/// The rule for which files a mesh may read. A mesh from an unknown source must not be able to read
-/// arbitrary files.
+/// The rule that decides which files a mesh may read. A mesh from an unknown source must not be
+/// able to read arbitrary files.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Reach<'a> {
     /// The mesh's folder; names are relative to it.
@@ -34,7 +34,7 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded; each other file adds a note.
+/// Loads all MTL files that can be loaded, and adds a note for each file that cannot.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
@@ -147,7 +147,7 @@ const NAMELESS: &str = "\u{1}";
 struct Checked {
     /// The lines for `tobj`.
     plain: String,
-    /// The other lines of each material.
+    /// The properties of each material that `tobj` does not read.
     extras: Vec<Extras>,
 }
 

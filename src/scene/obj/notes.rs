@@ -7,8 +7,8 @@ use crate::scene::normals::MISSING;
 use crate::words::counted;
 use std::collections::BTreeSet;
 
-/// Adds notes on smoothing groups and other statements that are not supported. `mesh` is as read, without
-/// generated normals.
+/// Adds notes on smoothing groups and other statements that are not supported. `mesh` is the mesh as it
+/// was read, without generated normals.
 pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, notes: &mut Vec<String>) {
     let groups: BTreeSet<_> = points.iter().flat_map(|chunk| &chunk.smoothing).collect();
     // A single group needs no note: all faces without normals are smooth anyway.

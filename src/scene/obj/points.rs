@@ -9,11 +9,11 @@ use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
 
-/// The colour of a vertex for which the file has no colour. It is brighter than every colour in a
-/// file, and so becomes white.
+/// The colour of a vertex for which the file has no colour. This colour is brighter than every
+/// colour in a file, and so becomes white.
 pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
-/// If a channel exceeds this, the file's colours are from 0 to 255. It is above 1 because rounded channels may exceed
-/// 1 slightly.
+/// If a channel exceeds this, the file's colours are from 0 to 255. The limit is above 1 because rounded channels may
+/// exceed 1 slightly.
 const MOST_OF_UNIT: f32 = 1.5;
 
 /// The contents of a piece of the file, except its faces.
@@ -114,8 +114,8 @@ pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
     colours
 }
 
-/// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. Otherwise the
-/// first of them is a mistake.
+/// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. If other
+/// vertices have more coordinates, the first vertex with two coordinates is a mistake.
 pub(super) fn check_flat(chunks: &[PointChunk], notes: &mut Vec<String>) -> Result<(), Mistake> {
     let flat = chunks.iter().map(|chunk| chunk.flat).fold(Seen::default(), Seen::joined);
     let total: usize = chunks.iter().map(|chunk| chunk.positions.len()).sum();
@@ -127,8 +127,8 @@ pub(super) fn check_flat(chunks: &[PointChunk], notes: &mut Vec<String>) -> Resu
     Ok(())
 }
 
-/// Reads the texture coordinates of a piece: two numbers each. The second may be missing, and a third is
-/// ignored.
+/// Reads the texture coordinates of a piece: two numbers each. The second number may be missing, and a
+/// third number is ignored.
 pub(super) fn texture_coordinates(chunk: &Chunk) -> Result<Vec<[f32; 2]>, Mistake> {
     let lines = chunk.lines().map(|(offset, line)| (offset, keyword(line)));
     let coordinates = lines.filter(|(_, (word, _))| *word == b"vt").map(|(offset, (_, rest))| {

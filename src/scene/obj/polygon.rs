@@ -6,8 +6,8 @@ use glam::{DVec2, DVec3};
 pub(super) const MAX_CONCAVE_CORNERS: usize = 1024;
 
 /// Divides an outline of at least three corners into triangles of corner indices, in the outline's
-/// orientation. `None` if it is concave with more than 1024 corners. For a self-intersecting outline the
-/// triangles are arbitrary, but the function never fails.
+/// orientation. Returns `None` if the outline is concave and has more than 1024 corners. For a
+/// self-intersecting outline the triangles are arbitrary, but the function never fails.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) {

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 /// Largest number of bytes of a line that an error quotes.
 const SHOWN_LINE_BYTES: usize = 400;
-/// Largest number of bytes of a file that is copied into an error.
+/// Largest size in bytes of a file whose text is copied into an error.
 const SHOWN_FILE_BYTES: usize = 4 << 20;
 /// Smallest number of bytes of a piece: shorter pieces are not worth another thread.
 const CHUNK_BYTES: usize = 1 << 17;
@@ -103,7 +103,7 @@ pub(super) struct Chunk<'a> {
 }
 
 impl<'a> Chunk<'a> {
-    /// Returns its lines without surrounding blanks, each with its offset in the text.
+    /// Returns the piece's lines without surrounding blanks, each with its offset in the text.
     pub fn lines(&self) -> impl Iterator<Item = (usize, &'a [u8])> {
         let mut offset = self.start;
         self.bytes.split(|&byte| byte == b'\n').map(move |line| {

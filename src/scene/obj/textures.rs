@@ -13,7 +13,7 @@ use glam::Vec3;
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
-/// The least alpha, or brightness, of a `map_d` at which the surface has no hole.
+/// The smallest alpha, or brightness, of a `map_d` at which the surface has no hole.
 const LEAST_ALPHA: f32 = 0.5;
 
 /// The textures of a material.
@@ -48,7 +48,7 @@ impl Maps {
     }
 
     /// Returns the map that places the textures, and the numbers of the colour texture and of the
-    /// mask; each texture that cannot be read adds a note.
+    /// mask. Adds a note for each texture that cannot be read.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, notes: &mut Vec<String>) -> Loaded<'_> {
         let place = self.place()?;
         let wrap = [place.wrap; 2];
@@ -81,7 +81,7 @@ type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
 pub(super) struct Map {
     /// The picture's file.
     pub name: String,
-    /// The location of the line that names it, for messages.
+    /// The location of the line that names the file, for messages.
     at: String,
     /// True if the material has no colour, or is black, which would hide the texture.
     alone: bool,
@@ -128,7 +128,7 @@ impl Map {
         Some(map)
     }
 
-    /// Adds the line's location, and whether its material has no colour.
+    /// Sets the line's location, and whether the line's material has no colour.
     pub fn told(self, at: String, alone: bool) -> Self {
         Self { at, alone, ..self }
     }
@@ -138,8 +138,8 @@ impl Map {
         (self.scale, self.offset, self.wrap)
     }
 
-    /// Returns the number of the map's texture. If the file does not exist, a file of that name in
-    /// the mesh's folder is tried, since many files contain paths of their authors' disks.
+    /// Returns the number of the map's texture. If the file does not exist, a file of the same name
+    /// in the mesh's folder is tried, since many MTL files contain paths of their authors' disks.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         pictures.file(reach, &self.name, usage).or_else(|why| {
             let beside = self.name.rsplit(['/', '\\']).next().unwrap_or_default();

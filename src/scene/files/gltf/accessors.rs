@@ -111,9 +111,10 @@ impl<'a> Numbers<'a> {
     }
 
     /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3). If the
-    /// accessor is sparse, some of them are replaced later.
+    /// accessor is sparse, some of these zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
-        // Such elements take no bytes in the file, so their number must be limited.
+        // Elements without a buffer view take no bytes in the file, so their number must be
+        // limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
         if count > held.max(1 << 16) {
             return Err(format!("{} elements without data in any buffer", accessor.count.0));

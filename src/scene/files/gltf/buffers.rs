@@ -25,8 +25,8 @@ pub(super) fn load<'a>(
                 read(buffer, reach, binary.take()).map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
-                // An empty buffer is refused here, since accessors are checked one by one, and
-                // perhaps none of them uses the buffer.
+                // An empty buffer is refused here. The checks of accessors might not find it, since
+                // perhaps no accessor uses the buffer.
                 0 if expected > 0 => Err(format!("buffer {number} is empty; expected {expected} bytes")),
                 _ => Ok(bytes),
             }

@@ -6,12 +6,15 @@ use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// Extensions that raycl supports, or for which another note is added if a part of the file uses them.
+/// Extensions that raycl supports, and extensions that have their own note if a part of the file
+/// uses them.
 const KNOWN: [&str; 4] =
     ["KHR_lights_punctual", "KHR_mesh_quantization", "KHR_texture_transform", "KHR_texture_basisu"];
-/// Beginnings of the names of further such extensions, which only concern surfaces.
+/// Beginnings of the names of further extensions that have their own notes; these extensions only
+/// concern surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// The exception in these families: it concerns no single surface, but offers other materials to choose from.
+/// `KNOWN_FAMILIES` does not include this extension, although its name begins in the same way. It
+/// concerns no single surface, but offers other materials to choose from.
 const VARIANTS: &str = "KHR_materials_variants";
 /// Parts of the names of extensions. Without support for these extensions, positions cannot be read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file. Parts that no picture depends on may be of any form.
+//! The JSON of a glTF file. Parts that do not affect the picture may have any form.
 
 use super::{Error, Result, mistake, quoted};
 use gltf::json::Root;
@@ -10,8 +10,9 @@ pub(super) struct Read {
     pub animations: usize,
 }
 
-/// Reads JSON. If `gltf-json` refuses it, it is read again without the parts that are not used: valid files may
-/// have animations without a node (`KHR_animation_pointer`), scenes without nodes, and extras of any type.
+/// Reads JSON. If `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not
+/// use: valid files may have animations without a node (`KHR_animation_pointer`), scenes without nodes, and
+/// extras of any type.
 pub(super) fn read(name: &str, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),

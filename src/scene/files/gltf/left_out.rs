@@ -23,7 +23,7 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Counts the empty accessors and dangling triangles of a part.
+    /// Counts a part's empty accessors, and its triangles that name a missing position.
     pub fn add(&mut self, part: &Part) {
         self.empty += part.empty;
         self.dangling += part.dangling;

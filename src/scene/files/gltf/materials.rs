@@ -24,10 +24,11 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// A surface that the file wants blended with its background is opaque where its alpha is at least this.
+/// raycl does not blend a surface with its background. Where the file asks for blending, the surface is
+/// opaque if its alpha is at least this.
 const BLENDED: f32 = 0.5;
 
-/// Returns the least alpha, from 0 to 1, of a texel that is no hole; 0 if there are no holes.
+/// Returns the smallest alpha, from 0 to 1, of a texel that is no hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         Checked::Valid(AlphaMode::Mask) if !is_hidden(wire) => cutoff(wire) / factor(wire),
@@ -77,7 +78,7 @@ pub(super) fn extension<'a>(wire: &'a Wire, name: &str) -> Option<&'a serde_json
     others(wire).find(|(key, _)| *key == name).map(|(_, value)| value)
 }
 
-/// Counts the features of a material that raycl does not support.
+/// Counts a material's unsupported features.
 fn asked(wire: &Wire) -> Asked {
     let mut asked = Asked::default();
     let pbr = &wire.pbr_metallic_roughness;

@@ -64,7 +64,8 @@ pub(super) enum Shape {
 }
 
 impl Part {
-    /// Reads a primitive. `set` is the index of the set of texture coordinates that its material's texture uses.
+    /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the
+    /// primitive's material uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
         let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
             primitive.mode
@@ -72,7 +73,8 @@ impl Part {
             return Ok(Shape::Other);
         };
         let used = Used::of(primitive, set);
-        // A primitive without positions is left out. (An extension may provide them, but it is not read here.)
+        // A primitive without positions is left out. (An extension may provide positions, but extensions are
+        // not read here.)
         let Some(index) = used.positions else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())

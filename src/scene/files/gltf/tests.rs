@@ -20,7 +20,8 @@ fn bytes() -> Vec<u8> {
     bytes
 }
 
-/// Returns the file for that buffer; tests change it by replacing text.
+/// Returns a file with one triangle, whose buffer is embedded; tests change the file by replacing
+/// text.
 fn triangle() -> String {
     let data = STANDARD.encode(bytes());
     format!(
@@ -90,7 +91,7 @@ fn nodes_turn_scale_mirror_and_nest() {
     assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
 }
 
-/// The least number of a signed type and the number above it both become -1 (glTF 2.0, 3.11).
+/// The smallest number of a signed type and the next larger number both become -1 (glTF 2.0, 3.11).
 #[test]
 fn normalised_numbers_go_from_minus_one_to_one() {
     let mut quantised = [[0_i8, 0, 0], [-128, 0, 0], [0, 127, -127]].concat();

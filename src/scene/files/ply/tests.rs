@@ -22,7 +22,7 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
 fn colours_of_16_bits_are_read_as_those_of_8_bits_are() {
     let colour = |text: &str| parse("a.ply", text.as_bytes()).unwrap().mesh.materials[0].lambertian;
     let wide = SQUARE.replace("property uchar", "property ushort").replace(" 255 0 0", " 13107 0 0");
-    // 13107 of 65535 is 51 of 255.
+    // The fractions 13107/65535 and 51/255 are equal.
     assert_eq!(colour(&wide), colour(&SQUARE.replace(" 255 0 0", " 51 0 0")));
 }
 
