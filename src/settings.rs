@@ -1,4 +1,4 @@
-//! The user's own settings in `~/.config/raycl/config.toml`. They apply where neither an option nor an
+//! The user's own settings in `~/.config/raycl/config.toml`. A setting applies where neither an option nor an
 //! environment variable is given.
 
 use std::path::{Path, PathBuf};
@@ -39,12 +39,11 @@ struct Settings {
 
 static USER: OnceLock<Settings> = OnceLock::new();
 
-/// Reads the user's settings file, if there is one. Call it once, before any setting is used.
+/// Reads the user's settings file, if there is one. Call this function once, before any setting is used.
 ///
 /// # Errors
 ///
-/// Returns an input error with the file, the line and the most similar valid name. In that case, no
-/// settings apply.
+/// Returns an input error with the file, the line and the most similar valid name. After an error, no settings apply.
 pub fn load() -> Result<()> {
     let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
     else {
@@ -98,7 +97,7 @@ fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|text| !text.trim().is_empty())
 }
 
-/// Returns when to use colours, as the settings file states it; `None` if it does not.
+/// Returns the settings file's choice of when to use colours; `None` if the file has no such choice.
 pub fn colour() -> Option<Colour> {
     user().wire.color
 }

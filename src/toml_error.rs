@@ -2,7 +2,7 @@
 
 use crate::error::{Error, nearest};
 
-/// Returns the part of serde's message that states which value was expected. It contains no text of the
+/// Returns the part of serde's message that states which value was expected. This part contains no text of the
 /// document. `None` if the message has no such part.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
@@ -16,8 +16,8 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     let span = error.span().unwrap_or(0..0);
     let message = error.message().trim_end().to_owned();
-    // serde's message for a key is: unknown field `a`, expected one of `b`, `c`. For a value, it begins with:
-    // unknown variant `a`, expected ...
+    // serde's message for a key is: unknown field `a`, expected one of `b`, `c`. serde's message for a value begins
+    // with: unknown variant `a`, expected ...
     let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let what = [("unknown field", "key", "keys"), ("unknown variant", "value", "values")]
         .into_iter()

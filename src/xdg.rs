@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Returns the folder `raycl` in the folder that the environment variable `variable` names, or else in the
-/// folder `below` of the home folder; `None` if both are unknown.
+/// Returns the folder `raycl` in the folder that the environment variable `variable` names. If the variable names no
+/// folder, `raycl` is in the folder `below` of the home folder. `None` if both folders are unknown.
 pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
     let base = named(variable).or_else(|| Some(home()?.join(below)))?;
     Some(base.join("raycl"))

@@ -79,16 +79,26 @@ pub fn source(sweeps: &[Sweep]) -> String {
     let mut text = HEAD.to_owned();
     for (name, about, class, watertight) in [
         ("CPU", "For CPUs whose vectors hold 16 rays.", Class::TilesInVectors, false),
-        ("CPU_WATERTIGHT", "For these CPUs, with a watertight test.", Class::TilesInVectors, true),
-        ("NARROW_CPU", "For other CPUs.", Class::TilesInNarrowVectors, false),
+        (
+            "CPU_WATERTIGHT",
+            "For CPUs whose vectors hold 16 rays, with a watertight test.",
+            Class::TilesInVectors,
+            true,
+        ),
+        ("NARROW_CPU", "For CPUs whose vectors hold fewer than 16 rays.", Class::TilesInNarrowVectors, false),
         (
             "NARROW_CPU_WATERTIGHT",
-            "For other CPUs, with a watertight test.",
+            "For CPUs whose vectors hold fewer than 16 rays, with a watertight test.",
             Class::TilesInNarrowVectors,
             true,
         ),
         ("GPU", "For GPUs whose work-items can share tiles.", Class::SharedTiles, false),
-        ("GPU_WATERTIGHT", "For GPUs, with a watertight test.", Class::SharedTiles, true),
+        (
+            "GPU_WATERTIGHT",
+            "For GPUs whose work-items can share tiles, with a watertight test.",
+            Class::SharedTiles,
+            true,
+        ),
     ] {
         let Some(mut constants) = fitted(sweeps, class, watertight) else { continue };
         text.push_str(&format!("\n/// {about}\npub const {name}: Constants = Constants {{\n"));

@@ -38,8 +38,7 @@ fn unplace_camera(document: &mut Table) {
     }
 }
 
-/// Returns whether a track of this key of the camera, such as `look_at.1`, changes its position, direction or
-/// field of view.
+/// Returns whether a track of this key, such as `look_at.1`, changes the camera's position, direction or field of view.
 fn moves_camera(key: &str) -> bool {
     let name = key.split('.').next().unwrap_or(key);
     PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name)

@@ -38,23 +38,23 @@ pub struct Sample {
 /// How light arrives at a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
-    /// From one point of each light and one direction of the sky, which depend on the pixel and the sample; with a
-    /// single sample per pixel, lights are points.
+    /// Light arrives from one point of each light and one direction of the sky, which depend on the pixel and the
+    /// sample. With a single sample per pixel, lights are points.
     #[default]
     Own,
-    /// As with `Own`, but in a half picture for soft light, where these points and directions repeat after
-    /// `INTERLEAVED` pixels.
+    /// As with `Own`, but in a half picture for soft light, where the points of lights and the directions of the sky
+    /// repeat after `INTERLEAVED` pixels.
     Interleaved,
-    /// From the lights' centres and with the sky's mean radiance, even if surfaces are in between.
+    /// Light arrives from the lights' centres, and with the sky's mean radiance, even if surfaces are in between.
     Unoccluded,
 }
 
 /// How many samples pixels get.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampling {
-    /// The number of samples of every pixel.
+    /// The number of first samples, which every pixel gets.
     pub first: u32,
-    /// The number of samples of pixels in blocks where neighbouring pixels differ after the first samples.
+    /// The number of samples of a pixel in a rough block, in which neighbouring pixels differ after the first samples.
     pub most: u32,
     /// If positive, soft light is cast for a picture of half the width and height, with this many
     /// samples per pixel, and then filtered. With one sample, lights are points.
@@ -132,7 +132,7 @@ impl SampleCounts {
         (0..height).map(row).sum::<u64>() as f64 / (f64::from(width) * f64::from(height)).max(1.0)
     }
 
-    /// Returns whether every block has one of the two numbers that a sampling allows.
+    /// Returns whether every block has one of the two numbers of samples that a sampling allows.
     pub fn are_of(&self, sampling: &Sampling) -> bool {
         self.of_block.iter().all(|count| [sampling.first, sampling.most].contains(count))
     }
@@ -143,8 +143,8 @@ impl Sample {
     pub const CENTRE: Self =
         Self { offset: [0.0; 2], number: 0, count: 1, earlier: 0, light: SampleLight::Own };
 
-    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights repeat; `None` if
-    /// they do not.
+    /// Returns the number of pixels, across and down, after which the numbers that choose points of lights repeat;
+    /// `None` if these numbers do not repeat.
     pub fn period(&self) -> Option<u32> {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
@@ -170,9 +170,9 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
 /// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
-/// sample comes first, since with adaptive sampling it may be a pixel's only one. To bring it to the front, each
-/// index is combined with the most central sample's index by exclusive or. This keeps aligned blocks of the sequence
-/// together, which matters because only such blocks are evenly distributed.
+/// sample comes first, since with adaptive sampling it may be a pixel's only one. The exclusive or of each index with
+/// the most central sample's index brings that sample to the front. Aligned blocks of the sequence stay together, which
+/// matters because only aligned blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];
@@ -191,8 +191,8 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns a number of one of the first two dimensions of Sobol's sequence: van der Corput's sequence, and that of
-/// the polynomial x + 1.
+/// Returns a number of Sobol's sequence in one of its first two dimensions. The first is van der Corput's sequence, and
+/// the second is that of the polynomial x + 1.
 pub fn sobol(number: u32, axis: usize) -> u32 {
     if axis == 0 {
         return number.reverse_bits();
@@ -257,7 +257,8 @@ mod tests {
         assert_eq!(shares(Sampling::ONE), [vec![1.0], vec![]]);
         assert_eq!(shares(Sampling::all(4)), [vec![0.5], vec![]]);
         assert_eq!(shares(Sampling::all(1024)), [vec![0.125], vec![]]);
-        // A pixel may get only the first samples, so their cones are as wide as if there were no others.
+        // A pixel may get only the first samples, so the cones of these samples are as wide as if there were no other
+        // samples.
         assert_eq!(shares(Sampling { half_light: 0, first: 4, most: 16 }), [vec![0.5], vec![0.25]]);
     }
 
@@ -269,7 +270,7 @@ mod tests {
             let values = || offsets.iter().map(|offset| f64::from(offset[axis]));
             let mean = values().sum::<f64>() / 1024.0;
             let variance = values().map(|value| value * value).sum::<f64>() / 1024.0;
-            // Compared with a numerical integral of the series.
+            // The expected variance is a numerical integral of the series.
             assert!(
                 mean.abs() < 1e-3 && (variance / (WIDTH * WIDTH) - 0.019_18).abs() < 1e-3,
                 "{mean} {variance}"
@@ -314,7 +315,7 @@ mod tests {
             let [first, least] =
                 [&offsets[..1], &offsets].map(|some| some.iter().map(distance).fold(9.0, f32::min));
             assert_eq!(first, least, "{count}");
-            // Each half of the samples has as many on one side of the centre as on the other.
+            // In each half of the samples, half of the offsets are to the left of the centre.
             for half in offsets.chunks(count as usize / 2).filter(|half| half.len() > 1) {
                 let left = half.iter().filter(|offset| offset[0] < 0.0).count();
                 assert_eq!(2 * left, half.len(), "{count}");

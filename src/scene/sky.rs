@@ -11,15 +11,15 @@ use std::sync::Arc;
 
 /// Largest width and height of a sky's picture in texels.
 const MOST_ACROSS: u32 = 1 << 13;
-/// Largest memory for decoding a picture, in bytes: four floats per texel, twice.
+/// Largest memory for decoding a picture, in bytes: two copies of four floats per texel.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 
 /// A sky: light from all directions, unless something occludes it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky {
-    /// The radiance from directly above; 0 with a picture.
+    /// The radiance from directly above; 0 if a picture defines the sky.
     pub zenith: Vec3,
-    /// The radiance from the horizon and from below it; 0 with a picture.
+    /// The radiance from the horizon and from below it; 0 if a picture defines the sky.
     pub horizon: Vec3,
     /// The direction of the zenith, of unit length.
     pub up: Vec3,
@@ -44,14 +44,15 @@ pub struct SkyPicture {
 }
 
 impl PartialEq for SkyPicture {
-    /// Compares two pictures. Texels that both share are not compared one by one.
+    /// Compares two pictures. If both pictures refer to the same texels in memory, the texels are not compared one by
+    /// one.
     fn eq(&self, other: &Self) -> bool {
         let same_texels = || Arc::ptr_eq(&self.texels, &other.texels) || self.texels == other.texels;
         (self.size, self.ahead, self.is_seen) == (other.size, other.ahead, other.is_seen) && same_texels()
     }
 }
 
-/// The values of a picture's file: texels across and down, and red, green and blue of each.
+/// The values of a picture's file: its width and height in texels, and each texel's red, green and blue.
 pub(super) type FileTexels = ([u32; 2], Arc<[[f32; 3]]>);
 
 impl SkyPicture {
@@ -110,9 +111,9 @@ impl SkyPicture {
         }
     }
 
-    /// Returns the direction of the picture's middle. The direction in which a camera without a
-    /// `look_at` looks, or the y axis if that direction points up or down, is made perpendicular to
-    /// the zenith. Then it is turned by `turn_degrees`, counter-clockwise as seen from the zenith.
+    /// Returns the direction of the picture's middle. The function starts with the direction in which a camera without
+    /// a `look_at` looks, or with the y axis if that direction points up or down. It makes this direction perpendicular
+    /// to the zenith, and turns the result by `turn_degrees`, counter-clockwise as seen from the zenith.
     pub fn middle(up: DVec3, turn_degrees: f64) -> Vec3 {
         let forward = if up.z.abs() > 0.9 { DVec3::Y } else { DVec3::NEG_Z };
         let level = (forward - up * forward.dot(up)).normalize_or_zero();

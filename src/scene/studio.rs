@@ -11,7 +11,7 @@ use rayon::prelude::*;
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
-/// Radius of the key light, in radii of the ball that represents the mesh. At a distance of ten radii it has an
+/// Radius of the key light, in radii of the ball that represents the mesh. At a distance of ten radii, the light has an
 /// apparent diameter of nine degrees. A larger light would need more samples.
 const KEY_RADII: f64 = 0.8;
 /// The sky's radiance; a radiance of 1/15 is displayed as white.
@@ -20,12 +20,12 @@ const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces farther away than this many radii do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
 const REACH_RADII_INSIDE: f64 = 0.4;
-/// The ground's k_L, its diffuse reflectance: lower than the k_L of meshes without a colour.
+/// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
-/// The ground is a square that is surrounded by square frames. These are the distances of their edges from the
-/// middle, in radii; the last distance is beyond the end of a usual view. Rounding errors of a
-/// ray-triangle test grow with the triangle: on a single large triangle, shadow rays at a low angle
-/// would hit the ground from which they start.
+/// The ground is a square that is surrounded by square frames. The constant has the distances of the squares' edges
+/// from the middle, in radii; the last distance is beyond the end of a usual view. Rounding errors of a ray-triangle
+/// test grow with the triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which
+/// they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
 /// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
 const GAP_RADII: f64 = 2e-4;

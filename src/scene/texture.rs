@@ -9,7 +9,7 @@ pub enum Wrap {
     /// Repeated from the beginning.
     #[default]
     Repeat = 0,
-    /// The texels at the edge continue.
+    /// The texels at the edge continue beyond the edge.
     Clamp = 1,
     /// Mirrored.
     Mirror = 2,
@@ -32,9 +32,8 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. It
-    /// is reduced by a small part of a step, so that rounding makes no holes where all texels have
-    /// exactly the least alpha.
+    /// Returns the least alpha of a point that is not in a hole, in steps of an 8-bit channel. The value is reduced by
+    /// a small part of a step, so that rounding makes no holes where all texels have exactly the least alpha.
     pub fn least_step(&self) -> f64 {
         (f64::from(self.least_alpha) - 1.0) / f64::from(LEAST_ALPHA_UNIT)
     }
@@ -96,13 +95,14 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats per triangle on a device; with mip levels, the triangle's normal and size follow.
+    /// Returns the number of floats per triangle on a device. With mip levels, they include the triangle's normal and
+    /// size.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
 
-    /// Returns the words for a device: u and v of the corners, the texture's number or -1, and 0 or one more
-    /// than the mask's number.
+    /// Returns the words for a device: u and v of the corners, the texture's number (-1 without a texture), and the
+    /// mask's number plus 1 (0 without a mask).
     pub fn to_words(self) -> [u32; Self::FLOATS] {
         let [[a, b], [c, d], [e, f]] = self.corners.map(|corner| corner.map(f32::to_bits));
         [a, b, c, d, e, f, self.texture.unwrap_or(u32::MAX), self.mask.map_or(0, |mask| mask + 1)]
@@ -114,13 +114,13 @@ impl Mapped {
 pub struct Textures {
     /// The pictures.
     pub list: Vec<Texture>,
-    /// One per triangle, in the mesh's order; empty if no triangle has a texture.
+    /// The mapping of each triangle, in the mesh's order; empty if no triangle has a texture or a mask.
     pub mapped: Vec<Mapped>,
 }
 
 impl Textures {
-    /// Makes textures with the mapping of each triangle; empty if no triangle has a texture. Masks without
-    /// holes are left out.
+    /// Makes textures from a list and the mapping of each triangle; the result is empty if no triangle has a texture or
+    /// a mask. Masks without holes are left out.
     pub fn of(list: Vec<Texture>, mut mapped: Vec<Mapped>) -> Self {
         let have_holes: Vec<bool> = list.iter().map(Texture::has_holes).collect();
         for row in &mut mapped {

@@ -20,9 +20,9 @@ impl Transform {
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
-    /// Transforms positions, from which `origin` had been subtracted, and normals.
+    /// Transforms normals, and positions from which `origin` had been subtracted.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
-        // An untransformed mesh must keep its bits, since the paper's scenes have exact coordinates.
+        // An untransformed mesh stays the same bit for bit, since the paper's scenes have exact coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {
             return;
         }

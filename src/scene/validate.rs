@@ -1,4 +1,4 @@
-//! Checks that every scene must pass, however it was made.
+//! The checks that every scene must pass, however it was made.
 
 use super::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use super::mesh::{Mesh, PARALLEL_TRIANGLES};
@@ -7,8 +7,8 @@ use crate::error::{Error, Result};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Limit on the absolute value of coordinates. Intersection tests multiply three of them, and the product
-/// must stay below f32's 3.4e38.
+/// Limit on the absolute value of coordinates. Intersection tests multiply three coordinates, and the product must stay
+/// below f32's 3.4e38.
 pub const MAX_COORDINATE: f32 = 1e12;
 
 /// Largest power of a light; enough for a scene of the largest allowed size.
@@ -17,8 +17,7 @@ pub const MAX_POWER: f32 = 1e28;
 /// Largest allowed product in the computation of a pixel; single precision holds up to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
-/// Smallest distance between a light and a surface, relative to the scene's diagonal, at which they count as
-/// separate.
+/// Smallest distance, relative to the scene's diagonal, at which a light and a surface count as separate.
 const RELATIVE_RESOLUTION: f32 = 1e-7;
 
 impl Scene {
@@ -117,7 +116,7 @@ fn check_sky(sky: &Sky) -> Result<()> {
 pub(super) struct Brightness {
     /// The bounding box of all surfaces.
     bounds: (Vec3, Vec3),
-    /// A light inside the box illuminates no surface nearer than this.
+    /// The least distance at which a light inside the box illuminates a surface.
     nearest: f32,
     /// The largest value of the reflectance formula of any material.
     reflectance: f64,
@@ -125,7 +124,7 @@ pub(super) struct Brightness {
 }
 
 impl Brightness {
-    /// Computes the bound for a scene with a mesh of these bounds.
+    /// Computes the bound on the brightness of a scene whose mesh has this bounding box.
     pub fn of(mesh: &Mesh, bounds: (Vec3, Vec3), lights: usize, shadow_bias: f32) -> Self {
         let nearest = shadow_bias.max(RELATIVE_RESOLUTION * bounds.1.distance(bounds.0));
         let reflectance = mesh.materials.iter().map(brightest).fold(0.0, f64::max);

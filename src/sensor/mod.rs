@@ -18,7 +18,7 @@ pub trait Sensor: Send {
 /// A reading at one moment; values that the device does not report are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
-    /// All values except the energy of a frame, which is not defined for a moment.
+    /// All values except the energy of a frame, which is not defined for a single moment.
     pub shown: SensorReading,
     /// A counter of the energy that the device has used.
     pub energy_counter_mj: Option<f64>,
@@ -49,7 +49,8 @@ pub struct SensorReading {
 }
 
 impl SensorReading {
-    /// Returns the means of several readings, which count as throttled if any was; `None` without readings.
+    /// Returns the means of several readings; `None` without readings. The result counts as throttled if at least one
+    /// reading does.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
         all.clone().next()?;
         let mean = |of: fn(&Self) -> Option<f64>| {

@@ -8,22 +8,22 @@ use std::time::{Duration, Instant};
 
 /// Time between two readings.
 const PERIOD: Duration = Duration::from_millis(20);
-/// Number of readings that are kept: more than a minute.
+/// Number of readings that are stored, which cover more than a minute.
 const KEPT: usize = 4096;
 /// Shortest interval over which the energy counter is used, since it is updated ten times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;
 
-/// A sensor that is being read; its thread ends when this is dropped.
+/// A sensor that a thread reads; the thread ends when this value is dropped.
 pub struct Watch {
     readings: Arc<Mutex<Readings>>,
     ended: Arc<AtomicBool>,
 }
 
 impl Watch {
-    /// Starts reading the sensor that `find` returns, if any. Callers do not wait for it: a library that
-    /// lists all devices of a machine takes seconds to start, and until then there are no readings.
+    /// Starts reading the sensor that `find` returns, if any. Callers do not wait for the sensor: a library that lists
+    /// all devices of a machine takes seconds to start, and until then there are no readings.
     pub fn start(find: impl FnOnce() -> Option<Box<dyn Sensor>> + Send + 'static) -> Self {
         let (readings, ended) = (Arc::default(), Arc::new(AtomicBool::new(false)));
         let (kept, end) = (Arc::clone(&readings), Arc::clone(&ended));
@@ -87,7 +87,7 @@ fn counted_power_w(seen: &[&(Instant, Reading)]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// A sensor whose clock is the number of its readings.
+    /// A sensor that reports the number of its readings as its clock.
     struct Counting(f64);
 
     impl Sensor for Counting {

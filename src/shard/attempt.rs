@@ -44,9 +44,10 @@ pub struct About {
 pub enum End {
     /// All its points have records.
     Done,
-    /// The user, or a signal of the scheduler, ended it.
+    /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
-    /// Its launcher, or a process between the launcher and it, has ended. The text names this process.
+    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. The text names this
+    /// process.
     LauncherLost(String),
     /// It failed with this error.
     Failed(String),
@@ -57,7 +58,7 @@ pub enum End {
 pub struct Attempt {
     /// Its path.
     pub folder: PathBuf,
-    /// Its name, which consists of the shard, the machine, the job and the restart.
+    /// The attempt's name, which consists of the shard, the machine, the job and the restart.
     pub name: String,
 }
 
@@ -99,7 +100,8 @@ impl Attempt {
         loop {
             let name = name(&about);
             let folder = parts.join(&name);
-            // Making a folder fails if it exists. If two processes try at once, on any machines, only one succeeds.
+            // Making a folder fails if the folder exists. If two processes try to make the same folder at once, on any
+            // machines, only one succeeds.
             match std::fs::create_dir(&folder) {
                 Ok(()) => {
                     let attempt = Self { folder, name };

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 pub struct Block {
     /// Its number, from 1.
     pub number: u32,
-    /// The shard that measures it, from 1.
+    /// The number of the shard that measures the block, from 1.
     pub shard: u32,
-    /// Its points, as indices into the plan.
+    /// The block's points, as indices into the plan.
     pub points: Vec<usize>,
-    /// The control point, which all blocks of its group measure, so that the blocks can be compared. One
-    /// block has it among its own points. `None` if the group is not cut.
+    /// The control point, which all blocks of its group measure, so that the blocks can be compared. The control point
+    /// itself belongs to one of these blocks. `None` if the group is not cut.
     pub control: Option<usize>,
 }
 
@@ -32,7 +32,7 @@ pub struct Cost {
     pub point: usize,
     /// Its expected time in milliseconds. Only the ratios of the points' times affect the blocks.
     pub ms: f64,
-    /// True if it is suitable as a control point: every device can measure it, as far as is known.
+    /// True if the point is suitable as a control point: as far as is known, every device can measure it.
     pub may_control: bool,
 }
 
@@ -70,15 +70,16 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
 /// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // A piece slightly larger than `most` costs less than measuring a control point twice. There are at most half as
-    // many pieces as points (rounded up), since a control point is not worthwhile for pieces of a single point.
+    // Measuring one piece slightly larger than `most` takes less time than measuring a control point twice. There are
+    // at most half as many pieces as points (rounded up), since a control point is not worthwhile for pieces of a
+    // single point.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // A point at a border goes to the piece that contains the middle of its cost.
+        // A point at the border of two pieces goes to the piece that contains the middle of the point's time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;

@@ -10,15 +10,15 @@ use std::path::{Path, PathBuf};
 /// The name of the folder in which each kind has its file.
 const FOLDER: &str = "kinds";
 
-/// A kind of device: all devices that are equal in every name and state that affects times. The host's
-/// processors are a kind too.
+/// A kind of device: all devices that are equal in every name and state that affects times. The host's processors are a
+/// kind of device too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
     /// Its name in records.
     pub device: String,
-    /// Platform, device, driver, and the state that affects its times.
+    /// Platform, device, driver, and the device's state that affects times.
     pub identity: String,
-    /// Its points, in the plan's order.
+    /// The kind's points, in the plan's order.
     pub points: Vec<KindPoint>,
 }
 
@@ -78,8 +78,9 @@ impl Kind {
         self.points.iter().map(|point| point.planned.key.clone()).collect()
     }
 
-    /// Returns, for each kind, the parts of its identity that not all kinds of the same name have, or "another program"
-    /// if there are none; `None` if its name is unique.
+    /// Returns the differences of each kind from other kinds of the same name; `None` if no other kind has the name.
+    /// The text lists the parts of the kind's identity that not all kinds of that name have, or is "another program" if
+    /// there are no such parts.
     pub fn distinctions(kinds: &[Self]) -> Vec<Option<String>> {
         let parts = |kind: &Self| kind.identity.split(" | ").map(str::to_owned).collect::<Vec<_>>();
         let of = |kind: &Self| {

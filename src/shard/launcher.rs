@@ -1,6 +1,6 @@
 //! Reads the number that a launcher assigned to this process. Every launcher that starts several processes sets
 //! environment variables, but the variables' names differ, and numbers start at 0 or at 1. This file has the table of
-//! these variables.
+//! the launchers' variables.
 
 use super::Shard;
 use crate::error::{Error, Result};
@@ -20,8 +20,8 @@ struct Told {
     number: Option<u32>,
 }
 
-/// A launcher with a variable that numbers its processes from 0 or 1, and possibly another one for their
-/// count.
+/// A launcher with a variable that numbers its processes from 0 or 1, and possibly a second variable with the number of
+/// processes.
 struct Ranks {
     launcher: &'static str,
     place: &'static str,
@@ -89,8 +89,8 @@ pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process does not decide its shard: the process may be an element of an array
-    // that runs as a step with one task.
+    // A launcher that started a single process does not decide the process's shard: the process may be an element of an
+    // array that runs as a step with one task.
     let numbered = inner.into_iter().find(|told| told.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));

@@ -12,24 +12,24 @@ pub struct Missing {
     pub kinds: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The kinds that took part. They are listed if a selected kind did not take part, since its name may be
-    /// misspelt.
+    /// The kinds that took part. The list of kinds exists only if a selected kind did not take part, since that kind's
+    /// name may be misspelt.
     pub took_part: Option<String>,
 }
 
 /// The missing points of a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MissingKind {
-    /// The kind's name, with its differences from other kinds of the same name; for a kind that has not begun, the word
-    /// that selects it.
+    /// The kind's name, with the differences from other kinds of the same name. If no shard has begun on the kind, the
+    /// text is the word that selects the kind.
     pub device: String,
-    /// Its points without a record, in a readable form.
+    /// The kind's points without a record, in a readable form.
     pub points: Vec<String>,
     /// The number of points that the plan has for the kind.
     pub of: usize,
-    /// The shards that contain these points.
+    /// The shards that contain the missing points.
     pub shards: Vec<u32>,
-    /// The command that measures all these points.
+    /// The command that measures all missing points of the kind.
     pub command: String,
 }
 
@@ -45,9 +45,9 @@ impl Missing {
     }
 }
 
-/// Returns the points of the plan that have no record, for each kind, and all points of the selected kinds that have
-/// not begun, except those of casters on the host. A caster on the host is not missing if a host of any kind measured
-/// it.
+/// Returns, for each kind of device, the points of the plan that have no record. If no shard has begun on a selected
+/// kind, all points are missing, except those that a host among `kinds` has. A caster on the host is not missing if a
+/// host of any kind measured it.
 pub fn missing(
     plan: &ShardPlan,
     (kinds, not_begun): (&[Kind], &[String]),
@@ -89,8 +89,8 @@ pub fn missing(
     Missing { kinds: found, nothing_began: kinds.is_empty(), took_part: None }
 }
 
-/// Returns the points of the plan that no host among `kinds` has. These are the points that are not casters on the
-/// host, once a shard with such casters has begun.
+/// Returns the points of the plan that no host among `kinds` has. Once a shard with casters on the host has begun, only
+/// points of OpenCL devices remain.
 fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
     let hosts = kinds.iter().filter(|kind| kind.device == HOST).flat_map(|kind| &kind.points);
     let hosts: BTreeSet<usize> = hosts.map(|point| point.point).collect();
@@ -115,7 +115,8 @@ fn lacking(
     }
 }
 
-/// Returns the command line of an attempt on the kind, or else of the first attempt, without the option for the shard.
+/// Returns the command line of an attempt on this kind of device, or else that of the first attempt. The option for the
+/// shard is removed.
 fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));

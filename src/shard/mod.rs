@@ -1,6 +1,6 @@
-//! Measures one experiment on many machines. A launcher (Slurm, MPI, Kubernetes, a CI, a shell loop) starts
-//! the processes. This module splits the plan among them, lets each write to its own folder, and merges the
-//! results.
+//! Measures one experiment on many machines. A launcher (Slurm, MPI, Kubernetes, a CI, a shell loop) starts the
+//! processes. This module splits the plan among the processes, lets each process write to its own folder, and merges
+//! the results.
 //!
 //! `number` and `launcher`: which shard a process measures. `block`: cuts the plan into blocks and assigns
 //! them to shards. `plan`: the file that all shards share, written by the first; `kind`: the points of one

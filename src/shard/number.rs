@@ -14,7 +14,7 @@ pub struct Shard {
     pub of: u32,
 }
 
-/// The largest number of shards. No scheduler starts so many; a larger number is probably a typing mistake.
+/// The largest number of shards. No scheduler starts so many shards; a larger number is probably a typing mistake.
 const MOST: u32 = 100_000;
 
 impl Shard {
@@ -40,7 +40,7 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The launcher sets the shard's number, and also the number of shards unless it is given here.
+    /// The launcher sets the shard's number. It also sets the number of shards, unless the user gives that number.
     Auto(Option<u32>),
 }
 

@@ -27,8 +27,8 @@ pub struct Header {
     pub kernels: Option<String>,
 }
 
-/// The plan of an experiment in shards. Its points do not depend on the devices: each kind of device that takes part
-/// measures all points, except for casters on the host, which any host measures.
+/// The plan of an experiment in shards. The plan's points do not depend on the devices: each kind of device that takes
+/// part measures all points, except for casters on the host, which any host measures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ShardPlan {
     /// The data that each shard compares with its own.
@@ -58,7 +58,8 @@ impl ShardPlan {
         if write_new(&out.join(FILE), &text)? {
             return Ok(plan);
         }
-        // Another shard wrote its plan first. This plan is used, since its blocks may be based on other expected times.
+        // Another shard wrote its plan first. The written plan is used, since its blocks may be based on other expected
+        // times.
         let first = Self::read(out)?
             .ok_or_else(|| Error::run(format!("{FILE} was deleted from {}", out.display())))?;
         first.checked(header, out)

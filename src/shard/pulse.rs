@@ -1,5 +1,5 @@
-//! A counter in an attempt's folder that increases while the attempt's process is alive. With it, other processes can
-//! distinguish a running attempt from one that was killed, without comparing the clocks of two machines.
+//! A counter in an attempt's folder that increases while the attempt's process is alive. With this counter, other
+//! processes can distinguish a running attempt from one that was killed, without comparing the clocks of two machines.
 
 use crate::error::{Error, Result};
 use crate::experiment::Observer;
@@ -22,11 +22,12 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// The contents of the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Beat {
-    /// Counts so far, one per second.
+    /// The number of counts so far; the process counts once per second.
     pub beats: u64,
-    /// Counts since the last step.
+    /// The number of counts since the last step.
     pub quiet: u64,
-    /// Steps so far: builds, checks and casts begun; launches and points finished.
+    /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
+    /// points that have finished.
     pub steps: u64,
 }
 
@@ -43,8 +44,8 @@ impl Beat {
         Self { beats: self.beats + 1, quiet, steps }
     }
 
-    /// Returns the line of the file. Its length is constant, so that a simultaneous reader sees either the
-    /// old line or the new one.
+    /// Returns the line of the file. The line's length is constant, so that a simultaneous reader sees either the old
+    /// line or the new one.
     fn line(self) -> String {
         format!("{:>12} {:>12} {:>12}\n", self.beats, self.quiet, self.steps)
     }
@@ -88,7 +89,7 @@ impl Pulse {
         Ok(Self { steps, ended, thread: Some(thread) })
     }
 
-    /// Returns an observer that counts as a step each call that shows progress, and passes every call on to `listener`.
+    /// Returns an observer that passes every call on to `listener`. Each call that shows progress counts as a step.
     pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
         Steps { steps: Arc::clone(&self.steps), listener }
     }

@@ -20,7 +20,7 @@ pub struct Wishes {
     pub on_gpu: Option<bool>,
     /// The expected time of the longest shard.
     pub longest: Duration,
-    /// True if this time is based, at least in part, on earlier runs.
+    /// True if the expected time is based, at least in part, on earlier runs.
     pub is_known: bool,
 }
 

@@ -9,12 +9,13 @@ use std::time::Duration;
 /// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// Its counter increases, and it has made progress within the time limit of a step.
+    /// The attempt's counter increases, and the attempt has made progress within the time limit of a step.
     Going,
-    /// Its counter increases, but it has made no progress for longer than the time limit of a step. The value is the
-    /// number of seconds without progress.
+    /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
+    /// The value is the number of seconds without progress.
     Hung(u64),
-    /// Its counter does not increase, and it did not report its end: it was killed, or its machine is down.
+    /// The attempt's counter does not increase, and the attempt did not report its end: it was killed, or its machine
+    /// is down.
     Lost,
     /// It reported how it ended.
     Ended(End),
@@ -23,11 +24,11 @@ pub enum State {
 /// An attempt and its state.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// Its name, which consists of the shard, the machine, the job and the restart.
+    /// The attempt's name, which consists of the shard, the machine, the job and the restart.
     pub name: String,
     /// Its state.
     pub state: State,
-    /// Its counter at the second reading.
+    /// The attempt's counter at the second reading.
     pub beat: Beat,
 }
 

@@ -1,5 +1,5 @@
-//! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look
-//! for the step's processes again. If such a process continued, it would measure at the same time as its successor,
+//! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
+//! the step's processes again. A process of a lost step would measure at the same time as the process that replaces it,
 //! and its results would not be used.
 
 use super::{Asked, Attempt, End};
@@ -7,8 +7,8 @@ use std::time::Duration;
 
 /// The time between two checks of the launcher.
 const LOOK_UP: Duration = Duration::from_millis(500);
-/// Launchers, and programs that start processes on a machine for a launcher. Between such a program and this process
-/// there may be shells.
+/// Launchers, and programs that start processes on a machine for a launcher. There may be shells between one of these
+/// programs and this process.
 const LAUNCHERS: [&str; 12] = [
     "slurmstepd",
     "orted",
@@ -29,9 +29,9 @@ const LAUNCHERS: [&str; 12] = [
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
-/// thread writes this to the attempt's folder and ends the process with exit code 1. The workers end with the process,
-/// and the current point stays unmeasured. If there is no known launcher, a shell is the parent, and the shard's number
-/// was given explicitly, nothing is checked.
+/// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
+/// process, and the current point stays unmeasured. Nothing is checked if three conditions hold: there is no known
+/// launcher, the parent is a shell, and the shard's number was given explicitly.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {
@@ -65,8 +65,8 @@ struct Process {
     began: String,
 }
 
-/// The processes from this one's parent up to the launcher. The launcher is one of [`LAUNCHERS`], or else the parent
-/// itself.
+/// The chain of processes from this process's parent up to the launcher. The launcher is one of [`LAUNCHERS`], or else
+/// the parent itself.
 #[derive(Clone, Debug, Default)]
 struct Chain(Vec<Process>);
 
@@ -75,7 +75,7 @@ impl Chain {
         Self::from(parent(), asked, &read)
     }
 
-    /// Returns the chain that begins at process `id`; it is empty if no process should be checked.
+    /// Returns the chain of processes that begins at process `id`; the chain is empty if no process should be checked.
     fn from(mut id: u32, asked: Asked, read: &dyn Fn(u32) -> Option<Process>) -> Self {
         let mut chain: Vec<Process> = Vec::new();
         while let Some(process) = Some(id).filter(|id| *id > 1).and_then(read) {
@@ -117,8 +117,8 @@ fn parent() -> u32 {
     0
 }
 
-/// Reads a process from Linux's `/proc`. Returns `None` if the process has ended, even if its parent has not waited for
-/// it yet, and on other systems.
+/// Reads a process from Linux's `/proc`. Returns `None` on other systems, and if the process has ended, even if its
+/// parent has not waited for it yet.
 fn read(id: u32) -> Option<Process> {
     parse(id, &std::fs::read_to_string(format!("/proc/{id}/stat")).ok()?)
 }

@@ -1,6 +1,6 @@
-//! The axes of a strategy. If a value is code, it is a file under `cl/` in each kernel family that supports
-//! it, and the file's header describes it. All other values have their name and a description here. This is
-//! the only list of them.
+//! The axes of a strategy. If a value is code, it is a file under `cl/` in each kernel family that supports it, and the
+//! file's header describes it. All other values have their name and a description here. This file is the only list of
+//! the values that are not code.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
@@ -99,7 +99,7 @@ macro_rules! file_axis {
         impl $type {
             $(#[doc = concat!("`", $name, "`")] pub const $value: Self = Self($name);)+
 
-            /// Returns the header of its file.
+            /// Returns the header of the value's file.
             pub(super) fn header(self) -> &'static Header {
                 header_of($axis, self.0)
             }

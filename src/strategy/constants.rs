@@ -16,7 +16,7 @@ pub const CPU: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// For these CPUs, with a watertight test.
+/// For CPUs whose vectors hold 16 rays, with a watertight test.
 pub const CPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 13.0,
@@ -28,7 +28,7 @@ pub const CPU_WATERTIGHT: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// For other CPUs.
+/// For CPUs whose vectors hold fewer than 16 rays.
 pub const NARROW_CPU: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 8.1,
@@ -40,7 +40,7 @@ pub const NARROW_CPU: Constants = Constants {
     separate_pixels_inside: f64::INFINITY,
 };
 
-/// For other CPUs, with a watertight test.
+/// For CPUs whose vectors hold fewer than 16 rays, with a watertight test.
 pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
     single_triangles_a_pixel: 2.5,
@@ -64,7 +64,7 @@ pub const GPU: Constants = Constants {
     separate_pixels_inside: 12000000.0,
 };
 
-/// For GPUs, with a watertight test.
+/// For GPUs whose work-items can share tiles, with a watertight test.
 pub const GPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 24.0,
     single_triangles_a_pixel: 2.0,

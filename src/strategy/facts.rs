@@ -105,8 +105,8 @@ impl Intersector {
         matches!(self.header().word("prepared_for"), "origin" | "pixels")
     }
 
-    /// Returns whether the directions of primary rays are given in pixel coordinates. The planes for these rays are
-    /// then linear in the pixel's coordinates, and t is depth.
+    /// Returns whether the directions of primary rays are given in pixel coordinates. If directions are in pixel
+    /// coordinates, the planes for primary rays are linear in these coordinates, and t is the depth.
     pub fn counts_in_pixels(self) -> bool {
         self.header().word("prepared_for") == "pixels"
     }

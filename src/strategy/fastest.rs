@@ -42,7 +42,7 @@ const TILES: Way = Way::Tiles { large: false, separate: false };
 pub enum Class {
     /// A CPU whose vectors hold 16 rays, which is the vector width of tiles.
     TilesInVectors,
-    /// Other CPUs. Their compilers split the vectors of tiles.
+    /// Other CPUs. Compilers for CPUs with narrower vectors split the vectors of tiles.
     TilesInNarrowVectors,
     /// A GPU whose work-items can share tiles.
     SharedTiles,
@@ -57,22 +57,23 @@ const TREE_TRIANGLES: usize = 200;
 /// The limits between the candidates, for one class of devices that support tiles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
-    /// With fewer triangles, every ray tests all of them.
+    /// With fewer triangles than this limit, every ray is tested against all triangles.
     pub tree_triangles: f64,
     /// From this number of triangles per pixel on, the rays of a tile share too little work.
     pub single_triangles_a_pixel: f64,
-    /// `single_triangles_a_pixel` if surfaces lie all around the eye, since more triangles then lie behind each other.
+    /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
+    /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
     /// From this number of pixels per compute unit on, there are enough tiles to keep the unit busy.
     pub single_pixels_a_unit: f64,
-    /// Large tiles share more work. From this number of pixels on, there are enough of them to keep the device busy.
-    /// They are only used if the limit `large_pixels_a_triangle` is reached too.
+    /// Large tiles share more work. From this number of pixels on, there are enough large tiles to keep the device
+    /// busy. Large tiles are only used if the limit `large_pixels_a_triangle` is reached too.
     pub large_pixels: f64,
     /// The least number of pixels per triangle for large tiles.
     pub large_pixels_a_triangle: f64,
     /// From this number of pixels on, passes are separate.
     pub separate_pixels: f64,
-    /// `separate_pixels` if surfaces lie all around the eye.
+    /// The value of `separate_pixels` for scenes in which surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
 }
 
@@ -155,7 +156,7 @@ impl Class {
 }
 
 impl Way {
-    /// Returns the name in stored sweeps.
+    /// Returns the candidate's name in stored sweeps.
     pub fn name(self) -> &'static str {
         match self {
             Self::Exhaustive => "exhaustive",

@@ -15,7 +15,7 @@ pub struct Header {
     pub meaning: String,
     /// The folders that contain a file of this value. Each folder belongs to one kernel family.
     pub folders: Vec<&'static str>,
-    /// The values of other axes with which it cannot be combined.
+    /// The values of other axes with which this value cannot be combined.
     pub contradicts: Vec<Contradiction>,
     facts: Vec<(&'static str, Said)>,
 }
@@ -27,7 +27,7 @@ pub struct Contradiction {
     pub axis: &'static str,
     /// Its value.
     pub value: String,
-    /// The reason, if the file has one.
+    /// The reason for the contradiction, if the file states one.
     pub because: Option<String>,
 }
 
@@ -42,7 +42,7 @@ impl Header {
         facts: Vec::new(),
     };
 
-    /// Returns the word of a key; an empty one if the header does not have the key.
+    /// Returns the word that the header has for a key; an empty word if the header does not have the key.
     pub(super) fn word(&self, key: &str) -> &'static str {
         match self.fact(key) {
             Some(Said::Word(word)) => word,
@@ -50,7 +50,7 @@ impl Header {
         }
     }
 
-    /// Returns the number of a key; `None` if the header does not have the key.
+    /// Returns the number that the header has for a key; `None` if the header does not have the key.
     pub(super) fn number(&self, key: &str) -> Option<u32> {
         match self.fact(key) {
             Some(Said::Number(number)) => Some(number),
@@ -112,7 +112,7 @@ impl Reader<'_> {
         Ok(Header { axis: self.axis, name, meaning, folders, contradicts: found.contradicts, facts })
     }
 
-    /// Returns the keys of its axis.
+    /// Returns the keys that headers of the file's axis can have.
     fn keys(&self) -> impl Iterator<Item = &'static Key> {
         KEYS.iter().filter(|key| key.axis == self.axis)
     }

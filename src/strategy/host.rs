@@ -19,12 +19,12 @@ const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
-/// Bytes per pixel of the parts of a picture with soft light at half resolution, while it is verified: its unoccluded
-/// light and hits, two half pictures, their hits and ratios, and the picture that is expected from them.
+/// Bytes per pixel for verifying a picture with soft light at half resolution: the picture's unoccluded light and hits,
+/// two half pictures with their hits and ratios, and the picture that is expected from these parts.
 const LIGHT_PARTS_BYTES: u64 = 12 + 4 + (12 + 12 + 4 + 24) / 4 + 12;
 
-/// The bytes of the host's memory in use at several moments. At one of these moments, the largest
-/// amount is in use.
+/// The bytes of the host's memory in use at several moments. The largest of these amounts is the memory that casting
+/// needs.
 #[derive(Clone, Debug)]
 pub struct HostNeeds {
     moments: Vec<(&'static str, Sum)>,
@@ -52,7 +52,8 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // The tree is built with small leaves. Wide nodes then combine them into larger leaves, as in DeviceTree.
+            // The tree is built with small leaves. Wide nodes then combine the small leaves into larger ones, as in
+            // DeviceTree.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);

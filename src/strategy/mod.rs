@@ -128,15 +128,15 @@ impl Strategy {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
-    /// Returns whether its kernels read the mesh in its layout; kernels for tiles only read the rows of their
-    /// tree.
+    /// Returns whether the strategy's kernels read the mesh in the strategy's layout. Kernels for tiles only read the
+    /// rows of their tree.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
 
-    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). It is nearly square, so
-    /// that its rays hit the same triangles. If the test uses planes that are linear in the pixel's coordinates, the
-    /// block is wider and lower, since the rays of a row share terms.
+    /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
+    /// square, so that its rays hit the same triangles. If the test uses planes that are linear in the pixel's
+    /// coordinates, the block is wider and lower, since the rays of a row share terms.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -160,7 +160,7 @@ impl Strategy {
     }
 
     /// Returns the number of lights in a round: work-items that share a tile cast the shadow rays to these lights at
-    /// the same time. The number is limited by the bits of a word, which has one bit for each pair of a light and a
+    /// the same time. The bits of a word limit the number of lights: a word has one bit for each pair of a light and a
     /// ray of the work-item, and one extra bit.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
@@ -168,14 +168,14 @@ impl Strategy {
         (u32::BITS as usize - 1) / rays.max(1)
     }
 
-    /// Returns the best local size on a device with these limits for work-items that share tiles in groups of
-    /// 32; for other strategies, returns `other`.
+    /// Returns the local size of the strategy. If 32 work-items share a tile, this is the best local size on a device
+    /// with these limits; otherwise, it is `other`.
     pub fn local_size(&self, limits: &DeviceLimits, other: [u32; 2]) -> [u32; 2] {
         let groups = limits.lane_operations.usual_groups();
         if self.shares_tiles() { [GROUP_LANES, groups] } else { other }
     }
 
-    /// Returns how its work-items exchange values on a device with these built-ins.
+    /// Returns how the strategy's work-items exchange values on a device with these built-in functions.
     pub fn lane_operations(&self, builtins: Builtins) -> LaneOperations {
         if self.shares_tiles() { builtins.lanes } else { LaneOperations::Barriers }
     }

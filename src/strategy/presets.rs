@@ -16,7 +16,7 @@ pub struct Preset {
     pub about: &'static str,
     /// The value of every axis.
     pub strategy: Strategy,
-    /// The kind of device that it is meant for; on other kinds it is only measured if requested.
+    /// The kind of device that the preset is meant for; on other kinds, the preset is only measured if requested.
     /// `None` means all kinds.
     pub meant_for: Option<DeviceKind>,
 }
@@ -61,9 +61,9 @@ const TILE: Strategy = Strategy {
     ..MODERN
 };
 
-/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye
-/// continue with shadow rays while others still cast rays from the eye. The watertight test needs
-/// too many registers for a single pass.
+/// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye continue with
+/// shadow rays while other tiles still cast rays from the eye. The watertight test needs too many registers for a
+/// single pass.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,

@@ -30,7 +30,7 @@ const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 const STACK_ENTRY_BYTES: u64 = 8;
 /// Bytes of one word per lane, by which lanes exchange values if there is no other way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
-/// Bytes of a leaf's triangle that has to be tested, and the lane that prepared it.
+/// Bytes of a leaf's triangle that has to be tested, and of the number of the lane that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a pixel and its lights.
 const QUEUE_ENTRY_BYTES: u64 = 8;
@@ -217,8 +217,8 @@ fn private(strategy: &Strategy, w: &Workload) -> Sum {
         let x = if strategy.shares_tiles() { 1 } else { x };
         sum.add("tiles", &[(TILE_RAY_BYTES, " B"), ((across * down) as u64, " rays"), (x, ""), (y, "")]);
     }
-    // A value that lives across a barrier is stored for all work-items at the same time. PoCL 3.1
-    // also stores packets of rays in this way.
+    // A value that lives across a barrier is stored for all work-items at the same time. PoCL 3.1 also stores packets
+    // of rays for all work-items at the same time.
     let packets = strategy.traversal != Traversal::Tile && strategy.width.rays() > 1;
     let at_once = strategy.triangles.copied() != Copied::Nothing || packets;
     if strategy.vectors.memory() == WorkingMemory::Private && at_once {
@@ -304,8 +304,8 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 }
 
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate assumes full nodes, and
-/// leaves with half as many triangles as they may have, but at least four. It then multiplies the number of nodes by
-/// three, because leaves are usually smaller: slots of a node that would stay unused are filled by splitting leaves.
+/// leaves with half as many triangles as they may have, but at least four. The function then multiplies the number of
+/// nodes by three, because leaves are usually smaller: a leaf is split if a node would otherwise have unused slots.
 pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;

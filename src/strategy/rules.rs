@@ -44,7 +44,7 @@ impl Strategy {
         Some(format!("{axis} = {value}, but {label} {because}; expected {axis} = {}", taken.join(" or ")))
     }
 
-    /// Returns why two of its values contradict each other in any family; `None` if they do not.
+    /// Returns why two of the strategy's values contradict each other, whatever the family; `None` if no values do.
     fn conflict(&self) -> Option<String> {
         let eager = self.shading.is_eager();
         let planes = self.intersector.prepares_planes();
@@ -89,8 +89,7 @@ impl Strategy {
         Some(self.axes().into_iter().fold(reason.to_owned(), own))
     }
 
-    /// Returns why the header of one of its values contradicts another value; `None` if no header
-    /// does.
+    /// Returns why the header of one of the strategy's values contradicts another value; `None` if no header does.
     fn conflict_in_headers(&self) -> Option<String> {
         let axes = self.axes();
         let headers =
@@ -134,7 +133,7 @@ mod tests {
         let mut refused = 0;
         for family in FAMILIES {
             for info in AXES {
-                // Axes that choose the family are not restricted within it.
+                // A family does not restrict the axes that choose the family.
                 let chooses =
                     info.name == "traversal" || (info.name == "width" && family.name.starts_with("tile"));
                 for (value, _) in info.values().into_iter().filter(|_| !chooses) {

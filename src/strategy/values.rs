@@ -22,9 +22,9 @@ pub const FOLDERS: [(&str, &str); 7] = [
 
 type Headers = &'static [Header];
 
-/// The headers of all values. They are constant for the process, which has one `--cl-dir` and reads it before
-/// it parses any name of a value. They live as long as the process, so that a strategy can hold their names
-/// and be copied.
+/// The headers of all values. The headers are constant for the process, which has one `--cl-dir` and reads that folder
+/// before it parses any name of a value. The headers live as long as the process, so that a strategy can hold their
+/// names and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
     // A test checks that the built-in headers can be read.
     RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
@@ -77,7 +77,7 @@ struct Named {
 }
 
 impl Named {
-    /// Returns the file that contains its header.
+    /// Returns the file that contains the value's header.
     fn file(&self) -> String {
         let folder = self.folders.first().copied().unwrap_or_default();
         format!("{folder}{}.cl", self.name.replace('-', "_"))

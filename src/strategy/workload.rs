@@ -5,13 +5,13 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
-/// A pixel has at most 2^2 sub-pixels across and 2^2 down. This makes 16 sub-pixels, and a vector
-/// has 16 rays.
+/// A pixel has at most 2^2 sub-pixels across and 2^2 down. A pixel thus has at most 16 sub-pixels, as many as a vector
+/// has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
-/// A frame whose tiles are shared divides pixels into sub-pixels only if it then has at most this many rays. Each ray
-/// takes 16 bytes in the buffers between kernels, which makes 512 MiB. This is enough for 16 samples of 1920 x 1080
-/// pixels.
+/// The largest number of rays in a frame that divides pixels into sub-pixels and whose tiles are shared. Each ray takes
+/// 16 bytes in the buffers between kernels, so that these buffers take at most 512 MiB. The limit is enough for 16
+/// samples of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
 /// The sizes on which a strategy's needs depend.
@@ -53,8 +53,8 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// The workload of a cube and its tree. Programs are made for it if no scene is named. The image size does not
-    /// affect the compiled code.
+    /// The workload of a cube and its tree. Programs are made for this workload if no scene is named. The image size
+    /// does not affect the compiled code.
     pub const CUBE: Self = Self {
         triangles: 12,
         positions: 8,
@@ -136,10 +136,10 @@ impl Workload {
         }
     }
 
-    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose
-    /// tiles are shared by groups. With several sub-pixels, several samples of each pixel are cast.
-    /// Each ray needs its own place in the buffers between kernels. Soft light is cast for one
-    /// sample at a time, and the kernel that adds the picture of a sky supports only whole pixels.
+    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are shared by
+    /// groups. With several sub-pixels, several samples of each pixel are cast. Each ray needs its own entry in the
+    /// buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture of a
+    /// sky supports only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;
@@ -214,7 +214,7 @@ mod tests {
     fn a_row_of_work_groups_is_as_high_as_the_tiles_of_one() {
         let strategy = Strategy { tile: TileSize::T8x4, ..preset("tile-group").unwrap().strategy };
         let of = |tiles| Workload { local_size: [32, tiles], ..Workload::CUBE }.group_height(&strategy);
-        // If the number of tiles is even, two of them are side by side.
+        // If a work-group has an even number of tiles, two tiles are side by side.
         assert_eq!([1, 2, 3, 4, 8].map(of), [4, 4, 12, 8, 16]);
         let rays = Workload { local_size: [16, 2], ..Workload::CUBE };
         assert_eq!(rays.group_height(&preset("deferred").unwrap().strategy), 2);

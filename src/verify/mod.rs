@@ -1,13 +1,12 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see
-//! [`relative_difference`]), and within one 8-bit step per channel as displayed. An uncertain pixel
-//! is one that changes if its ray is moved by much more than the effect of rounding. It must lie
-//! within the range of its values under narrow nudges, which move the ray by about as much as
-//! rounding. If narrow nudges change nothing, it must agree like a certain pixel. Uncertain pixels
-//! outside that range are counted, and only few are allowed. The number of pixels that hit
-//! something must also lie in the range that the reference allows, since `shadow_rays_per_s`
-//! depends on it.
+//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within
+//! one 8-bit step per channel as displayed. An uncertain pixel is one that changes if its ray is moved by much more
+//! than the effect of rounding. An uncertain pixel must lie within the range of its values under narrow nudges, which
+//! move the ray by about as much as rounding. If narrow nudges do not change an uncertain pixel, it must agree like a
+//! certain pixel. Uncertain pixels outside the range of their nudges are counted, and only few are allowed. The number
+//! of pixels that hit something must also lie in the range that the reference allows, since `shadow_rays_per_s` depends
+//! on this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -21,7 +20,7 @@ const STEPS_OF_256: u8 = 1;
 pub struct Verdict {
     /// The largest relative difference over certain pixels; infinite if a value is not a number.
     pub max_difference: f64,
-    /// The column and row of that difference, or of the worst wrong pixel.
+    /// The column and row of the pixel with the largest difference, or of the worst wrong pixel.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,
@@ -31,7 +30,7 @@ pub struct Verdict {
     pub wrong_pixels: usize,
     /// True if the image is correct.
     pub ok: bool,
-    /// Why it is not correct, in a sentence.
+    /// The reason why the image is not correct, in a sentence.
     pub reason: Option<String>,
 }
 
@@ -84,8 +83,9 @@ pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns why the number of pixels that hit something is wrong, if it is outside the range that the reference
-/// allows. Here too, a few uncertain pixels may be outside the range.
+/// Returns why the number of pixels that hit something is wrong, if it is outside the range that the reference allows.
+/// The number of hits may lie outside the range by a few pixels, since a few uncertain pixels may lie outside the range
+/// of their nudges.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;

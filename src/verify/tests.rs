@@ -90,7 +90,7 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(verdict.reason.unwrap_or_default().contains("are uncertain, and no slightly moved ray explains"));
 }
 
-/// Such pixels do not depend on rounding, so they must agree.
+/// Pixels that only a wide nudge changes do not depend on rounding, so they must agree.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);
@@ -178,7 +178,7 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
 }
 
 /// With a gamma of 4, a thousandth of the reference's `floor` is displayed as eight steps of 256. A pixel that is
-/// brighter or darker by that much is wrong.
+/// brighter or darker by eight steps is wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0 };

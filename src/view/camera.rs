@@ -1,4 +1,4 @@
-//! The eye's place relative to the scene's own camera. All functions here are pure.
+//! The eye's position relative to the scene's own camera. All functions here are pure.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
@@ -10,7 +10,7 @@ const POLE: f64 = 0.02;
 /// The least and the greatest distance, as factors of the distance of the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
 
-/// A place relative to the scene's own camera.
+/// A position of the eye relative to the scene's own camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// The angle around the scene's axis, in radians.
@@ -34,7 +34,7 @@ impl Pose {
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;
-        // A scene's own camera that is beyond the limit may stay there.
+        // If the scene's own camera is beyond the limit, it may stay there.
         let (low, high) = ((-most - elevation).min(0.0), (most - elevation).max(0.0));
         self.tilt = (self.tilt + up).clamp(low, high);
     }
@@ -50,8 +50,8 @@ impl Pose {
         self.distance = (self.distance * (-steps / 10.0).exp2()).clamp(DISTANCES[0], DISTANCES[1]);
     }
 
-    /// Returns the camera and the lights at this place; at the start, they equal the scene's own
-    /// bit for bit.
+    /// Returns the camera and the lights for this position of the eye. At `START`, they equal the scene's own camera
+    /// and lights bit for bit.
     pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
         let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
         let from_centre = |camera: &Camera| camera.position.as_dvec3() - orbit.centre;

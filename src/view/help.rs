@@ -1,4 +1,4 @@
-//! The keys, drawn over a picture.
+//! The list of keys, drawn over a picture.
 
 use super::keys::KEYS;
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use image::imageops::replace;
 /// The size of the drawing, in pixels.
 const SIZE: [f64; 2] = [340.0, 200.0];
 
-/// Returns the keys, drawn on white.
+/// Returns the drawing of the list of keys, on white.
 pub fn panel() -> Result<RgbImage> {
     let mut svg = Svg::default();
     svg.element("rect", &[("fill", &"#ffffff"), ("width", &SIZE[0]), ("height", &SIZE[1])]);

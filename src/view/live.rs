@@ -1,5 +1,5 @@
-//! A scene on a device that is cast again and again, from other places or with other strategies, by the same
-//! code as `render`.
+//! Casts a scene on a device again and again, from other positions or with other strategies, by the same code as
+//! `render`.
 
 use super::camera::Pose;
 use super::choices::{Choices, local_sizes, strategies};
@@ -119,7 +119,7 @@ impl Live {
         self.sum.progress()
     }
 
-    /// Returns the camera at a place.
+    /// Returns the camera at a position of the eye.
     pub fn camera(&self, pose: &Pose) -> Camera {
         pose.at(&self.scene, &self.loaded.orbit).0
     }
@@ -134,7 +134,7 @@ impl Live {
         self.sum.restart();
     }
 
-    /// Casts the next sample from a place. Returns the mean of the samples so far, or `None` if all
+    /// Casts the next sample from a position of the eye. Returns the mean of the samples so far, or `None` if all
     /// samples have been cast.
     pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
         let Some(sample) = self.sum.next() else { return Ok(None) };
@@ -177,7 +177,8 @@ impl Live {
     ///
     /// # Errors
     ///
-    /// Fails if the device can use no other strategy; the message states the reason for the last.
+    /// Fails if the device can use no other strategy; the message states why it cannot use the last strategy that was
+    /// tried.
     pub fn next_strategy(&mut self, step: isize) -> Result<()> {
         let limits = self.device.info.limits;
         let usual = self.strategies.others(step).map(|strategies| {
@@ -191,7 +192,8 @@ impl Live {
     ///
     /// # Errors
     ///
-    /// Fails if the device can use no other local size; the message states the reason for the last.
+    /// Fails if the device can use no other local size; the message states why it cannot use the last local size that
+    /// was tried.
     pub fn next_local_size(&mut self, step: isize) -> Result<()> {
         let ways = self.local_sizes.others(step).map(|sizes| (self.strategies.clone(), sizes));
         self.take(ways.collect())
@@ -248,7 +250,7 @@ impl Live {
         Ok(())
     }
 
-    /// Reads the scene and the kernels again, and keeps the strategy and the local size. If this fails,
+    /// Reads the scene and the kernels again, and keeps the strategy and the local size. If the reload fails,
     /// everything stays as it was.
     pub fn reload(&mut self) -> Result<()> {
         let sources = Sources::of(self.subject.cl_dir.clone())?;

@@ -1,7 +1,7 @@
 //! `raycl view`: a scene that is cast while the user moves around it.
 //!
-//! A [`screen::Screen`] shows pictures and reads the user's input, and [`live::Live`] casts, by the
-//! same code as `render`. The loop between them is here: it reads input, acts, casts and shows.
+//! A [`screen::Screen`] shows pictures and reads the user's input, and [`live::Live`] casts, by the same code as
+//! `render`. This module has the loop that joins the screen and the caster: it reads input, acts, casts and shows.
 
 mod camera;
 mod choices;
@@ -55,7 +55,7 @@ pub struct Viewer<S: Screen> {
     /// pixel.
     heat: Option<Heat>,
     most_tests: u32,
-    /// The drawing of the keys, if they are shown.
+    /// The drawing of the list of keys, if it is shown.
     help: Option<RgbImage>,
     /// The last picture, without the keys over it.
     shown: Option<RgbImage>,
@@ -92,7 +92,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends it. Before each frame, it calls `changed`, which
+    /// Shows the scene until the user or a limit ends it. Before each frame, the function calls `changed`, which
     /// returns whether files have changed.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
@@ -223,7 +223,7 @@ impl<S: Screen> Viewer<S> {
         };
         let [width, height] = self.live.size();
         let fits = |panel: &RgbImage| panel.width() <= width && panel.height() <= height;
-        // If the picture is too small for the keys, the line beside it shows them.
+        // If the picture is too small for the list of keys, the line beside the picture shows the keys.
         let is_told = self.help.as_ref().is_some_and(|panel| !fits(panel));
         self.note = is_told.then(|| keys::lines().collect::<Vec<_>>().join("; "));
         self.redraws = true;
@@ -250,8 +250,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Changes the strategy, local size or device. If this fails, everything stays as it is, and a note
-    /// states the reason.
+    /// Changes the strategy, local size or device. If the change fails, everything stays as it is, and a note states
+    /// the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {

@@ -14,11 +14,11 @@ use std::thread::JoinHandle;
 /// A triangle at a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picked {
-    /// Its number in the scene, from 0.
+    /// The triangle's number in the scene, from 0.
     pub triangle: u32,
-    /// The number of its object, from 0.
+    /// The number of the triangle's object, from 0.
     pub object: u32,
-    /// The number of its material, from 0.
+    /// The number of the triangle's material, from 0.
     pub material: u32,
     /// The interpolated normal, of unit length.
     pub normal: [f32; 3],

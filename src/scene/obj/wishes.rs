@@ -6,7 +6,8 @@
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
-/// Counts a line of an OBJ file other than `v`, `vn`, `f`, `usemtl` and `mtllib`.
+/// Counts a line of an OBJ file if it asks for something that raycl does not support. The line is not a `v`, `vn`, `f`,
+/// `usemtl` or `mtllib`.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -26,12 +27,13 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     asked.add(wish, keyword);
 }
 
-/// Counts a line of a material other than `newmtl`, `Kd`, `Ks` and `Ns`.
+/// Counts a line of a material if it asks for something that raycl does not support. The line is not a `newmtl`, `Kd`,
+/// `Ks` or `Ns`.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
     let any = |holds: fn(f32) -> bool| values().any(holds);
-    // Some exporters write a map's keyword without a file.
+    // Some exporters write the keyword of a texture map without the name of a file.
     let names_file = || tokens(rest).next().is_some();
     let not_zero = || any(|value| value != 0.0);
     let (wish, asks) = match &lower[..] {
@@ -52,8 +54,8 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Counts a material's illumination model, unless it is supported: model 2 is, and so is model 1 (no highlight) if
-/// the material has no highlight.
+/// Counts a material's illumination model if raycl does not support it. Model 2 is supported; model 1 (no highlight) is
+/// supported if the material has no highlight.
 pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {
     let Some(model) = model else { return };
     let wish = match model {

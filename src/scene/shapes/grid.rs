@@ -21,9 +21,9 @@ pub(super) fn grid(columns: u32, rows: u32, surface: impl Fn(f64, f64) -> (DVec3
     mesh(vertices, triangles)
 }
 
-/// Returns the triangles of a closed surface around the y axis: `rings` circles of `segments` vertices
-/// between two poles give 2 x segments x rings triangles. `profile` returns the radius and the height over t
-/// from 0 (the lower pole) to 1.
+/// Returns the triangles of a closed surface around the y axis: `rings` circles of `segments` vertices between two
+/// poles give 2 x segments x rings triangles. `profile` returns the radius and the height for a t from 0 (the lower
+/// pole) to 1 (the upper pole).
 pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, f64) + Sync) -> Mesh {
     let (segments, rings) = (segments.max(3), rings.max(1));
     let pole = |t: f64, normal| (DVec3::new(0.0, profile(t).1, 0.0), normal);
@@ -37,7 +37,7 @@ pub(super) fn revolve(segments: u32, rings: u32, profile: impl Fn(f64) -> (f64, 
         }
     });
     let vertex = |i: u32, j: u32| 2 + j * segments + i % segments;
-    // First the fan of the lower pole, then quads between circles, then the upper fan.
+    // The order is: the fan of the lower pole, the quads between circles, the fan of the upper pole.
     let count = 2 * segments * rings;
     let triangles = (0..count).into_par_iter().map(|index| {
         if index < segments {
@@ -66,9 +66,9 @@ fn on_circle(profile: &impl Fn(f64) -> (f64, f64), t: f64, angle: f64) -> (DVec3
     (DVec3::new(radius * cos, height, -radius * sin), normal.normalize_or(DVec3::Y))
 }
 
-/// Returns the numbers of columns and rows for about `quads` quads; there are about `aspect` times
-/// more columns than rows. From the numbers of rows near the ideal, the function chooses the number
-/// that results in a number of quads closest to `quads`.
+/// Returns the numbers of columns and rows for about `quads` quads; there are about `aspect` times as many columns as
+/// rows. The function tries the numbers of rows near the ideal, and chooses the one that gives the number of quads
+/// closest to `quads`.
 pub(super) fn split(quads: f64, aspect: f64) -> (u32, u32) {
     let ideal = (quads / aspect).sqrt().max(1.0);
     let columns = |rows: u32| (quads / f64::from(rows)).round().max(1.0);

@@ -1,4 +1,4 @@
-//! A hall with two rows of columns, whose faces are visible from inside.
+//! A hall with two rows of columns. The faces of its walls point inwards, so that they are visible from inside.
 
 use super::grid::{grid, split};
 use crate::scene::Mesh;
@@ -11,7 +11,7 @@ const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
 /// With fewer triangles, a column does not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// The fraction of triangles for columns, which are the round parts.
+/// The fraction of the triangles that form the columns, which are the only round parts.
 const COLUMN_SHARE: f64 = 0.75;
 
 /// Returns a hall of about `triangles` triangles, at least twelve; with fewer than a few hundred there are fewer

@@ -16,7 +16,7 @@ pub const MAX_TRIANGLES: u32 = 100_000_000;
 pub(super) const MAX_FINENESS: u32 = 1250;
 
 /// A shape and its resolution. `triangles` is a target; above a few hundred triangles, the actual number differs by a
-/// few per cent at most. Shapes have y up and a k_L of 0.8.
+/// few per cent at most. In every shape, y points up, and the diffuse reflectance k_L is 0.8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// The paper's ground: y = -1, x from -10 to 10, z from -10 to -0.01; two triangles.
@@ -130,7 +130,7 @@ impl Shape {
     }
 }
 
-/// Generates a shape: the same on every machine, in time linear in the number of triangles.
+/// Generates a shape, which is the same on every machine. The time is proportional to the number of triangles.
 pub fn generate(shape: &Shape) -> Mesh {
     match *shape {
         Shape::Ground => paper::ground(),

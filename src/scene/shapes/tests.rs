@@ -1,4 +1,4 @@
-//! Counts, orientation and closure of every shape.
+//! Tests of every shape: number of triangles, orientation and closure.
 
 use super::*;
 use crate::scene::Triangle;

@@ -11,7 +11,7 @@ pub(in crate::scene) enum BackgroundWire {
     Radiance([f32; 3]),
     /// Red, green and blue from 0 to 255.
     Displayed([u8; 3]),
-    /// None: pictures have an alpha channel.
+    /// No background: pictures have an alpha channel.
     Transparent,
 }
 

@@ -1,4 +1,4 @@
-//! Types for the numbers of a scene file. They refuse values out of range.
+//! Types for the numbers of a scene file. These types refuse values out of range.
 
 use crate::scene::material::{MAX_REFLECTANCE, MAX_SHININESS};
 use crate::scene::validate::MAX_POWER;

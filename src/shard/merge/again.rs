@@ -1,5 +1,5 @@
-//! Reports shards that were attempted more than once, for example after a requeue. The first attempt may still
-//! have been running during the second, and may have changed its times.
+//! Reports shards that were attempted more than once, for example after a requeue. The first attempt may still have
+//! been running during the second attempt, and may have changed the second attempt's times.
 
 use super::choice::few;
 use crate::shard::Attempt;

@@ -17,10 +17,11 @@ pub struct Chosen {
     several: BTreeMap<String, Vec<(usize, Outcome)>>,
 }
 
-/// Reads the attempts' records and chooses one of each point. A record with a wrong image takes precedence over all
-/// others, and a record with a time over one without. Among records without a time, `rank` orders the outcomes.
-/// Next, the record with more samples takes precedence, then that of the attempt whose name sorts first. Times of day
-/// are never compared. Within an attempt the later record is used, as in any journal.
+/// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
+/// all other records, and a record with a time takes precedence over a record without a time. Among records without a
+/// time, `rank` orders the outcomes. Next, the record with more samples takes precedence, then that of the attempt
+/// whose name sorts first. Times of day are never compared. Within an attempt the later record is used, as in any
+/// journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {
@@ -48,8 +49,8 @@ fn rank(record: &Record) -> (u8, usize) {
 }
 
 impl Chosen {
-    /// Adds an attempt's record. It replaces the chosen one only if its rank is lower. Attempts are added in the order
-    /// of their names, so of equal ranks the first name's record is chosen.
+    /// Adds an attempt's record. Only a record of lower rank replaces the chosen record. Attempts are added in the
+    /// order of their names, so that among records of equal rank, the first attempt's record is chosen.
     fn offer(&mut self, attempt: usize, record: Record) {
         let Some((known, held)) = self.best.get_mut(&record.key) else {
             self.best.insert(record.key.clone(), (attempt, record));

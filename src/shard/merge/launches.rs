@@ -1,15 +1,17 @@
-//! Renumbers launches, since each attempt numbers its own launches from 0.
+//! Renumbers launches (of worker processes), since each attempt numbers its own launches from 0.
 
 use super::Measured;
 use crate::record::Record;
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// The new number of each launch that a record uses, by the attempt's index and the launch's number in that attempt.
+/// The new number of each launch (of worker processes) that a record uses, by the attempt's index and the launch's
+/// number in that attempt.
 #[derive(Clone, Debug, Default)]
 pub struct Launches(BTreeMap<(usize, u32), u32>);
 
 impl Launches {
-    /// Numbers the launches that these records use from 0, in the order of the attempts.
+    /// Numbers the launches (of worker processes) that these records use. Numbers start at 0 and follow the order of
+    /// the attempts.
     pub fn of<'a>(records: impl Iterator<Item = &'a Measured>) -> Self {
         let used = |(attempt, record): &Measured| {
             let attempt = *attempt;
@@ -19,12 +21,12 @@ impl Launches {
         Self(all.into_iter().zip(0..).collect())
     }
 
-    /// Returns a launch's new number; `None` if no record uses it.
+    /// Returns the new number of a launch (of worker processes); `None` if no record uses the launch.
     pub fn number(&self, attempt: usize, launch: u32) -> Option<u32> {
         self.0.get(&(attempt, launch)).copied()
     }
 
-    /// Renumbers the launches of a record's samples.
+    /// Renumbers the launches (of worker processes) in which a record's samples were measured.
     pub fn renumber(&self, attempt: usize, record: &mut Record) {
         for launch in &mut record.sample_launches {
             *launch = self.number(attempt, *launch).unwrap_or(*launch);
@@ -32,8 +34,8 @@ impl Launches {
     }
 }
 
-/// Identifies the samples that records use: returns the attempt's index, the launch's number in that attempt and the
-/// point's key.
+/// Identifies the samples that records use, by the attempt's index, the number of the launch (of worker processes) in
+/// that attempt, and the point's key.
 pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
     let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
     let mut counted = HashSet::new();

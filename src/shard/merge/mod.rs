@@ -151,8 +151,8 @@ fn write_about(out: &Path, attempts: &[Attempt], notes: &[String]) -> Result<()>
     write_whole(&out.join(MERGE), &text)
 }
 
-/// Writes the samples of the chosen records with the launches' new numbers. Returns the number of these samples, and
-/// the number of samples that were left out.
+/// Writes the samples of the chosen records, with the new numbers of their launches (of worker processes). Returns the
+/// number of samples that were written, and the number of samples that were not.
 fn write_samples(
     out: &Path,
     attempts: &[Attempt],
@@ -177,8 +177,8 @@ fn write_samples(
     Ok(counts)
 }
 
-/// Joins the attempts' journals of this name: writes the lines about launches that records use, with the launches'
-/// new numbers.
+/// Joins the attempts' journals of this name. Only lines about launches (of worker processes) that records use are
+/// written, with the launches' new numbers.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,

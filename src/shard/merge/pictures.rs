@@ -4,8 +4,9 @@ use crate::error::{Error, Result};
 use crate::record::{Record, own_folder, write_page};
 use std::path::{Component, Path, PathBuf};
 
-/// Copies a record's pictures from its attempt's folder. If a file of the same name exists and is identical, it is
-/// kept. If it is different, a hash of the picture's bytes is added to the copy's name, also in the record.
+/// Copies a record's pictures from its attempt's folder. If an identical file of the same name exists, the picture is
+/// not copied again. If a different file of that name exists, a hash of the picture's bytes is added to the copy's
+/// name, also in the record.
 pub fn copy(out: &Path, attempt: &Path, record: &mut Record) -> Result<()> {
     let pictures = [
         &mut record.image,

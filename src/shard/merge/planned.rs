@@ -1,4 +1,4 @@
-//! The points of a merged folder, with their names. They include the points of every selected kind of device.
+//! The points of a merged folder, with their names. The points of every selected kind of device are included.
 
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};

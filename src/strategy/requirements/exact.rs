@@ -44,7 +44,7 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
         Requirements::of(&of("tile-group"), &w).global_bytes
     };
     // Each half picture has the same data per pixel as a whole one: image, nearest triangle, one queue entry, and the
-    // word with one bit per light. It also has a triangle's planes for the eye and the light.
+    // word with one bit per light. Each half picture also has the triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);
     let scratch = |half_light| {
         let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };

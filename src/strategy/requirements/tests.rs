@@ -231,7 +231,7 @@ fn devices() -> impl proptest::strategy::Strategy<Value = DeviceLimits> {
     })
 }
 
-/// Returns the limits of a device that has, of each limit, the larger of two devices' values.
+/// Returns, for each limit, the larger of two devices' values.
 fn better(one: &DeviceLimits, other: &DeviceLimits) -> DeviceLimits {
     let sizes = [0, 1, 2].map(|side| one.work_item_sizes[side].max(other.work_item_sizes[side]));
     DeviceLimits {
@@ -250,7 +250,7 @@ fn numbers(text: &str) -> Vec<u128> {
     text.split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok()).collect()
 }
 
-/// Returns whether the sum in a refusal is correct, and above the limit in it.
+/// Returns whether a refusal's sum is correct and is above the refusal's limit.
 fn adds_up(reason: &str) -> bool {
     if reason.starts_with("traversal = raster does not support textures") {
         return true; // any other sentence without numbers

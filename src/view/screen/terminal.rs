@@ -89,8 +89,8 @@ impl Terminal {
             MouseEventKind::ScrollDown => input.wheel -= 1.0,
             _ => {}
         }
-        // This is the pixel in the middle of the character, or the first of two middle pixels, so
-        // that half blocks give the upper pixel.
+        // The pointer is at the pixel in the middle of the character, or at the first of two middle pixels, so that
+        // half blocks give the upper pixel.
         let [x, y] = [0, 1].map(|axis| u32::from(at[axis]) * pixels[axis] + (pixels[axis] - 1) / 2);
         self.pointer = (x < width && y < height).then_some([x, y]);
     }

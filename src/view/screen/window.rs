@@ -1,4 +1,4 @@
-//! A window as a screen. Its libraries are loaded when it opens, so that no other command needs them.
+//! A window as a screen. The window's libraries are loaded when the window opens, so that no other command needs them.
 
 use super::{Input, Screen};
 use crate::error::{Error, Result};
@@ -142,7 +142,7 @@ impl Typed {
 }
 
 impl InputCallback for Typed {
-    /// The window calls this after `set_key_state` for the same key.
+    /// The window calls this function after `set_key_state` for the same key.
     fn add_char(&mut self, code: u32) {
         if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
             self.send(Key::Char(letter));
