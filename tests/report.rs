@@ -278,6 +278,29 @@ fn the_reproduction_page_is_made_of_records_alone() {
 }
 
 #[test]
+fn a_reproduction_removes_plots_of_its_earlier_page_and_no_others() {
+    let out = tempfile::tempdir().expect("a folder");
+    let figure = out.path().join("figure-8");
+    std::fs::create_dir(&figure).expect("a folder");
+    let points = |scene: &str| {
+        [("naive", 17.4), ("local-vectors", 11.3)].map(|(name, ms)| record(scene, name, 8, ms))
+    };
+    let page = || outcome(&["reproduce", "--page-only", "--quiet", "--out", path(&out)], 0);
+    write(&figure, &[points("still-life"), points("teapot")].concat());
+    page();
+    let plots = out.path().join("plots");
+    let is_there = |name: &str| plots.join(name).exists();
+    assert!(is_there("answer-still-life.svg") && is_there("answer-teapot.svg"));
+    std::fs::write(plots.join("answer-mine.svg"), "somebody's").expect("it writes");
+    std::fs::write(plots.join("answer-teapot.png"), "changed").expect("it writes");
+    write(&figure, &points("still-life"));
+    page();
+    assert!(is_there("answer-still-life.svg") && is_there("answer-still-life.png"));
+    assert!(!is_there("answer-teapot.svg"), "the page no longer shows the teapot");
+    assert!(is_there("answer-mine.svg") && is_there("answer-teapot.png"), "somebody's files stay");
+}
+
+#[test]
 fn shells_can_complete() {
     for shell in ["bash", "zsh", "fish"] {
         let (script, _) = outcome(&["completions", shell], 0);

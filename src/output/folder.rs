@@ -97,8 +97,16 @@ impl OutFolder {
             super::stale::remove(&self.path, is_written);
             return Ok(());
         }
-        let old: Vec<_> =
-            self.made.iter().filter(|(_, name)| is_companion(name) && !is_written(name)).cloned().collect();
+        self.remove_listed(|name| is_companion(name) && !is_written(name))
+    }
+
+    /// Removes the listed files for whose names `is_stale` is true. Files that somebody changed, and files that
+    /// cannot be removed, stay. A folder of results has no list, so nothing is removed from it.
+    pub fn remove_listed(&mut self, is_stale: impl Fn(&str) -> bool) -> Result<()> {
+        let old: Vec<_> = self.made.iter().filter(|(_, name)| is_stale(name)).cloned().collect();
+        if old.is_empty() {
+            return Ok(());
+        }
         for entry in old {
             let path = self.path.join(&entry.1);
             let unchanged =

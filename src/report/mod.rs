@@ -51,6 +51,8 @@ pub const PAGE: &str = "report.html";
 pub const COMPARISON: [&str; 2] = ["compare.html", "compare.md"];
 /// The file names of a reproduction: the page, and its content as JSON for programs.
 pub const REPRODUCTION: [&str; 2] = ["reproduction.html", "reproduction.json"];
+/// The beginnings of the names of a reproduction's plots.
+const REPRODUCTION_PLOTS: [&str; 2] = ["plots/answer-", "plots/figure-"];
 
 /// Names and contents of files in a folder.
 type Files = Vec<(String, Vec<u8>)>;
@@ -87,6 +89,10 @@ pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<Pat
     let mut files = vec![(html, page.html()?.into_bytes()), (json, page.json()?.into_bytes())];
     files.extend(plot_files(&page.plots())?);
     out.write(&files)?;
+    // Other pages in the folder keep their plots.
+    let is_own = |name: &str| REPRODUCTION_PLOTS.iter().any(|beginning| name.starts_with(beginning));
+    let is_written = |name: &str| files.iter().any(|(written, _)| written == name);
+    out.remove_listed(|name| is_own(name) && !is_written(name))?;
     Ok(out.path().join(REPRODUCTION[0]))
 }
 
