@@ -44,16 +44,17 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
 /// The result, with the fields of `--json`.
 #[derive(Debug, Serialize)]
 struct Report {
-    /// Null if the pictures are equal.
+    /// Null if the pictures are equal (`equal` is true), or if a value is not finite (`equal` is false).
     psnr_db: Option<f64>,
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel. For 8-bit pictures, the error is a fraction of white (255); for radiance, it is
-    /// the difference itself.
+    /// The largest error of a channel. For 8-bit pictures it is a fraction of white (255), and for radiance the
+    /// difference itself. Null if it is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
+    /// Null if it is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
 }
@@ -166,6 +167,21 @@ mod tests {
         assert_eq!((report.largest_error_at, report.different_pixels), (Some([7, 3]), 1));
         // One of 300 channel values is wrong by 1/255, so the ratio is 20 log10(255) + 10 log10(300) decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
+    }
+
+    #[test]
+    fn json_without_a_ratio_says_whether_the_pictures_are_equal() {
+        let expected = Radiance::new(10, 10);
+        let mut found = expected.clone();
+        let json = |found: &Radiance| serde_json::to_value(compare(found, &expected, None)).expect("JSON");
+        let equal = json(&found);
+        assert!(equal["psnr_db"].is_null() && equal["equal"] == true, "{equal}");
+        for wrong in [f32::NAN, f32::INFINITY] {
+            found.pixels[37] = [0.0, wrong, 0.0];
+            let differs = json(&found);
+            assert!(differs["psnr_db"].is_null() && differs["equal"] == false, "{differs}");
+            assert!(differs["largest_error"].is_null(), "{differs}");
+        }
     }
 
     #[test]
