@@ -167,7 +167,7 @@ fn legend(groups: &[Group<'_>]) -> String {
             let first = reason.lines().next().unwrap_or_default();
             text.push_str(&format!(
                 "{word}: {}, for example {}{size}: {first}\n",
-                meaning(record.outcome),
+                meaning(record),
                 record.name
             ));
             told.push((word, &record.name));
@@ -176,16 +176,29 @@ fn legend(groups: &[Group<'_>]) -> String {
     text
 }
 
-fn meaning(outcome: Outcome) -> &'static str {
-    match outcome {
+fn meaning(record: &Record) -> &'static str {
+    match record.outcome {
         Outcome::Measured => "measured",
-        Outcome::Infeasible => "the device or the host has too little memory",
+        Outcome::Infeasible => obstacle(record.reason.as_deref().unwrap_or_default()),
         Outcome::OtherKind => "its preset is meant for devices of another kind",
         Outcome::BuildFailed => "its program did not compile",
         Outcome::LaunchFailed => "its kernel did not run",
         Outcome::WrongImage => "its image differs from the reference",
         Outcome::TimedOut => "it took too long",
         Outcome::Crashed => "its process crashed",
+    }
+}
+
+/// Returns what an infeasible point lacks. Records have only the reason's text.
+fn obstacle(reason: &str) -> &'static str {
+    if reason.contains(" B > ") {
+        "the device or the host has too little memory"
+    } else if reason.contains("does not support") {
+        "the strategy does not support something that the scene has"
+    } else if reason.contains("work-group") || reason.contains("work-items") {
+        "the device or the kernel does not support the local size"
+    } else {
+        "the point exceeds a limit of its strategy or its device"
     }
 }
 
@@ -213,6 +226,21 @@ mod tests {
         assert_eq!(cells, ["local-vectors", "*80.50", "local"], "{text}");
         assert!(line("local:").contains("110592 B > 49152 B"), "{text}");
         assert!(line("* fastest").contains("tie"), "{text}");
+    }
+
+    #[test]
+    fn the_legend_blames_memory_only_for_memory() {
+        let told = |reason: &str| summary_terminal(&[infeasible("gpu", "naive", 32, reason)], false);
+        let cases = [
+            ("__local memory: 108 B x 32 x 32 = 110592 B > 49152 B", "has too little memory"),
+            ("traversal = raster does not support a sky, which the scene has", "that the scene has, for"),
+            ("work-group: 64 x 64 = 4096 work-items > the device's 1024", "support the local size"),
+            ("16-bit indices: 70000 entries > 65536", "exceeds a limit of its strategy"),
+        ];
+        for (reason, expected) in cases {
+            let text = told(reason);
+            assert!(text.contains(expected) && text.contains(reason), "{expected:?} is not in\n{text}");
+        }
     }
 
     #[test]

@@ -16,7 +16,8 @@ pub const HOST: &str = "host";
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The device or the host has too little memory; `reason` shows how the needed memory is computed.
+    /// The device or the host has too little memory, the device or the kernel does not support the local size, or the
+    /// strategy does not support the scene; `reason` says which, with the arithmetic if memory is too small.
     Infeasible,
     /// The point's preset is meant for devices of another kind, so the point was not compiled or
     /// timed.
