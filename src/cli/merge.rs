@@ -26,8 +26,8 @@ pub struct Args {
     /// with results]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard: going (running), hung, lost,
-    /// or how the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard: begun, going (running), hung,
+    /// lost, or how the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds between two readings of the counter that each running process increases. A

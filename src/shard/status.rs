@@ -1,5 +1,5 @@
-//! The state of each attempt in a folder: running, hung, lost, or ended. Each attempt increases a counter in its own
-//! folder; two readings show which counters increase.
+//! The state of each attempt in a folder: begun, running, hung, lost, or ended. Each attempt increases a counter in
+//! its own folder; two readings show which counters increase.
 
 use super::{Attempt, Beat, End};
 use std::fmt;
@@ -9,7 +9,9 @@ use std::time::Duration;
 /// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// The attempt's counter increases, and the attempt has made progress within the time limit of a step.
+    /// It made its folder and has not counted yet.
+    Begun,
+    /// Its counter increases, and it has made progress within the time limit of a step.
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.
@@ -28,7 +30,7 @@ pub struct Status {
     pub name: String,
     /// Its state.
     pub state: State,
-    /// The attempt's counter at the second reading.
+    /// Its counter at the second reading; all numbers are 0 if it has not counted yet.
     pub beat: Beat,
 }
 
@@ -41,38 +43,37 @@ pub fn status(out: &Path, between: Duration) -> Vec<Status> {
 /// Reads all attempts twice. Calls `wait` between the two readings, unless all attempts have ended.
 fn read_twice(out: &Path, wait: impl FnOnce()) -> Vec<Status> {
     let attempts = Attempt::all(out);
-    let first: Vec<Beat> = attempts.iter().map(beat).collect();
+    let read = |attempt: &Attempt| Beat::read(&attempt.folder);
+    let first: Vec<Option<Beat>> = attempts.iter().map(read).collect();
     if attempts.iter().any(|attempt| attempt.end().is_none()) {
         wait();
     }
-    let of = |(attempt, first): (&Attempt, Beat)| {
-        let second = beat(attempt);
+    let of = |(attempt, first): (&Attempt, Option<Beat>)| {
+        let second = read(attempt).or(first);
         let limit = attempt.about().map_or(f64::MAX, |about| about.hang_limit_s);
         Status {
             name: attempt.name.clone(),
             state: state(attempt.end(), [first, second], limit),
-            beat: second,
+            beat: second.unwrap_or_default(),
         }
     };
     attempts.iter().zip(first).map(of).collect()
 }
 
-fn beat(attempt: &Attempt) -> Beat {
-    Beat::read(&attempt.folder).unwrap_or_default()
-}
-
-fn state(end: Option<End>, [first, second]: [Beat; 2], hang_limit_s: f64) -> State {
-    match end {
-        Some(end) => State::Ended(end),
-        None if second.beats == first.beats => State::Lost,
-        None if second.quiet as f64 > hang_limit_s => State::Hung(second.quiet),
-        None => State::Going,
+fn state(end: Option<End>, [first, second]: [Option<Beat>; 2], hang_limit_s: f64) -> State {
+    match (end, first, second) {
+        (Some(end), ..) => State::Ended(end),
+        (None, _, None) => State::Begun,
+        (None, Some(first), Some(second)) if second.beats == first.beats => State::Lost,
+        (None, _, Some(second)) if second.quiet as f64 > hang_limit_s => State::Hung(second.quiet),
+        (None, ..) => State::Going,
     }
 }
 
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Begun => write!(f, "begun: it has not counted yet"),
             Self::Going => write!(f, "going"),
             Self::Hung(seconds) => write!(f, "hung: no step for {seconds} s"),
             Self::Lost => write!(f, "lost: its counter stands still"),
@@ -91,12 +92,24 @@ mod tests {
 
     #[test]
     fn counters_tell_going_lost_and_hung_apart() {
-        let beat = |beats, quiet| Beat { beats, quiet, steps: 1 };
+        let beat = |beats, quiet| Some(Beat { beats, quiet, steps: 1 });
         assert_eq!(state(None, [beat(7, 0), beat(9, 0)], 600.0), State::Going);
         assert_eq!(state(None, [beat(7, 60), beat(9, 62)], 600.0), State::Going, "a long step");
         assert_eq!(state(None, [beat(700, 690), beat(702, 692)], 600.0), State::Hung(692));
         assert_eq!(state(None, [beat(7, 0), beat(7, 0)], 600.0), State::Lost);
         assert_eq!(state(Some(End::Done), [beat(7, 0), beat(7, 0)], 600.0), State::Ended(End::Done));
+    }
+
+    #[test]
+    fn an_attempt_without_a_counter_is_not_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let about = About { shard: 1, of: 2, hang_limit_s: 600.0, ..About::default() };
+        let attempt = Attempt::begin(folder.path(), &about).unwrap();
+        let state = |wait: &dyn Fn()| read_twice(folder.path(), wait).remove(0).state;
+        assert_eq!(state(&|| ()), State::Begun);
+        let count = || std::fs::write(attempt.folder.join("pulse"), "0 0 0\n").unwrap();
+        assert_eq!(state(&count), State::Going, "it began to count between the readings");
+        assert_eq!(state(&|| ()), State::Lost);
     }
 
     #[test]
