@@ -220,6 +220,8 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     );
     has(&refused(&["merge", "elsewhere"]), &["elsewhere is not a folder"]);
     has(&refused(&["merge", "."]), &["holds no experiment in shards"]);
+    has(&refused(&["merge", "out", "--status", "--quiet"]), &["--quiet", "cannot be used with"]);
+    has(&refused(&["merge", "out", "--status", "--device", "gpu"]), &["--device", "cannot be used with"]);
     ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);
     has(
         &refused(&["run", "test.toml", "--out", "whole", "--asleep", "1", "--shard", "1/2"]),

@@ -21,10 +21,10 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
-    /// host are always merged. If no device with results matches, NAME counts as a missing device [default: all devices
-    /// with results]
-    #[arg(long, value_name = "NAME")]
+    /// Merge only the results of devices whose name, platform or driver contains this. Results of the baselines on the
+    /// host are always merged. If no device with results matches, NAME counts as a missing device
+    /// [default: all devices with results]
+    #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun, going (running), hung,
     /// lost, or how the process ended
@@ -37,8 +37,8 @@ pub struct Args {
     /// Print one JSON object per point instead of tables; with --status, one object per process
     #[arg(long)]
     json: bool,
-    /// Print nothing but errors. With --status, this option has no effect
-    #[arg(short, long, conflicts_with = "json")]
+    /// Print nothing but errors
+    #[arg(short, long, conflicts_with_all = ["json", "status"])]
     quiet: bool,
 }
 
