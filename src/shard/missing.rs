@@ -45,15 +45,27 @@ impl Missing {
     }
 }
 
-/// Returns, for each kind of device, the points of the plan that have no record. If no shard has begun on a selected
-/// kind, all points are missing, except those that a host among `kinds` has. A caster on the host is not missing if a
-/// host of any kind measured it.
+/// The kinds of device whose points are looked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted<'a> {
+    /// All kinds that took part.
+    pub all: &'a [Kind],
+    /// The selected kinds among them; the host's kinds always are.
+    pub kinds: &'a [Kind],
+    /// The words that select kinds that have not begun.
+    pub not_begun: &'a [String],
+}
+
+/// Returns the points of the plan that have no record, for each kind, and all points of the selected kinds that have
+/// not begun, except those of casters on the host. A caster on the host is not missing if a host of any kind measured
+/// it. If no shard with casters on the host has begun, all of these casters are missing.
 pub fn missing(
     plan: &ShardPlan,
-    (kinds, not_begun): (&[Kind], &[String]),
+    wanted: Wanted<'_>,
     attempts: &[Attempt],
     has: &dyn Fn(&str) -> bool,
 ) -> Missing {
+    let Wanted { all, kinds, not_begun } = wanted;
     let hosts: BTreeSet<usize> = kinds
         .iter()
         .filter(|kind| kind.device == HOST)
@@ -80,21 +92,36 @@ pub fn missing(
         let words = started_with(Some(kind), attempts);
         found.push(lacking(plan, format!("{}{label}", kind.device), (&lacks, kind.points.len()), &words));
     }
+    let (of_host, of_device) = divided(plan, all);
+    if !of_host.is_empty() && !all.iter().any(|kind| kind.device == HOST) {
+        let words = started_with(None, attempts);
+        found.push(lacking(plan, HOST.to_owned(), (&of_host, of_host.len()), &words));
+    }
     found.extend(not_begun.iter().map(|device| {
-        let lacks = of_devices(plan, kinds);
         let mut words = without(&started_with(None, attempts), "--device");
         words.extend(["--device".to_owned(), device.clone()]);
-        lacking(plan, device.clone(), (&lacks, lacks.len()), &words)
+        lacking(plan, device.clone(), (&of_device, of_device.len()), &words)
     }));
-    Missing { kinds: found, nothing_began: kinds.is_empty(), took_part: None }
+    let took_part = not_begun.first().map(|_| names(all));
+    Missing { kinds: found, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns the points of the plan that no host among `kinds` has. Once a shard with casters on the host has begun, only
-/// points of OpenCL devices remain.
-fn of_devices(plan: &ShardPlan, kinds: &[Kind]) -> Vec<usize> {
-    let hosts = kinds.iter().filter(|kind| kind.device == HOST).flat_map(|kind| &kind.points);
-    let hosts: BTreeSet<usize> = hosts.map(|point| point.point).collect();
-    (0..plan.points.len()).filter(|point| !hosts.contains(point)).collect()
+/// Returns the plan's casters on the host, and its other points. Every kind of device has all of the other points, so
+/// one kind that took part is enough to tell them apart.
+fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
+    let device = all.iter().find(|kind| kind.device != HOST);
+    let on_host = |point: &usize| match device {
+        Some(device) => device.points.iter().all(|other| other.point != *point),
+        None => all.iter().flat_map(|kind| &kind.points).any(|other| other.point == *point),
+    };
+    (0..plan.points.len()).partition(on_host)
+}
+
+/// Returns the names of all kinds that took part.
+fn names(all: &[Kind]) -> String {
+    let mut names: Vec<&str> = all.iter().map(|kind| kind.device.as_str()).collect();
+    names.dedup();
+    names.join(", ")
 }
 
 /// Describes a kind of device that has no records for the points `lacks`, out of `of` points in all.
@@ -185,6 +212,11 @@ mod tests {
         }
     }
 
+    /// Returns what is missing of kinds that are all selected.
+    fn lacks(kinds: &[Kind], not_begun: &[String], has: &dyn Fn(&str) -> bool) -> Missing {
+        missing(&plan(), Wanted { all: kinds, kinds, not_begun }, &[], has)
+    }
+
     #[test]
     fn each_kind_lacks_what_it_lacks_and_any_host_will_do() {
         let kinds = [
@@ -194,22 +226,34 @@ mod tests {
             kind("gpu", "2", &[1, 2]),
         ];
         let there = ["intel 0", "1 1", "1 2"];
-        let found = missing(&plan(), (&kinds, &[]), &[], &|key| there.contains(&key));
+        let found = lacks(&kinds, &[], &|key| there.contains(&key));
         let [two] = &found.kinds[..] else { panic!("{found:?}") };
         assert_eq!((two.device.as_str(), two.points.len(), &two.shards[..]), ("gpu (2)", 2, &[3, 7][..]));
         assert_eq!(two.command, "for shard in 3 7; do raycl --shard $shard/16; done");
-        let found = missing(&plan(), (&kinds[..1], &[]), &[], &|_| false);
+        let found = lacks(&kinds[..1], &[], &|_| false);
         assert_eq!(found.kinds[0].command, "raycl --shard 3/16");
-        assert!(missing(&plan(), (&[], &[]), &[], &|_| true).nothing_began);
+        assert!(lacks(&[], &[], &|_| true).nothing_began);
     }
 
     #[test]
     fn a_kind_that_is_meant_and_has_not_begun_lacks_all_but_the_hosts_points() {
         let kinds = [kind(HOST, "amd", &[0]), kind("gpu", "1", &[1, 2])];
-        let found = missing(&plan(), (&kinds, &["h200".to_owned()]), &[], &|_| true);
+        let found = lacks(&kinds, &["h200".to_owned()], &|_| true);
         let [h200] = &found.kinds[..] else { panic!("{found:?}") };
         assert_eq!((h200.device.as_str(), h200.points.len(), h200.of), ("h200", 2, 2));
         assert_eq!(h200.command, "for shard in 3 7; do raycl --device h200 --shard $shard/16; done");
+        assert_eq!(found.took_part.as_deref(), Some("host, gpu"));
+    }
+
+    #[test]
+    fn casters_on_a_host_that_has_not_begun_are_the_hosts_alone() {
+        let all = [kind("gpu", "1", &[1, 2])];
+        let wanted = Wanted { all: &all, kinds: &[], not_begun: &["h200".to_owned()] };
+        let found = missing(&plan(), wanted, &[], &|_| true);
+        let told = |kind: &MissingKind| format!("{} {:?} {:?}", kind.device, kind.points, kind.shards);
+        let told: Vec<_> = found.kinds.iter().map(told).collect();
+        assert_eq!(told, [r#"host ["a"] [3]"#, r#"h200 ["b", "c"] [3, 7]"#]);
+        assert!(!found.nothing_began, "a shard on a gpu has begun");
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod launches;
 mod pictures;
 mod planned;
 
-use super::missing::{self, Missing};
+use super::missing::{self, Missing, Wanted};
 use super::{Attempt, End, Kind, ShardPlan};
 use crate::error::{Error, Result};
 use crate::peak::{self, Peak};
@@ -46,11 +46,12 @@ type Measured = (usize, Record);
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
-    let ((kinds, not_begun), attempts) = (meant_kinds(out, meant)?, Attempt::all(out));
+    let all = Kind::all(out)?;
+    let ((kinds, not_begun), attempts) = (meant_kinds(&all, meant), Attempt::all(out));
     let chosen = choose(&attempts)?;
     let planned = Planned::of(&plan, &kinds);
-    let mut missing = missing::missing(&plan, (&kinds, &not_begun), &attempts, &|key| chosen.has(key));
-    missing.took_part = not_begun.first().map(|_| took_part(out)).transpose()?;
+    let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
+    let missing = missing::missing(&plan, wanted, &attempts, &|key| chosen.has(key));
     let mut notes = chosen.notes(&attempts);
     notes.extend(again::attempted_again(&attempts));
     notes.extend(ended_early(&attempts));
@@ -94,8 +95,7 @@ fn refuse_other_results(out: &Path) -> Result<()> {
 
 /// Returns the kinds that took part and are selected, and the words that match no kind. The host's kinds are always
 /// selected.
-fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)> {
-    let all = Kind::all(out)?;
+fn meant_kinds(all: &[Kind], meant: &[String]) -> (Vec<Kind>, Vec<String>) {
     let has = |kind: &Kind, word: &String| {
         format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(&word.to_lowercase())
     };
@@ -103,14 +103,7 @@ fn meant_kinds(out: &Path, meant: &[String]) -> Result<(Vec<Kind>, Vec<String>)>
     let is_meant = |kind: &Kind| {
         meant.is_empty() || kind.device == crate::record::HOST || meant.iter().any(|word| has(kind, word))
     };
-    Ok((all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun))
-}
-
-/// Returns the names of all kinds that took part.
-fn took_part(out: &Path) -> Result<String> {
-    let mut names: Vec<String> = Kind::all(out)?.into_iter().map(|kind| kind.device).collect();
-    names.dedup();
-    Ok(names.join(", "))
+    (all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun)
 }
 
 /// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
