@@ -15,6 +15,7 @@ use crate::peak::{self, Peak};
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{AnchorSample, CurrentPlan, MERGE, Record, RoundLoad, Sample, read_lines};
 use crate::record::{write_whole, write_whole_by};
+use crate::words::counted;
 use choice::choose;
 use launches::Launches;
 use planned::Planned;
@@ -54,7 +55,7 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let missing = missing::missing(&plan, wanted, &attempts, &|key| chosen.has(key));
     let mut notes = chosen.notes(&attempts);
     notes.extend(again::attempted_again(&attempts));
-    notes.extend(ended_early(&attempts));
+    notes.extend(ended_early(&attempts.iter().map(Attempt::end).collect::<Vec<_>>()));
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
@@ -108,21 +109,24 @@ fn meant_kinds(all: &[Kind], meant: &[String]) -> (Vec<Kind>, Vec<String>) {
 
 /// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
 /// finished.
-fn ended_early(attempts: &[Attempt]) -> Option<String> {
-    let ends: Vec<Option<End>> = attempts.iter().map(Attempt::end).collect();
+fn ended_early(ends: &[Option<End>]) -> Option<String> {
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
-        (count(&|end| end.is_none()), "were killed or are still running"),
-        (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost their launcher"),
-        (count(&|end| matches!(end, Some(End::Interrupted))), "were interrupted"),
-        (count(&|end| matches!(end, Some(End::Failed(_)))), "ended with an error"),
+        (count(&|end| end.is_none()), "was killed or is still running", "were killed or are still running"),
+        (
+            count(&|end| matches!(end, Some(End::LauncherLost(_)))),
+            "lost its launcher",
+            "lost their launcher",
+        ),
+        (count(&|end| matches!(end, Some(End::Interrupted))), "was interrupted", "were interrupted"),
+        (count(&|end| matches!(end, Some(End::Failed(_)))), "ended with an error", "ended with an error"),
     ];
     let words: Vec<String> = words
         .into_iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, words)| format!("{count} {words}"))
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, one, several)| format!("{count} {}", if count == 1 { one } else { several }))
         .collect();
-    (!words.is_empty()).then(|| format!("Of {} attempts, {}.", attempts.len(), words.join(", ")))
+    (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
 /// Returns all attempts' records of control points that belong to other blocks.
@@ -224,4 +228,22 @@ fn write_line(file: &mut dyn std::io::Write, line: &impl Serialize) -> std::io::
 /// Reads the lines of a journal. A missing journal counts as empty, since an attempt that was killed early has none.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_attempt_was_and_several_were() {
+        let said = |ends: &[Option<End>]| ended_early(ends).unwrap_or_default();
+        let done = || Some(End::Done);
+        let interrupted = || Some(End::Interrupted);
+        assert_eq!(said(&[done(), done()]), "");
+        assert_eq!(said(&[interrupted()]), "Of 1 attempt, 1 was interrupted.");
+        assert_eq!(
+            said(&[None, interrupted(), done(), interrupted()]),
+            "Of 4 attempts, 1 was killed or is still running, 2 were interrupted."
+        );
+    }
 }
