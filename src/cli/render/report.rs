@@ -96,9 +96,13 @@ pub struct Report {
 /// The result of verifying a correct picture.
 #[derive(Debug, Serialize)]
 pub struct Verified {
-    /// The largest relative difference from the reference, over all certain pixels.
+    /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
+    /// pictures, this is the largest of two differences: that of the pictures from which the filter made the final one,
+    /// from the reference, over their certain pixels; and that of the final picture from the result of the same filter
+    /// on the host, over all pixels.
     pub max_difference: f64,
-    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly.
+    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly. Those of half pictures
+    /// are not included.
     pub uncertain_pixels: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,
