@@ -1,11 +1,13 @@
 //! Draws charts with two axes: lines with intervals, or scattered marks.
 
+mod series;
+
 use super::layout::{LETTER, Layout, NARROW, WIDE};
 use super::legend::{self, shorten};
-use super::look::Look;
 use super::palette::{FAINT, GRID};
 use super::scale::{self, Kind, Scale};
-use super::svg::{Anchor, LINE, Svg, number};
+use super::svg::{Anchor, LINE, Svg};
+pub use series::{Mark, Series};
 
 /// The x axis.
 #[derive(Clone, Debug)]
@@ -14,33 +16,6 @@ pub enum Across {
     Names(Vec<String>),
     /// Numbers.
     Numbers(Kind),
-}
-
-/// One mark.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Mark {
-    /// Its x value.
-    pub x: f64,
-    /// Its y value.
-    pub y: f64,
-    /// The 95% interval of y, if there is one.
-    pub interval: Option<[f64; 2]>,
-    /// The mark's tooltip, one fact per line.
-    pub tip: String,
-}
-
-/// Marks that belong together.
-#[derive(Clone, Debug)]
-pub struct Series {
-    /// Its name in the legend. A series without a name is a line without markers; the line belongs
-    /// to the preceding series and is hidden together with that series.
-    pub name: String,
-    /// The appearance of the series.
-    pub look: Look,
-    /// True if a line joins the series' marks, in the order of x.
-    pub joined: bool,
-    /// Its marks.
-    pub marks: Vec<Mark>,
 }
 
 /// A chart.
@@ -95,7 +70,7 @@ impl Chart {
         let mut named = 0;
         for series in &self.series {
             named += usize::from(!series.name.is_empty());
-            draw_series(&mut svg, &frame, named.saturating_sub(1), series);
+            series.draw(&mut svg, &frame, named.saturating_sub(1));
         }
         let named = self.series.iter().filter(|series| !series.name.is_empty());
         let entries: Vec<_> = named.map(|series| (series.name.as_str(), series.look)).collect();
@@ -204,68 +179,9 @@ fn draw_diagonal(svg: &mut Svg, frame: &Frame) {
     }
 }
 
-fn draw_series(svg: &mut Svg, frame: &Frame, place: usize, series: &Series) {
-    let class = format!("series {}", series.look.class());
-    svg.open("g", &[("class", &class), ("data-series", &place)]);
-    let placed: Vec<_> = series
-        .marks
-        .iter()
-        .filter_map(|mark| Some((mark, [frame.across.place(mark.x)?, frame.up.place(mark.y)?])))
-        .collect();
-    if series.joined {
-        draw_path(svg, series.look, placed.iter().map(|(_, at)| *at));
-    }
-    for (mark, at) in placed.into_iter().filter(|_| !series.name.is_empty()) {
-        svg.open("g", &[("class", &"mark"), ("data-tip", &mark.tip)]);
-        draw_interval(svg, frame, series.look, mark, at[0]);
-        series.look.marker(svg, at);
-        svg.close("g");
-    }
-    svg.close("g");
-}
-
-fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) {
-    let path: Vec<_> = places.map(|[x, y]| format!("{} {}", number(x), number(y))).collect();
-    if path.len() < 2 {
-        return;
-    }
-    let class = if look.dashed { "line dashed" } else { "line" };
-    let dashes = if look.dashed { "5 4" } else { "none" };
-    svg.element(
-        "path",
-        &[
-            ("class", &class),
-            ("d", &format!("M{}", path.join("L"))),
-            ("fill", &"none"),
-            ("stroke", &look.colour()),
-            ("stroke-width", &2),
-            ("stroke-linejoin", &"round"),
-            ("stroke-dasharray", &dashes),
-        ],
-    );
-}
-
-/// Draws the interval as a bar with ends, if it is long enough to be visible at the marker.
-fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
-    let Some([low, high]) = mark.interval else { return };
-    let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };
-    if (low - high).abs() < 2.0 {
-        return;
-    }
-    let path = format!(
-        "M{x} {low}V{high}M{left} {low}H{right}M{left} {high}H{right}",
-        x = number(x),
-        low = number(low),
-        high = number(high),
-        left = number(x - 3.5),
-        right = number(x + 3.5)
-    );
-    let colour = look.colour();
-    svg.element("path", &[("class", &"interval"), ("d", &path), ("stroke", &colour), ("stroke-width", &1.5)]);
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::look::Look;
     use super::*;
 
     fn chart(name: &str) -> Chart {

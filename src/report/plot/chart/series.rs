@@ -1,0 +1,95 @@
+//! Draws a series of a chart: its line, its markers and their intervals.
+
+use super::super::look::Look;
+use super::super::svg::{Svg, number};
+use super::Frame;
+
+/// One mark.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mark {
+    /// Its x value.
+    pub x: f64,
+    /// Its y value.
+    pub y: f64,
+    /// The 95% interval of y, if there is one.
+    pub interval: Option<[f64; 2]>,
+    /// Its tooltip, one fact per line.
+    pub tip: String,
+}
+
+/// Marks that belong together.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Its name in the legend. A series without a name is a line without markers. It belongs to the
+    /// series before it and is hidden together with that series.
+    pub name: String,
+    /// The appearance of the series.
+    pub look: Look,
+    /// True if its marks are joined, in the order of x.
+    pub joined: bool,
+    /// Its marks.
+    pub marks: Vec<Mark>,
+}
+
+impl Series {
+    /// Draws the series; `place` is its index among the series that have a name.
+    pub(super) fn draw(&self, svg: &mut Svg, frame: &Frame, place: usize) {
+        let class = format!("series {}", self.look.class());
+        svg.open("g", &[("class", &class), ("data-series", &place)]);
+        let placed: Vec<_> = self
+            .marks
+            .iter()
+            .filter_map(|mark| Some((mark, [frame.across.place(mark.x)?, frame.up.place(mark.y)?])))
+            .collect();
+        if self.joined {
+            draw_path(svg, self.look, placed.iter().map(|(_, at)| *at));
+        }
+        for (mark, at) in placed.into_iter().filter(|_| !self.name.is_empty()) {
+            svg.open("g", &[("class", &"mark"), ("data-tip", &mark.tip)]);
+            draw_interval(svg, frame, self.look, mark, at[0]);
+            self.look.marker(svg, at);
+            svg.close("g");
+        }
+        svg.close("g");
+    }
+}
+
+fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) {
+    let path: Vec<_> = places.map(|[x, y]| format!("{} {}", number(x), number(y))).collect();
+    if path.len() < 2 {
+        return;
+    }
+    let class = if look.dashed { "line dashed" } else { "line" };
+    let dashes = if look.dashed { "5 4" } else { "none" };
+    svg.element(
+        "path",
+        &[
+            ("class", &class),
+            ("d", &format!("M{}", path.join("L"))),
+            ("fill", &"none"),
+            ("stroke", &look.colour()),
+            ("stroke-width", &2),
+            ("stroke-linejoin", &"round"),
+            ("stroke-dasharray", &dashes),
+        ],
+    );
+}
+
+/// Draws the interval as a bar with ends, if it is long enough to be visible at the marker.
+fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
+    let Some([low, high]) = mark.interval else { return };
+    let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };
+    if (low - high).abs() < 2.0 {
+        return;
+    }
+    let path = format!(
+        "M{x} {low}V{high}M{left} {low}H{right}M{left} {high}H{right}",
+        x = number(x),
+        low = number(low),
+        high = number(high),
+        left = number(x - 3.5),
+        right = number(x + 3.5)
+    );
+    let colour = look.colour();
+    svg.element("path", &[("class", &"interval"), ("d", &path), ("stroke", &colour), ("stroke-width", &1.5)]);
+}
