@@ -1,8 +1,11 @@
 //! Kernel source files: those built into the binary, and those of a folder that replace them or add to them.
 
+mod lines;
+
 use crate::error::{Error, Result, nearest};
 use crate::reader::{self, Kind};
 use include_dir::{Dir, include_dir};
+pub use lines::lines;
 use std::path::{Path, PathBuf};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/cl");
@@ -56,13 +59,13 @@ impl Sources {
     fn join(&self, name: &str, chain: &mut Chain, text: &mut String) -> Result<()> {
         chain.enter(name, text.len())?;
         text.push_str(&format!("#line 1 \"{name}\"\n"));
-        for (number, line) in self.read(name)?.lines().enumerate() {
-            match included(name, number + 1, line)? {
+        for (number, line) in lines(name, &self.read(name)?)?.into_iter().enumerate() {
+            match line.includes {
                 Some(inner) => {
                     self.join(inner, chain, text)?;
                     text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
-                None => text.extend([line, "\n"]),
+                None => text.extend([line.text, "\n"]),
             }
         }
         chain.leave();
@@ -142,21 +145,6 @@ impl Chain {
     /// Leaves the innermost file.
     pub fn leave(&mut self) {
         self.0.pop();
-    }
-}
-
-/// Returns the file that a line includes; `None` if the line has no `#include`. Refuses an `#include` in any
-/// form other than `#include "FILE"`: only a compiler could resolve it, and it could name any file of the
-/// machine.
-pub fn included<'a>(name: &str, number: usize, line: &'a str) -> Result<Option<&'a str>> {
-    let file = line.strip_prefix("#include \"").and_then(|rest| rest.split('"').next());
-    let directive = line.trim_start().strip_prefix('#').map(str::trim_start);
-    match directive {
-        Some(directive) if file.is_none() && directive.starts_with("include") => Err(Error::input(format!(
-            "cl/{name}, line {number}: raycl does not support this form of #include"
-        ))
-        .with_help("write #include \"FOLDER/FILE.cl\" at the start of the line; paths are relative to cl/")),
-        _ => Ok(file),
     }
 }
 

@@ -144,6 +144,9 @@ fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
         ("#include \"/etc/passwd\"\n", "lies outside"),
         ("# include \"../outer.cl\"\n", "does not support this form of #include"),
         ("#include </etc/passwd>\n", "does not support this form of #include"),
+        ("/**/ #include \"/etc/passwd\"\n", "does not support this form of #include"),
+        ("#\\\ninclude \"/etc/passwd\"\n", "does not support this form of #include"),
+        ("/* a comment\n", "the last comment has no end"),
     ] {
         let message = refused(text);
         has(&message, &[said, "help:"]);

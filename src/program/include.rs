@@ -7,11 +7,11 @@
 pub(super) struct Branches(Vec<Option<bool>>);
 
 impl Branches {
-    /// Processes a line.
+    /// Processes a line without its comments.
     pub fn pass(&mut self, line: &str, defines: &[(&'static str, u64)]) {
-        let line = line.split("//").next().unwrap_or_default().trim();
-        let Some(directive) = line.strip_prefix('#').map(str::trim) else { return };
-        let (word, rest) = directive.split_once(char::is_whitespace).unwrap_or((directive, ""));
+        let Some(directive) = line.trim().strip_prefix('#').map(str::trim) else { return };
+        let end = directive.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(directive.len());
+        let (word, rest) = directive.split_at(end);
         match word {
             "if" => self.0.push(holds(rest.trim(), defines)),
             "ifdef" | "ifndef" => self.0.push(None),
@@ -45,12 +45,15 @@ fn holds(condition: &str, defines: &[(&'static str, u64)]) -> Option<bool> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
     fn live(lines: &str) -> bool {
         let mut branches = Branches::default();
-        lines.lines().for_each(|line| branches.pass(line, &[("TREE", 1), ("WATERTIGHT", 0)]));
+        for line in crate::sources::lines("a.cl", lines).unwrap() {
+            branches.pass(&line.code, &[("TREE", 1), ("WATERTIGHT", 0)]);
+        }
         branches.may_be_live()
     }
 
@@ -64,5 +67,12 @@ mod tests {
             live("#if WATERTIGHT\n#else") && live("#if WATERTIGHT\n#endif") && live("#if WATERTIGHT == 0")
         );
         assert!(live("#ifndef TREE") && live("#if WATERTIGHT\n#elif OTHER") && live("#define WATERTIGHT 0"));
+    }
+
+    #[test]
+    fn directives_need_no_blanks_and_comments_contain_none() {
+        assert!(!live("#if WATERTIGHT /* why */") && live("#if WATERTIGHT\n#else/**/"));
+        assert!(live("#if WATERTIGHT\n#endif/**/") && !live("#if WATERTIGHT\n#if(TREE)\n#endif"));
+        assert!(live("/*\n#if WATERTIGHT\n*/") && !live("#if WATERTIGHT\n/*\n#endif\n*/"));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
-use crate::sources::{Chain, Sources, included};
+use crate::sources::{Chain, Sources, lines};
 use crate::strategy::Strategy;
 
 impl Sources {
@@ -42,16 +42,16 @@ impl Joiner<'_> {
             self.files.push(name.to_owned());
         }
         let mut branches = Branches::default();
-        for (number, line) in self.sources.read(name)?.lines().enumerate() {
-            branches.pass(line, self.defines);
-            match included(name, number + 1, line)? {
+        for (number, line) in lines(name, &self.sources.read(name)?)?.into_iter().enumerate() {
+            branches.pass(&line.code, self.defines);
+            match line.includes {
                 Some(inner) if branches.may_be_live() => {
                     self.add(&fill_in(inner, self.strategy)?)?;
                     self.text.push_str(&format!("#line {} \"{name}\"\n", number + 2));
                 }
                 Some(_) => self.text.push('\n'),
                 None => {
-                    self.text.push_str(line);
+                    self.text.push_str(line.text);
                     self.text.push('\n');
                 }
             }

@@ -88,7 +88,8 @@ fn items(lines: &[Line]) -> Vec<Item<'_>> {
         let code: Vec<Token> = lex(&line.text).into_iter().filter(Token::is_code).collect();
         depth += code.iter().map(nesting).sum::<i32>();
         let closes = code.last().is_some_and(|last| last.is(";") || last.is("}"));
-        if depth == 0 && line.is_code && (closes || code[0].is("#")) {
+        let is_directive = code.first().is_some_and(|first| first.is("#"));
+        if depth == 0 && (closes || is_directive) {
             end(&mut item, &mut apart);
         }
     }
@@ -216,5 +217,14 @@ __kernel void other(void) { nor_this(); }
         assert_eq!(found.left_out, 0);
         let lines = |text: &str| text.lines().filter(|line| !line.is_empty()).count();
         assert_eq!(lines(&found.text), lines(SOURCE));
+    }
+
+    #[test]
+    fn a_comment_after_a_pragma_that_a_macro_made_stays() {
+        let pragma = "#define EXACT _Pragma(\"OPENCL FP_CONTRACT OFF\")\n";
+        let source = format!("{pragma}EXACT // why\n__kernel void mine(void) {{}}\n");
+        let lines = preprocess(&source, "", &BTreeMap::new()).map(|found| found.lines).unwrap_or_default();
+        let found = read(&lines, Some(&["mine"])).text;
+        assert!(found.contains("#pragma OPENCL FP_CONTRACT OFF\n// why\n__kernel"), "{found}");
     }
 }
