@@ -282,9 +282,8 @@ fn a_reproduction_removes_plots_of_its_earlier_page_and_no_others() {
     let out = tempfile::tempdir().expect("a folder");
     let figure = out.path().join("figure-8");
     std::fs::create_dir(&figure).expect("a folder");
-    let points = |scene: &str| {
-        [("naive", 17.4), ("local-vectors", 11.3)].map(|(name, ms)| record(scene, name, 8, ms))
-    };
+    let points =
+        |scene: &str| [("naive", 17.4), ("local-vectors", 11.3)].map(|(name, ms)| record(scene, name, 8, ms));
     let page = || outcome(&["reproduce", "--page-only", "--quiet", "--out", path(&out)], 0);
     write(&figure, &[points("still-life"), points("teapot")].concat());
     page();

@@ -40,12 +40,10 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
             within = Within::Code;
         }
         let continued = spliced || within == Within::BlockComment;
-        let includes = match is_reading(&begun) {
-            true => Some(
-                included(text).filter(|_| !continues && !continued).ok_or_else(|| other_form(name, number))?,
-            ),
-            false => None,
-        };
+        let includes = included(text).filter(|_| !continues && !continued);
+        if includes.is_none() && is_reading(&begun) {
+            return Err(other_form(name, number));
+        }
         let code = if continued { String::new() } else { std::mem::take(&mut begun) };
         lines.push(SourceLine { text, code, includes });
         continues = continued;

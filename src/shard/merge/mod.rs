@@ -113,11 +113,7 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     let count = |wanted: &dyn Fn(&Option<End>) -> bool| ends.iter().filter(|end| wanted(end)).count();
     let words = [
         (count(&|end| end.is_none()), "was killed or is still running", "were killed or are still running"),
-        (
-            count(&|end| matches!(end, Some(End::LauncherLost(_)))),
-            "lost its launcher",
-            "lost their launcher",
-        ),
+        (count(&|end| matches!(end, Some(End::LauncherLost(_)))), "lost its launcher", "lost their launcher"),
         (count(&|end| matches!(end, Some(End::Interrupted))), "was interrupted", "were interrupted"),
         (count(&|end| matches!(end, Some(End::Failed(_)))), "ended with an error", "ended with an error"),
     ];
