@@ -188,7 +188,8 @@ fn render(args: &Args) -> Result<()> {
         keeping::compile_later(&later.spec, &device.info);
         hurried(&later.strategy)
     });
-    let needed = later.as_ref().map_or((&strategy, &prepared.workload), |later| (&later.strategy, &later.workload));
+    let needed =
+        later.as_ref().map_or((&strategy, &prepared.workload), |later| (&later.strategy, &later.workload));
     guess::remember(&guess::cache(args), args, &device.info, needed.0, needed.1);
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
@@ -206,7 +207,12 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(keeping).chain(hurried).collect(),
+        notes: notes
+            .into_iter()
+            .chain(last_notes(&scene, sampling.most))
+            .chain(keeping)
+            .chain(hurried)
+            .collect(),
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)

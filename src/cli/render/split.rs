@@ -194,7 +194,8 @@ fn text(report: &Report) -> String {
     let [width, height] = report.image_size;
     let mut lines = vec![format!("scene     {}: {} triangles", report.scene, report.triangles)];
     lines.extend(report.strategy.iter().map(|strategy| format!("strategy  {strategy}")));
-    let samples = if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };
+    let samples =
+        if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };
     lines.push(format!("size      {width} x {height} pixels{samples}\n{table}"));
     lines.push(format!(
         "frame     {:.2} ms on the slowest device (median of {}); transfers {:.2} ms up, {:.2} ms down",
