@@ -107,9 +107,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
     /// With --cl-dir given twice: exit with 1 if the second folder causes a statistically significant slowdown of more
-    /// than PERCENT: of a single point, of the mean of one strategy's points, or of the mean of all points except
-    /// baselines. Also exit with 1 if a point was measured with the first folder but could not be measured with the
-    /// second
+    /// than PERCENT (of a point, of the mean of a strategy's points, or of the mean of all points except baselines), or
+    /// if a point can be measured only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
