@@ -190,7 +190,7 @@ impl Default for Timing {
     fn default() -> Self {
         Self {
             warmup: 2,
-            launches: 3,
+            launches: 4,
             min_samples: 10,
             max_samples: 100,
             time_limit_ms: 5000.0,

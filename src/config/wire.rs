@@ -109,7 +109,7 @@ pub struct Timing {
     /// if these frames take over a tenth of the time limit.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
-    /// Number of launches: worker processes that measure a point at different times [default: 3]. The point's samples
+    /// Number of launches: worker processes that measure a point at different times [default: 4]. The point's samples
     /// are divided among the launches. With 1 launch, the 95% intervals are too narrow.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_LAUNCHES))]
     pub launches: Option<Spanned<i64>>,

@@ -96,7 +96,7 @@ mod tests {
     }
 
     fn args(more: &[&str]) -> Args {
-        Command::parse_from([&["render", "a.obj", "--width", "64", "--height", "48"], more].concat()).args
+        Command::parse_from([&["render", "a.obj"], more].concat()).args
     }
 
     /// Returns this machine's first device as if it were a GPU.
