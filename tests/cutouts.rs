@@ -182,6 +182,27 @@ fn a_broken_cut_out_is_a_wrong_picture() {
     }
 }
 
+/// A ball behind the camera has more triangles than a tile of triangles in `__local` memory, so that the sheet is in the
+/// second tile. The changes to the kernel take a triangle's place in its tile for its number: shadow rays, then rays from
+/// the eye, find the mask of a triangle of the ball, which has none.
+#[test]
+fn a_triangle_of_a_later_tile_has_its_own_holes() {
+    let ball =
+        "[[object]]\nshape = \"sphere\"\ntriangles = 300\nscale = 0.1\ntranslation = [0, 0.5, 3]\n[[object]]";
+    let place = room(MTL);
+    place.write("scene.toml", &SCENE.replace("[[object]]", ball));
+    place.picture(&["--verify", "--strategy", "tiled"]);
+    for (from, to) in [
+        ("open &= !SOLID(&scene->textures, first + k, hit);", "open &= !SOLID(&scene->textures, k, hit);"),
+        (
+            "hit.lanes = SOLID(&scene->textures, first + k, hit);",
+            "hit.lanes = SOLID(&scene->textures, k, hit);",
+        ),
+    ] {
+        place.notices(("cast/exhaustive.cl", from, to), "tiled", &["--verify"]);
+    }
+}
+
 /// A quad from a glTF file with the leaf's picture, in front of the wall.
 #[test]
 fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {

@@ -1,7 +1,9 @@
 //! Skies that are pictures of all directions, in every family that has a sky.
 
-use crate::binary::{Place, device, has};
+use crate::binary::{Place, device, has, repository};
 use image::{Rgb, Rgb32FImage};
+use raycl::scene::load_scene;
+use raycl::strategy::preset;
 
 /// A ground and a shiny block, seen from above.
 const SCENE: &str = "[camera]
@@ -23,6 +25,17 @@ material = { k_l = 0.6, k_g = 0.3, shininess = 60 }
 [[object]]
 vertices = [[-2, -0.5, 2], [2, -0.5, 2], [2, -0.5, -2], [-2, -0.5, -2]]
 faces = [[0, 1, 2, 3]]
+";
+
+/// A camera that sees nothing but the picture of the sky.
+const EMPTY: &str = "[camera]
+position = [0, 0, 0]
+fov_x_degrees = 90
+[sky]
+picture = \"sky.exr\"
+[[object]]
+vertices = [[0, -9, 0], [1, -9, 0], [0, -9, 1]]
+faces = [[0, 1, 2]]
 ";
 
 /// Returns a picture of 16 x 8 texels: brighter above, blue to the left of the middle and red to the right.
@@ -64,9 +77,7 @@ fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
 /// right.
 #[test]
 fn directions_are_where_they_belong() {
-    let empty = "[camera]\nposition = [0, 0, 0]\nfov_x_degrees = 90\n[sky]\npicture = \"sky.exr\"\n[[object]]\n\
-                 vertices = [[0, -9, 0], [1, -9, 0], [0, -9, 1]]\nfaces = [[0, 1, 2]]\n";
-    let place = place(empty);
+    let place = place(EMPTY);
     let ahead = render(&place, &["--verify"]);
     let [left, middle, right] = [0, 30, 60].map(|x| ahead[(x, 21)].0);
     assert!(left[2] > left[0] + 0.005 && right[0] > right[2] + 0.005, "{left:?} {right:?}");
@@ -84,6 +95,23 @@ fn directions_are_where_they_belong() {
     // A background that the user sets hides the picture of the sky.
     let hidden = render(&place, &["--background", "black", "--verify"]);
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
+}
+
+/// After half a turn, the seam at which the picture's edges meet is straight ahead. With the changes to the kernel, the
+/// picture does not continue beyond its left edge, or not beyond its right edge.
+#[test]
+fn the_picture_s_left_edge_continues_at_its_right_edge() {
+    let place = place(&EMPTY.replace("[[object]]", "turn_degrees = 180\n[[object]]"));
+    let seam = render(&place, &["--verify", "--strategy", "bvh"]);
+    let [left, middle, right] = [0, 30, 60].map(|x| seam[(x, 21)].0);
+    assert!(left[0] > left[2] + 0.005 && right[2] > right[0] + 0.005, "{left:?} {right:?}");
+    assert!((middle[0] - middle[2]).abs() < 0.002 && middle[0] > middle[1] + 0.01, "{middle:?}");
+    for (from, to) in [
+        ("SELECT(x0 < 0, (varying_int)(width - 1),", "SELECT(x0 < 0, (varying_int)(0),"),
+        ("first + 1, (varying_int)(0))", "first + 1, first)"),
+    ] {
+        place.notices(("common/environment.cl", from, to), "bvh", &["--verify"]);
+    }
 }
 
 #[test]
@@ -143,6 +171,20 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
     }
+}
+
+/// Work-items that share a tile process lights in rounds, and the sky after the last light. In this scene, the lights fill
+/// a round, so that the sky has a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture
+/// in both rounds.
+#[test]
+fn a_shiny_surface_mirrors_the_sky_once_if_the_lights_fill_a_round() {
+    let path = repository("tests/data/mirrors.toml");
+    let lights = load_scene(&path).expect("a scene").scene.lights.len();
+    let tiles = preset("tile-group").expect("a preset").strategy;
+    assert_eq!(lights, tiles.lights_of_round());
+    let (device, path) = (device(), path.to_str().expect("UTF-8"));
+    let usual = ["render", path, "--width", "61", "--height", "43", "--device", &device];
+    Place::new().output(&[&usual[..], &["--verify", "--strategy", "tile-group", "-o", "a.png"]].concat());
 }
 
 /// A blunt highlight has many half vectors whose mirrored direction is below the surface.

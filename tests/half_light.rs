@@ -123,6 +123,7 @@ fn a_broken_half_picture_is_a_wrong_picture() {
             "bvh",
         ],
         [ROWS, "colour.z.scdef, hit.scdef", "colour.z.scdef, hit.scdee", "tile"],
+        [FILTER, "to_right ? row.hit.s1223344556677889 : row.hit", "row.hit", "tile"],
     ];
     let mut unnoticed = Vec::new();
     let grounded = CHANGES.iter().map(|change| (*change, &[][..]));

@@ -146,7 +146,8 @@ mod tests {
         (bytes, hits)
     }
 
-    /// Returns radiances of every magnitude, and special values.
+    /// Returns radiances of every magnitude, and special values. The fourth channel is the share of a pixel's samples that
+    /// hit something: none, half of them, or all.
     fn radiances() -> Vec<Float4> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let steps = Shown::new(Display::default());
@@ -158,7 +159,7 @@ mod tests {
             _ => rng.random_range(-30.0_f32..10.0).exp2(),
         };
         let mut pixel = |place: usize| {
-            Float4::new(radiance(place), radiance(place + 1), radiance(place / 3), (place % 3) as f32)
+            Float4::new(radiance(place), radiance(place + 1), radiance(place / 3), (place % 3) as f32 / 2.0)
         };
         (0..SIZE[0] as usize * SIZE[1] as usize).map(&mut pixel).collect()
     }
@@ -204,6 +205,7 @@ mod tests {
             ("smallest[value] <= radiance", "smallest[value] < radiance"),
             ("bytes[3 * i + 1] = shown(pixel.y", "bytes[3 * i + 1] = shown(pixel.x"),
             ("own_hits += pixel.w > 0.0f", "own_hits += pixel.w >= 0.0f"),
+            ("own_hits += pixel.w > 0.0f", "own_hits += pixel.w >= 1.0f"),
             ("image[first + begin + i]", "image[begin + i]"),
             ("if (hits) atomic_add", "if (!hits) atomic_add"),
         ] {
