@@ -157,7 +157,9 @@ fn the_depth_is_that_of_the_deeper_side() {
         let halves = (0..100).map(|power| Vec3::new(-side * 2f32.powi(-power), 0.0, 0.0));
         let halves = halves.map(|corner| [corner, corner * 1.25, corner * 1.5]);
         let mesh = mesh_of(row.chain(halves));
-        Bvh::build(&mesh, 1).validate(&mesh).unwrap();
+        let bvh = Bvh::build(&mesh, 1);
+        bvh.validate(&mesh).unwrap();
+        WideBvh::new(&bvh, 2, 1).unwrap().validate(&mesh).unwrap();
     }
 }
 

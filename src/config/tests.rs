@@ -178,6 +178,12 @@ fn sizes_out_of_range_say_the_range() {
 }
 
 #[test]
+fn a_local_size_may_have_as_many_work_items_as_are_allowed() {
+    let experiment = load_with(&GOOD.replace("[64, 1]", "[64, 64]"), &[]).unwrap();
+    assert_eq!(experiment.strategies[0].local_sizes, [[8, 8], [64, 64]]);
+}
+
+#[test]
 fn timing_out_of_range_says_the_range() {
     refuses(&format!("{GOOD}[timing]\ntime_limit_ms = -5"), &["time_limit_ms -5 is out of range", "8:17"]);
     refuses(

@@ -172,6 +172,31 @@ mod tests {
         assert_eq!(shown("a-nodes.png"), [viridis(1.0), viridis(0.0)]);
     }
 
+    #[test]
+    fn an_exr_holds_each_component_of_the_normals() {
+        let layers = Layers {
+            size: [1, 1],
+            depth: vec![1.0],
+            normal: vec![[0.25, 0.5, 0.75]],
+            triangle: vec![0],
+            object: vec![0],
+            tests: vec![0],
+            nodes: vec![0],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        save_layers(&Radiance::new(1, 1), &layers, &[Target::of_results(&path)]).unwrap();
+        let file = exr::prelude::read_first_flat_layer_from_file(&path).unwrap();
+        let value = |name: &str| {
+            let mut channels = file.layer_data.channel_data.list.iter();
+            match channels.find(|channel| channel.name.eq(name)).map(|channel| &channel.sample_data) {
+                Some(FlatSamples::F32(values)) => values[0],
+                other => panic!("{name}: {other:?}"),
+            }
+        };
+        assert_eq!(["N.X", "N.Y", "N.Z"].map(value), [0.25, 0.5, 0.75]);
+    }
+
     /// Returns the greys of a row of depths.
     fn greys(depth: &[f32]) -> Vec<u8> {
         let layers = Layers { size: [depth.len() as u32, 1], depth: depth.to_vec(), ..Layers::default() };

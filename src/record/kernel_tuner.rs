@@ -141,6 +141,14 @@ mod tests {
     }
 
     #[test]
+    fn scenes_whose_names_make_the_same_file_name_have_files_of_their_own() {
+        let of = |scene: &str| Record { scene: scene.to_owned(), ..measured("gpu", "naive", 8, 2.0) };
+        let caches = kernel_tuner_caches(&["a/scene", "a-scene", "a scene"].map(of));
+        let names: Vec<&str> = caches.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["a-scene-800x500-gpu", "a-scene-800x500-gpu_", "a-scene-800x500-gpu__"]);
+    }
+
+    #[test]
     fn points_of_two_kernel_folders_have_keys_of_their_own() {
         let of = |kernels: &str, median: f64| Record {
             kernels_of: Some(kernels.to_owned()),

@@ -137,25 +137,29 @@ mod tests {
         colour.x
     }
 
-    #[test]
-    fn a_cone_of_texels_is_seen_from_between_two_levels() {
-        // Levels of 4, 2 and 1 texels across, each of one colour.
-        let texels: Vec<u32> = [[0xff_u32; 16].as_slice(), &[0xff00; 4], &[0xff_0000]].concat();
+    /// Returns half a rectangle with a texture of these texels, each of which has a side of 2.
+    fn half_rectangle([across, down]: [u32; 2], texels: Vec<u32>) -> Mesh {
         let texture =
-            Texture { size: [4, 4], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: texels.into() };
+            Texture { size: [across, down], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: texels.into() };
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-        let mesh = Mesh {
-            positions: vec![Vec3::ZERO, Vec3::X * 8.0, Vec3::Y * 8.0],
+        Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 2.0 * across as f32, Vec3::Y * 2.0 * down as f32],
             triangles: vec![Triangle { positions: [0, 1, 2], normals: [0; 3], material: 0 }],
             textures: Textures {
                 list: vec![texture],
                 mapped: vec![Mapped { corners, texture: Some(0), mask: None }],
             },
             ..Mesh::default()
-        };
+        }
+    }
+
+    #[test]
+    fn a_cone_of_texels_is_seen_from_between_two_levels() {
+        // Levels of 4, 2 and 1 texels across, each of one colour.
+        let texels = [[0xff_u32; 16].as_slice(), &[0xff00; 4], &[0xff_0000]].concat();
+        let mesh = half_rectangle([4, 4], texels);
         let hit = Hit { t: 1.0, weights: [0.25, 0.25, 0.5], triangle: 0 };
         let at_60_degrees = DVec3::new(0.75_f64.sqrt(), 0.0, -0.5);
-        // A texel has a side of 2.
         for (width, direction, expected) in [
             (1.0, DVec3::Z, [1.0, 0.0, 0.0]),
             (2.0, DVec3::Z, [1.0, 0.0, 0.0]),
@@ -167,6 +171,17 @@ mod tests {
         ] {
             let colour = texture_colour::<f64>(&mesh, &hit, direction, width).unwrap_or(DVec3::NAN);
             assert!(colour.abs_diff_eq(expected.into(), 1e-12), "{width} {direction}: {colour}");
+        }
+    }
+
+    #[test]
+    fn a_level_follows_from_the_texels_down_as_well_as_from_those_across() {
+        for size in [[4, 2], [2, 4]] {
+            // Levels of 8, 2 and 1 texels, each of one colour.
+            let texels = [[0xff_u32; 8].as_slice(), &[0xff00; 2], &[0xff_0000]].concat();
+            let hit = Hit { t: 1.0, weights: [0.25, 0.25, 0.5], triangle: 0 };
+            let colour = texture_colour::<f64>(&half_rectangle(size, texels), &hit, DVec3::Z, 4.0);
+            assert!(colour.unwrap_or(DVec3::NAN).abs_diff_eq(DVec3::Y, 1e-12), "{size:?}: {colour:?}");
         }
     }
 

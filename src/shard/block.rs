@@ -231,4 +231,11 @@ mod tests {
         let group = &groups(&[vec![1.0; 4]])[0];
         assert_eq!((pieces(group, 3.7).len(), pieces(group, 3.5).len()), (1, 2));
     }
+
+    #[test]
+    fn whole_groups_of_one_shard_are_blocks_of_their_own() {
+        let blocks = cut(&groups(&[vec![1.0; 2], vec![1.0; 2]]), 1);
+        let points: Vec<_> = blocks.iter().map(|block| block.points.clone()).collect();
+        assert_eq!(points, [vec![0, 1], vec![2, 3]]);
+    }
 }

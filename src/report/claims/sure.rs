@@ -235,6 +235,13 @@ mod tests {
     }
 
     #[test]
+    fn where_all_have_few_samples_no_claim_about_the_fastest_is_decided() {
+        let records = judged([2, 4, 8].map(|side| few("gpu", "naive", side, f64::from(side), 4)));
+        let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
+        assert_eq!([true, false].map(|claimed| found.verdict(&|_| claimed)), [Verdict::Unclear; 2]);
+    }
+
+    #[test]
     fn points_with_few_samples_are_named_after_the_fastest() {
         let names_few = |first: Record| {
             let others = [8, 2].map(|side| measured("gpu", "naive", side, 4.0 + f64::from(side)));

@@ -95,4 +95,13 @@ mod tests {
         assert!(((point + sun).element_sum() / 3.0 - 50.0 / 25.0).abs() < 1e-5);
         assert_eq!(scene[1].position, Vec3::new(0.0, 0.0, 100.0));
     }
+
+    #[test]
+    fn a_light_close_to_the_centre_counts_as_if_it_were_a_quarter_of_the_radius_away() {
+        let power = |distance: f64| {
+            let light = FileLight::point(DVec3::X * distance, DVec3::ONE);
+            of_file(&[light], (DVec3::ZERO, 8.0), (50.0, 5.0))[0].power
+        };
+        assert_eq!([0.0, 1.0, 2.0, 4.0].map(power), [8.0, 8.0, 8.0, 32.0].map(Vec3::splat));
+    }
 }

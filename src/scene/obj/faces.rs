@@ -294,3 +294,19 @@ pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &
         "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
     ));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_material_goes_on_through_all_pieces_that_name_none() {
+        let piece = |name: Option<&str>| PointChunk {
+            last_material: name.map(str::to_owned),
+            ..PointChunk::default()
+        };
+        let points = [None, Some("a"), None, None, Some("b")].map(piece);
+        let materials: Vec<&str> = starts(&points, &[]).iter().map(|start| start.material).collect();
+        assert_eq!(materials, ["", "", "a", "a", "a", "b"]);
+    }
+}

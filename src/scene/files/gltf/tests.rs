@@ -91,17 +91,21 @@ fn nodes_turn_scale_mirror_and_nest() {
     assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
 }
 
-/// The smallest number of a signed type and the next larger number both become -1 (glTF 2.0, 3.11).
-#[test]
-fn normalised_numbers_go_from_minus_one_to_one() {
+/// Returns the file with corners of normalised 8-bit numbers.
+fn quantised() -> String {
     let mut quantised = [[0_i8, 0, 0], [-128, 0, 0], [0, 127, -127]].concat();
     quantised.resize(36, 0);
     let quantised = quantised.iter().map(|number| number.to_le_bytes()[0]);
     let data: Vec<u8> = quantised.chain(bytes()[36..].iter().copied()).collect();
-    let text = triangle()
+    triangle()
         .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
-        .replace(r#""componentType": 5126,"#, r#""componentType": 5120, "normalized": true,"#);
-    let mesh = read(&text).unwrap().mesh;
+        .replace(r#""componentType": 5126,"#, r#""componentType": 5120, "normalized": true,"#)
+}
+
+/// The smallest number of a signed type and the next larger number both become -1 (glTF 2.0, 3.11).
+#[test]
+fn normalised_numbers_go_from_minus_one_to_one() {
+    let mesh = read(&quantised()).unwrap().mesh;
     assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(-1.0, 0.0, 5.0), Vec3::new(0.0, 1.0, 4.0)]);
 }
 
@@ -113,6 +117,16 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
     let mesh = read(&triangle().replace(r#""type": "VEC3","#, sparse)).unwrap().mesh;
     assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::Z * 6.0, Vec3::new(0.0, 1.0, 5.0)]);
+}
+
+#[test]
+fn sparse_elements_are_normalised_like_the_others() {
+    // The second index is 1; the corners' sixth to eighth numbers are 0, 0, 127.
+    let sparse = r#""type": "VEC3", "sparse": {"count": 1,
+"indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
+"values": {"bufferView": 0, "byteOffset": 5}},"#;
+    let mesh = read(&quantised().replace(r#""type": "VEC3","#, sparse)).unwrap().mesh;
+    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::Z * 6.0, Vec3::new(0.0, 1.0, 4.0)]);
 }
 
 #[test]

@@ -19,6 +19,12 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
 }
 
 #[test]
+fn the_list_of_a_faces_corners_has_one_of_two_names() {
+    let mesh = |text: &str| parse("a.ply", text.as_bytes()).unwrap().mesh;
+    assert_eq!(mesh(&SQUARE.replace("vertex_indices", "vertex_index")), mesh(SQUARE));
+}
+
+#[test]
 fn colours_of_16_bits_are_read_as_those_of_8_bits_are() {
     let colour = |text: &str| parse("a.ply", text.as_bytes()).unwrap().mesh.materials[0].lambertian;
     let wide = SQUARE.replace("property uchar", "property ushort").replace(" 255 0 0", " 13107 0 0");
