@@ -1,17 +1,32 @@
 //! The running program, started once more: as a worker, to list devices, or to compile a program and store it in the
 //! cache.
 
+use crate::device::drivers::LIBRARIES;
 use crate::error::{Error, Result};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
+use std::sync::OnceLock;
+
+/// The names of drivers' libraries in the environment, before any driver was loaded.
+static LIBRARIES_AT_FIRST: OnceLock<Option<OsString>> = OnceLock::new();
+
+/// Stores the variable that names drivers' libraries, for processes that are started later. This function must be
+/// called before a driver is loaded: some loaders split the variable's value in place, so that the environment contains
+/// only the first name afterwards.
+pub fn remember_libraries() {
+    LIBRARIES_AT_FIRST.get_or_init(|| std::env::var_os(LIBRARIES));
+}
 
 /// Returns a command that starts this program, even if its file was replaced or removed since it started (by a newer
 /// build, say). Lists of processes show the started program as `raycl`.
 pub fn own_program() -> Result<Command> {
-    #[cfg_attr(not(unix), expect(unused_mut))]
     let mut command = Command::new(file()?);
     #[cfg(unix)]
     std::os::unix::process::CommandExt::arg0(&mut command, "raycl");
+    if let Some(libraries) = LIBRARIES_AT_FIRST.get().and_then(Option::as_ref) {
+        command.env(LIBRARIES, libraries);
+    }
     Ok(command)
 }
 

@@ -1,7 +1,7 @@
 //! Obstacles that an attacker or a broken machine may cause: drivers that crash when they are listed, folders
 //! of results with links to other places, arguments that are not UTF-8 text.
 
-use crate::binary::{Place, TRIANGLE, device, has, one_point};
+use crate::binary::{Place, TRIANGLE, device, has, one_point, until};
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
 use std::os::unix::fs::symlink;
@@ -69,6 +69,26 @@ fn is_left_out(body: &str, reason: &str) {
 #[test]
 fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
     is_left_out("abort()", "signal: 6");
+}
+
+/// Some loaders split `OCL_ICD_FILENAMES` in place while they load drivers, as this driver does. The process that
+/// stores a program is started afterwards; with another value, it would list all devices again or miss some.
+#[test]
+fn a_variable_that_is_cut_while_drivers_load_is_whole_for_the_next_process() {
+    let place = one_point();
+    let cut = "for (char *c = getenv(\"OCL_ICD_FILENAMES\"); c && *c; c++) if (*c == ':') *c = 0";
+    let vendors = among_good_ones(&place, cut);
+    let mut raycl =
+        place.raycl(&["render", "scene.toml", "--width", "8", "--height", "5", "--device", "cpu"]);
+    raycl.env("OCL_ICD_VENDORS", vendors).env("OCL_ICD_FILENAMES", "libone.so:libtwo.so");
+    raycl.env("XDG_CACHE_HOME", place.path(".caches")).env("RAYCL_CACHE_MIB", "64").assert().success();
+    let count = |kind: &str| {
+        let files = std::fs::read_dir(place.path(".caches/raycl")).expect("a cache");
+        let names = files.map(|file| file.expect("a file").file_name().into_string().expect("text"));
+        names.filter(|name| name.starts_with(kind)).count()
+    };
+    until("the program is stored", || count("program-") > 0);
+    assert_eq!(count("devices-"), 1);
 }
 
 #[test]

@@ -39,6 +39,7 @@ use std::ffi::OsString;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::error::Result;
+use crate::own_program::remember_libraries;
 use crate::sources::Sources;
 use crate::{printer, settings};
 use colour::Colour;
@@ -150,7 +151,8 @@ impl Command {
     /// Returns whether the user asks the command for times, not for a picture.
     fn measures(&self) -> bool {
         match self {
-            Self::Run(_) | Self::Reproduce(_) | Self::Worker { .. } | Self::Peak(_) | Self::Noise(_) => true,
+            Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
+            Self::Worker { keep, .. } => !keep,
             Self::Render(args) => args.repeats(),
             _ => false,
         }
@@ -173,6 +175,7 @@ impl Cli {
     ///
     /// Fails if the user's settings contain a mistake. Workers do not read the settings.
     pub fn read() -> Result<Self> {
+        remember_libraries();
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
         // The command line's choice of colour also applies to a message about a mistake in the command line.

@@ -11,7 +11,7 @@ const FOLDER: &str = "OCL_ICD_VENDORS";
 /// The variable that names another folder if `OCL_ICD_VENDORS` is not set.
 const USUAL_FOLDER: &str = "OPENCL_VENDOR_PATH";
 /// The variable that names further libraries.
-const LIBRARIES: &str = "OCL_ICD_FILENAMES";
+pub const LIBRARIES: &str = "OCL_ICD_FILENAMES";
 
 /// A driver, as a loader finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
