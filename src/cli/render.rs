@@ -158,7 +158,8 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&scene))?;
+    let (strategy, local_size) =
+        args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
     let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);

@@ -69,8 +69,8 @@ impl Subject {
     }
 
     /// Returns the task: the scene's properties that matter for the choice of a strategy.
-    pub fn task(&self, scene: &Scene) -> Task {
-        Task::of(scene, self.size(), false)
+    pub fn task(&self, scene: &Scene, samples: u32) -> Task {
+        Task::of(scene, self.size(), false).sampled(scene, samples)
     }
 
     /// Returns the requested strategy and local size, or the fastest for the device.

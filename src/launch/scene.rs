@@ -137,10 +137,17 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
 }
 
 impl Task {
-    /// Describes the work of casting a scene at this image size.
+    /// Describes the work of casting a scene at this image size, with one sample per pixel.
     pub fn of(scene: &Scene, [width, height]: [u32; 2], watertight: bool) -> Self {
         let (triangles, pixels) = (scene.mesh.triangles.len(), width as usize * height as usize);
-        Self { triangles, pixels, inside: scene.encloses_eye(), watertight }
+        Self { triangles, pixels, inside: scene.encloses_eye(), watertight, soft: scene.sky.is_some() }
+    }
+
+    /// Returns this task with a number of samples per pixel. With one sample, lights with a radius count as points.
+    #[must_use]
+    pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
+        let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);
+        Self { soft: self.soft || soft_lights, ..self }
     }
 }
 

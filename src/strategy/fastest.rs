@@ -16,6 +16,9 @@ pub struct Task {
     pub inside: bool,
     /// True if no ray may leak at edges and vertices.
     pub watertight: bool,
+    /// True if shadow rays go to random points of the sky or of lights with a radius.
+    #[serde(default)]
+    pub soft: bool,
 }
 
 /// The candidates for the choice. The preset of a candidate depends on the kind of device.
@@ -168,8 +171,13 @@ impl Way {
         }
     }
 
-    /// Returns the fastest candidate for a task.
+    /// Returns the fastest candidate for a task. In soft light, neighbouring shadow rays have different directions, so
+    /// that the rays of a tile share little. On a GPU, single rays are then up to 19 times as fast as tiles (measured on
+    /// an H200, docs/log.md, 2026-11-24).
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
+        if task.soft && !limits.is_cpu {
+            return Self::Single;
+        }
         match Class::of(limits).constants(task.watertight) {
             Some(constants) => constants.way(task, limits.compute_units),
             None if task.triangles < TREE_TRIANGLES => Self::Exhaustive,
@@ -257,10 +265,20 @@ mod tests {
         assert_eq!([of(10_000, 5_999_999), of(10_000, 6_000_000)], [TILES, large]);
         assert_eq!([of(240_001, 6_000_000), of(240_000, 6_000_000)], [TILES, large]);
         let inside =
-            |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, watertight: false }, 10);
+            |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, ..Task::default() }, 10);
         assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);
         assert_eq!(Constants { tree_triangles: 0.0, ..EXAMPLE }.way(&Task::default(), 10), Way::Exhaustive);
         assert_eq!(inside(10_000_000), Way::Tiles { large: false, separate: true });
+    }
+
+    #[test]
+    fn a_gpu_casts_soft_light_with_single_rays_and_a_cpu_with_tiles() {
+        let [hard, soft] =
+            [false, true].map(|soft| Task { triangles: 10_000, pixels: PIXELS, soft, ..Task::default() });
+        let (cpu, gpu) = (limits(true, 16, LaneOperations::Barriers), limits(false, 1, LaneOperations::Ptx));
+        let is_tiles = |limits, task| matches!(Way::fastest(limits, task), Way::Tiles { .. });
+        assert!(is_tiles(&gpu, &hard) && is_tiles(&cpu, &hard) && is_tiles(&cpu, &soft));
+        assert_eq!(Way::fastest(&gpu, &soft), Way::Single);
     }
 
     #[test]

@@ -284,7 +284,7 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowPro
 /// Returns the choices, beginning with the requested strategy and local size, or else the usual
 /// ones for the device.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
-    let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene))?;
+    let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene, 1))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))
 }
 

@@ -96,10 +96,10 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let triangles = args.subject.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
     // The eye is outside a bare mesh, as `Task::default()` assumes.
     let pixels = args.subject.width as usize * args.subject.height as usize;
-    let task = Task { triangles: triangles as usize, pixels, ..Task::default() };
+    let sky = is_dressed(args);
+    let task = Task { triangles: triangles as usize, pixels, soft: sky, ..Task::default() };
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
-    let sky = is_dressed(args);
     let sampling = sampling(args);
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
@@ -194,7 +194,7 @@ mod tests {
         let mesh = place.path().join("mesh.obj");
         let spec = |bytes: usize| {
             std::fs::write(&mesh, vec![b'#'; bytes]).unwrap();
-            likely(&Cache::none(), &args(&mesh, &[]), &Sources::Embedded, &device).unwrap()
+            likely(&Cache::none(), &args(&mesh, &["--plain"]), &Sources::Embedded, &device).unwrap()
         };
         let (small, large) = (spec(100), spec(1_000_000));
         assert!(!small.options.contains("STACK_SIZE"), "{}", small.options);

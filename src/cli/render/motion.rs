@@ -135,7 +135,8 @@ pub fn run(args: &Args) -> Result<()> {
     let Opened { mut loaded, device, queue, early, tree, .. } = open(args, &sources)?;
     let sampling = super::sampling(args, loaded.dressed);
     let (first, notes) = (loaded.scene.clone(), std::mem::take(&mut loaded.notes));
-    let (strategy, local_size) = args.subject.strategy(&device.info, args.subject.task(&first))?;
+    let (strategy, local_size) =
+        args.subject.strategy(&device.info, args.subject.task(&first, sampling.most))?;
     let mut film = Film::of(args, loaded)?;
     let all = args.motion.asked(film.count())?;
     let Some(wanted) = args.motion.share(all)? else { return nothing_to_do(args, all) };

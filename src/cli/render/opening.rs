@@ -1,14 +1,14 @@
 //! Reads the scene and builds the likely program while the driver starts.
 
 use super::timeline::Timeline;
-use super::{Args, guess, hurry, load, may_be_shown, target, timed};
+use super::{Args, guess, hurry, load, may_be_shown, sampling, target, timed};
 use crate::cli::choice::one_device;
 use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::image::check_alpha;
 use crate::launch::{HostTree, Queue, ShowProgram};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
-use crate::scene::{Loaded, Scene};
+use crate::scene::Loaded;
 use crate::strategy::{Strategy, Workload};
 use std::sync::mpsc::channel;
 
@@ -52,7 +52,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let (found, device_found) = channel();
         let scene = scope.spawn(move || {
             let (loaded, load_ms) = timed(|| load(args));
-            let tree = |loaded: &Loaded| early_tree(args, &device_found.recv().ok()?, &loaded.scene);
+            let tree = |loaded: &Loaded| early_tree(args, &device_found.recv().ok()?, loaded);
             let tree = loaded.as_ref().ok().and_then(tree);
             (loaded, load_ms, tree)
         });
@@ -77,12 +77,14 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
 }
 
 /// Builds the tree of the strategy with which the scene will be cast.
-fn early_tree(args: &Args, device: &DeviceInfo, scene: &Scene) -> Option<(Strategy, HostTree)> {
+fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Strategy, HostTree)> {
     // Verification needs more memory, so the tree is built later, after a check that there is enough memory.
     if args.verify.is_some() {
         return None;
     }
-    let (strategy, local_size) = args.subject.strategy(device, args.subject.task(scene)).ok()?;
+    let scene = &loaded.scene;
+    let task = args.subject.task(scene, sampling(args, loaded.dressed).most);
+    let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let workload = Workload::of(scene, args.subject.size(), local_size);
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }

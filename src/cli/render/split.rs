@@ -104,9 +104,9 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
     let sources = Sources::of(args.subject.cl_dir.clone())?;
     let found = discover(&sources)?;
     let devices: Vec<Device> = select(&found, &[pattern.to_owned()])?.into_iter().cloned().collect();
-    let castings = castings(args, &devices, args.subject.task(&scene))?;
     let image_size = args.subject.size();
     let sampling = super::sampling(args, false);
+    let castings = castings(args, &devices, args.subject.task(&scene, sampling.most))?;
     let split = Split {
         scene: Arc::clone(&scene),
         image_size,
