@@ -40,7 +40,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
             within = Within::Code;
         }
         let continued = spliced || within == Within::BlockComment;
-        let includes = included(text).filter(|_| !continues && !continued);
+        let includes = included(text).filter(|_| !continues);
         if includes.is_none() && is_reading(&begun) {
             return Err(other_form(name, number));
         }
