@@ -24,7 +24,7 @@ use crate::program::Sources;
 use crate::record::dirty_program;
 use crate::reference::layers::layers;
 use crate::scene::{Display, INPUTS, Loaded, Sampling, Scene};
-use crate::strategy::{Strategy, preset_of};
+use crate::strategy::Strategy;
 use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
 use judge::{check, refuse_not_finite, saved_at};
@@ -158,16 +158,14 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    let (strategy, local_size) =
-        args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
+    let fastest = args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
     let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
-    let fastest = (strategy, local_size);
     let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
-    let tree_ms = if tree_was_built { 0.0 } else { prepared.tree_ms() };
+    let tree_ms = if tree_was_built && later.is_none() { 0.0 } else { prepared.tree_ms() };
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
     let shows = Shows { display: scene.display, target: &target, program: show.as_ref() };
@@ -182,16 +180,8 @@ fn render(args: &Args) -> Result<()> {
     let judged = radiance.as_ref().map(|image| judged(args, &scene, image, (&strategy, &cast), &target));
     let verified = judged.transpose()?.flatten();
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
-    let keeping = args.subject.cl_dir.is_none() && !args.watch && keeping::order(&prepared, &device);
-    let keeping = keeping.then(|| KEEPING.to_owned());
-    let hurried = later.as_ref().map(|later| {
-        keeping::compile_later(&later.spec, &device.info);
-        hurried(&later.strategy)
-    });
-    let needed =
-        later.as_ref().map_or((&strategy, &prepared.workload), |later| (&later.strategy, &later.workload));
-    guess::remember(&guess::cache(args), args, &device.info, needed.0, needed.1);
+    let kept = keeping::for_the_next_start(args, &device, &prepared, &strategy, later);
+    let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(kept).collect();
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));
     let (parts, total_ms) = timeline.into_parts();
@@ -208,12 +198,7 @@ fn render(args: &Args) -> Result<()> {
         peak_bytes: peak_bytes(),
         verified,
         output: target.path().display().to_string(),
-        notes: notes
-            .into_iter()
-            .chain(last_notes(&scene, sampling.most))
-            .chain(keeping)
-            .chain(hurried)
-            .collect(),
+        notes,
         ..Report::of(&scene, &device, &strategy, &prepared, &cast)
     };
     tell(args, &report, &device.info)
@@ -284,19 +269,6 @@ fn hard(scene: &Scene, samples: u32) -> Option<String> {
     };
     (samples == 1 && soft > 0).then(told)
 }
-
-/// Returns the note for a picture that was cast with [`hurry::QUICK`].
-fn hurried(fastest: &Strategy) -> String {
-    let name = preset_of(fastest).map_or_else(|| fastest.to_string(), str::to_owned);
-    format!(
-        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}; another process is \
-         compiling the fastest strategy for the next start",
-        hurry::QUICK
-    )
-}
-
-const KEEPING: &str =
-    "another process is storing the compiled program, so that the next start need not compile it";
 
 /// Returns the result of `work`, and its duration in milliseconds.
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {

@@ -1,6 +1,8 @@
 //! Stores a program in the cache if the driver needs a long time to return the program's binary. The picture does not
 //! wait: a background process with low priority stores the program.
 
+use super::hurry::Later;
+use super::{Args, guess, hurry};
 use crate::cache::Cache;
 use crate::device::{Device, DeviceInfo, pick_one};
 use crate::error::{Error, Result};
@@ -8,6 +10,7 @@ use crate::launch::{Prepared, Queue};
 use crate::own_program::own_program;
 use crate::program::{BuiltProgram, CACHE_DISABLE, Kept, ProgramSpec};
 use crate::sources::Sources;
+use crate::strategy::{Strategy, preset_of};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
 use std::process::Stdio;
@@ -29,9 +32,44 @@ struct Order {
     anew: bool,
 }
 
+/// Prepares the next start: lets a background process store the program, or compile the faster program of `later`, and
+/// remembers which program the scene needs. Returns notes on this.
+pub fn for_the_next_start(
+    args: &Args,
+    device: &Device,
+    prepared: &Prepared,
+    strategy: &Strategy,
+    later: Option<Later>,
+) -> Vec<String> {
+    // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
+    let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
+    let mut notes: Vec<String> = stores.then(|| STORES.to_owned()).into_iter().collect();
+    let (mut strategy, mut workload) = (*strategy, prepared.workload);
+    if let Some(later) = later {
+        compile_later(&later.spec, &device.info);
+        notes.push(hurried(&later.strategy));
+        (strategy, workload) = (later.strategy, later.workload);
+    }
+    guess::remember(&guess::cache(args), args, &device.info, &strategy, &workload);
+    notes
+}
+
+const STORES: &str =
+    "another process is storing the compiled program, so that the next start need not compile it";
+
+/// Returns the note for a picture that was cast with [`hurry::QUICK`].
+fn hurried(fastest: &Strategy) -> String {
+    let name = preset_of(fastest).map_or_else(|| fastest.to_string(), str::to_owned);
+    format!(
+        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}; another process is \
+         compiling the fastest strategy for the next start",
+        hurry::QUICK
+    )
+}
+
 /// Starts a background process that stores a program, if storing it is worthwhile. Returns whether the process has
 /// started.
-pub fn order(prepared: &Prepared, device: &Device) -> bool {
+fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
     if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
         return false;
@@ -39,10 +77,12 @@ pub fn order(prepared: &Prepared, device: &Device) -> bool {
     in_background(&cache, &prepared.spec, &device.info)
 }
 
-/// Starts a background process that compiles and stores a program. Returns whether it has started.
-pub fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) -> bool {
+/// Starts a background process that compiles and stores a program. If it cannot start, the next picture is hurried too.
+fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) {
     let cache = Cache::of_user();
-    cache.keeps() && in_background(&cache, spec, device)
+    if cache.keeps() {
+        in_background(&cache, spec, device);
+    }
 }
 
 fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
