@@ -31,8 +31,8 @@ pub struct Args {
     /// Local size: work-items per work-group, across and down [default: 8x8; 32 across if work-items share a tile]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// Print the program for this device's compiler: part of the device's name, platform or vendor, or its kind (cpu,
-    /// gpu) [default: no particular device]
+    /// The device whose compiler gets the program: part of its name, platform or vendor, or its kind (cpu, gpu)
+    /// [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The sizes of __local arrays and stacks depend on the scene [default: a small

@@ -67,7 +67,7 @@ fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((axis, after)) = rest.split_once('}') else {
         let message = format!("kernel include \"{path}\" has a brace that is not closed");
         return Err(Error::input(message).with_help(
-            "close the brace: {AXIS} in a path stands for the file name of the strategy's value on that axis",
+            "close the brace: in a path, {AXIS} is replaced by the name of the strategy's value on that axis",
         ));
     };
     let axes = strategy.axes();
