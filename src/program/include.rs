@@ -52,7 +52,7 @@ mod tests {
     fn live(lines: &str) -> bool {
         let mut branches = Branches::default();
         for line in crate::sources::lines("a.cl", lines).unwrap() {
-            branches.pass(&line.code, &[("TREE", 1), ("WATERTIGHT", 0)]);
+            branches.pass(&line.directive, &[("TREE", 1), ("WATERTIGHT", 0)]);
         }
         branches.may_be_live()
     }

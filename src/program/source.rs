@@ -43,7 +43,7 @@ impl Joiner<'_> {
         }
         let mut branches = Branches::default();
         for (number, line) in lines(name, &self.sources.read(name)?)?.into_iter().enumerate() {
-            branches.pass(&line.code, self.defines);
+            branches.pass(&line.directive, self.defines);
             match line.includes {
                 Some(inner) if branches.may_be_live() => {
                     self.add(&fill_in(inner, self.strategy)?)?;

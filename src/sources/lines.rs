@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 pub struct SourceLine<'a> {
     /// Its text as written.
     pub text: &'a str,
-    /// Its code without comments, after that of the lines that it continues; empty if the next line continues it.
-    pub code: String,
+    /// The directive that ends on this line, without comments; empty if none does.
+    pub directive: String,
     /// The file that it includes.
     pub includes: Option<&'a str>,
 }
@@ -35,7 +35,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let mut lines = Vec::new();
     for (number, text) in (1..).zip(text.lines()) {
         let spliced = text.ends_with('\\');
-        begun += &within.code_of(text.strip_suffix('\\').unwrap_or(text));
+        within.add_code(text.strip_suffix('\\').unwrap_or(text), &mut begun);
         if !spliced && within != Within::BlockComment {
             within = Within::Code;
         }
@@ -44,8 +44,12 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
         if includes.is_none() && is_reading(&begun) {
             return Err(other_form(name, number));
         }
-        let code = if continued { String::new() } else { std::mem::take(&mut begun) };
-        lines.push(SourceLine { text, code, includes });
+        // Most lines are no directives, and need no memory of their own.
+        let directive = if continued || !is_directive(&begun) { String::new() } else { begun.clone() };
+        if !continued {
+            begun.clear();
+        }
+        lines.push(SourceLine { text, directive, includes });
         continues = continued;
     }
     if within == Within::BlockComment {
@@ -54,9 +58,13 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     }
     if continues {
         // A backslash ends the file. The empty line keeps it away from the next file.
-        lines.push(SourceLine { text: "", code: begun, includes: None });
+        lines.push(SourceLine { text: "", directive: begun, includes: None });
     }
     Ok(lines)
+}
+
+fn is_directive(code: &str) -> bool {
+    code.trim_start().starts_with(['#', '%'])
 }
 
 /// Returns whether a line's code makes a compiler read another file. `%:` means `#`.
@@ -77,42 +85,60 @@ fn other_form(name: &str, number: usize) -> Error {
 }
 
 impl Within {
-    /// Returns a line's code, with a blank for each comment, and goes on to the line's end.
-    fn code_of(&mut self, line: &str) -> String {
-        let mut code = String::new();
-        let mut rest = line.chars().peekable();
-        while let Some(c) = rest.next() {
-            let next = rest.peek().copied();
-            match (*self, c, next) {
-                (Self::LineComment, ..) => return code,
-                (Self::BlockComment, '*', Some('/')) => {
-                    rest.next();
-                    *self = Self::Code;
-                }
-                (Self::BlockComment, ..) => {}
-                (Self::Code, '/', Some('/')) => *self = Self::LineComment,
-                (Self::Code, '/', Some('*')) => {
-                    rest.next();
-                    *self = Self::BlockComment;
-                    code.push(' ');
-                }
-                (Self::Code, ..) => {
-                    code.push(c);
-                    if c == '"' || c == '\'' {
-                        *self = Self::Literal(c);
+    /// Adds a line's code to `code`, with a blank for each comment, and goes on to the line's end.
+    fn add_code(&mut self, line: &str, code: &mut String) {
+        let mut rest = line;
+        while !rest.is_empty() {
+            rest = match self {
+                Self::LineComment => return,
+                Self::BlockComment => match rest.split_once("*/") {
+                    Some((_, after)) => {
+                        *self = Self::Code;
+                        after
                     }
-                }
-                (Self::Literal(quote), ..) => {
-                    code.push(c);
-                    match c {
-                        '\\' => code.extend(rest.next()),
-                        _ if c == quote => *self = Self::Code,
-                        _ => {}
+                    None => return,
+                },
+                Self::Code => self.leave_code(rest, code),
+                Self::Literal(quote) => {
+                    let end = [*quote, '\\'];
+                    let Some(at) = rest.find(end) else { return code.push_str(rest) };
+                    // A backslash hides the character after it.
+                    let escapes = rest[at..].starts_with('\\');
+                    let hidden = rest[at + 1..].chars().next().filter(|_| escapes);
+                    if !escapes {
+                        *self = Self::Code;
                     }
+                    let (literal, after) = rest.split_at(at + 1 + hidden.map_or(0, char::len_utf8));
+                    code.push_str(literal);
+                    after
                 }
-            }
+            };
         }
-        code
+    }
+
+    /// Adds the code up to the next comment or literal, and returns the text after that.
+    fn leave_code<'a>(&mut self, text: &'a str, code: &mut String) -> &'a str {
+        let Some(at) = text.find(['/', '"', '\'']) else {
+            code.push_str(text);
+            return "";
+        };
+        let (before, from) = text.split_at(at);
+        code.push_str(before);
+        if let Some(comment) = from.strip_prefix("/*") {
+            *self = Self::BlockComment;
+            code.push(' ');
+            return comment;
+        }
+        if from.starts_with("//") {
+            *self = Self::LineComment;
+            return "";
+        }
+        let (first, after) = from.split_at(1);
+        code.push_str(first);
+        if let Some(quote) = first.chars().next().filter(|first| *first != '/') {
+            *self = Self::Literal(quote);
+        }
+        after
     }
 }
 
@@ -125,8 +151,8 @@ mod tests {
         lines("a.cl", text).unwrap().into_iter().filter_map(|line| line.includes).collect()
     }
 
-    fn codes(text: &str) -> Vec<String> {
-        lines("a.cl", text).unwrap().into_iter().map(|line| line.code.trim().to_owned()).collect()
+    fn directives(text: &str) -> Vec<String> {
+        lines("a.cl", text).unwrap().into_iter().map(|line| line.directive.trim().to_owned()).collect()
     }
 
     #[test]
@@ -139,6 +165,7 @@ mod tests {
             "/* why\n#include \"b.cl\"\n*/\n",
             "/* \" */ x /* // */ /*\n#include \"b.cl\"\n*/\n",
             "\"text \\\n#include \\\"b.cl\\\" \"\n",
+            "\"text \\\\\n#include \\\"b.cl\\\" \"\n",
         ] {
             assert!(includes(text).is_empty(), "{text}");
         }
@@ -183,8 +210,8 @@ mod tests {
 
     #[test]
     fn a_directive_is_whole_on_its_last_line() {
-        assert_eq!(codes("#if A /* why */\n#else// why"), ["#if A", "#else"]);
-        assert_eq!(codes("#if A \\\n && B\nx"), ["", "#if A  && B", "x"]);
-        assert_eq!(codes("#if A /* why\n*/ && B"), ["", "#if A   && B"]);
+        assert_eq!(directives("#if A /* why */\n#else// why"), ["#if A", "#else"]);
+        assert_eq!(directives("#if A \\\n && B\nx"), ["", "#if A  && B", ""]);
+        assert_eq!(directives("#if A /* why\n*/ && B"), ["", "#if A   && B"]);
     }
 }
