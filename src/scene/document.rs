@@ -100,7 +100,7 @@ impl Document {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, values)?;
         self.text = toml::to_string(&table).map_err(|error| {
-            Error::input(format!("{} with its overrides: {error}", self.name)).with_help(KEYS)
+            Error::input(format!("{}, with the changed values: {error}", self.name)).with_help(KEYS)
         })?;
         self.name.push_str(" with overrides");
         Ok(())
