@@ -46,8 +46,8 @@ pub fn for_the_next_start(
     let mut notes: Vec<String> = stores.then(|| STORES.to_owned()).into_iter().collect();
     let (mut strategy, mut workload) = (*strategy, prepared.workload);
     if let Some(later) = later {
-        compile_later(&later.spec, &device.info);
         notes.push(hurried(&later.strategy));
+        notes.extend(compile_later(&later.spec, &device.info).then(|| COMPILES.to_owned()));
         (strategy, workload) = (later.strategy, later.workload);
     }
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &workload);
@@ -61,11 +61,12 @@ const STORES: &str =
 fn hurried(fastest: &Strategy) -> String {
     let name = preset_of(fastest).map_or_else(|| fastest.to_string(), str::to_owned);
     format!(
-        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}; another process is \
-         compiling the fastest strategy for the next start",
+        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}",
         hurry::QUICK
     )
 }
+
+const COMPILES: &str = "another process is compiling the fastest strategy for the next start";
 
 /// Starts a background process that stores a program, if storing it is worthwhile. Returns whether the process has
 /// started.
@@ -77,12 +78,14 @@ fn order(prepared: &Prepared, device: &Device) -> bool {
     in_background(&cache, &prepared.spec, &device.info)
 }
 
-/// Starts a background process that compiles and stores a program. If it cannot start, the next picture is hurried too.
-fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) {
+/// Starts a background process that compiles and stores a program, unless one is already doing so. Returns `false` if
+/// nothing is stored. If the process cannot start, the next picture is hurried too.
+fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     let cache = Cache::of_user();
     if cache.keeps() {
         in_background(&cache, spec, device);
     }
+    cache.keeps()
 }
 
 fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
