@@ -1,7 +1,7 @@
 //! Arguments that several subcommands share: a device, a strategy, a local size, `--set`.
 
 use crate::cache::Cache;
-use crate::device::{Device, DeviceInfo, DeviceLimits, default_place, pick_one, places};
+use crate::device::{Device, DeviceInfo, DeviceLimits, LaneTest, default_place, pick_one, places};
 use crate::error::{Error, Result, nearest};
 use crate::settings;
 use crate::sources::Sources;
@@ -116,12 +116,18 @@ pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
 /// Returns the device to render on: the first device that matches `pattern`. Without `pattern`, returns the first
 /// device that matches the user's settings; without settings, the most capable device.
 pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
+    one_device_with(pattern, sources, LaneTest::Now)
+}
+
+/// Returns the device like [`one_device`]; `lane_test` says whether its lane operations are tested if the cache has no
+/// list of devices.
+pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| match (pattern, settings::device()) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
         (None, Some(word)) => Ok(places(infos, &[word]).map_err(settings::blame_device)?.first().copied()),
         (None, None) => Ok(default_place(infos)),
     };
-    pick_one(&Cache::of_user(), sources, choose)?.ok_or_else(|| {
+    pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {
         Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each device")
     })
 }

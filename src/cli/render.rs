@@ -154,14 +154,19 @@ fn render(args: &Args) -> Result<()> {
     timeline.ends("start");
     let opened = open(args, &sources)?;
     opened.tell(&mut timeline);
-    let Opened { loaded, device, queue, early, tree, show, .. } = opened;
+    let Opened { loaded, mut device, queue, early, tree, show, show_later, .. } = opened;
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
+    // With hurry::QUICK, or with a program that an earlier start has compiled, the lane operations need no test.
+    if !hurry::may_cast(args, &device.info, &scene, sampling) {
+        device.test_lanes(&sources)?;
+    }
     let fastest = args.subject.strategy(&device.info, args.subject.task(&scene, sampling.most))?;
     let session = Session::new(queue, &device.info, &sources, Arc::clone(&scene)).sampling(sampling);
     let tree_was_built = tree.is_some();
-    let mut session = session.verifying(args.verify.is_some()).with_program(early).with_tree(tree);
+    let mut session =
+        session.verifying(args.verify.is_some()).with_program(early).with_tree(tree).rounding_stacks();
     let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
     let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
@@ -180,7 +185,7 @@ fn render(args: &Args) -> Result<()> {
     let judged = radiance.as_ref().map(|image| judged(args, &scene, image, (&strategy, &cast), &target));
     let verified = judged.transpose()?.flatten();
     timeline.ends(if args.verify.is_some() { "verify" } else { "report" });
-    let kept = keeping::for_the_next_start(args, &device, &prepared, &strategy, later);
+    let kept = keeping::for_the_next_start(args, &device, &prepared, &strategy, (later, show_later));
     let notes = notes.into_iter().chain(last_notes(&scene, sampling.most)).chain(kept).collect();
     timeline.ends("keep");
     let times = ["load", "discover", "build", "save"].map(|part| timeline.ms(part));

@@ -28,7 +28,15 @@ pub struct Survey {
 ///
 /// Returns an error at once if there is no platform or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
-    let Survey { devices, empty_platforms } = survey(sources)?;
+    usable_or_not(survey(sources)?)
+}
+
+/// Lists every device like [`discover`], without testing lane operations.
+pub(super) fn discover_untested() -> Result<Vec<Device>> {
+    usable_or_not(survey_untested()?)
+}
+
+fn usable_or_not(Survey { devices, empty_platforms }: Survey) -> Result<Vec<Device>> {
     if devices.is_empty() {
         let platforms = empty_platforms.join(", ");
         return Err(Error::run(format!(
@@ -41,6 +49,12 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
 
 /// Lists every device, and every platform without devices. Returns an error at once if there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
+    let mut survey = survey_untested()?;
+    survey.devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+    Ok(survey)
+}
+
+fn survey_untested() -> Result<Survey> {
     let _turn = turn();
     let _patience = Patience::of_guarded();
     let mut survey = Survey::default();
@@ -49,14 +63,7 @@ pub fn survey(sources: &Sources) -> Result<Survey> {
         if devices.is_empty() {
             survey.empty_platforms.push(platform.name().unwrap_or_else(|_| "unnamed".into()));
         }
-        for device in devices {
-            let mut device = inspect(platform, device);
-            if device.info.unusable.is_none() {
-                device.info.limits.lane_operations =
-                    LaneOperations::find(&device.info, platform, device.device, sources)?;
-            }
-            survey.devices.push(device);
-        }
+        survey.devices.extend(devices.into_iter().map(|device| inspect(platform, device)));
     }
     number_twins(survey.devices.iter_mut().map(|device| &mut device.info));
     label(survey.devices.iter_mut().map(|device| &mut device.info));
@@ -99,6 +106,7 @@ pub(super) fn again(known: &DeviceInfo) -> Option<Device> {
     let mut found =
         inspected.by_ref().filter(|device| device.info.name == known.name).nth(known.twins_before)?;
     found.info.limits.lane_operations = known.limits.lane_operations;
+    found.lanes_are_tested = true;
     found.info.twins_before = known.twins_before;
     found.info.label.clone_from(&known.label);
     (found.info == *known).then_some(found)
@@ -182,7 +190,11 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     };
     info.threads = threads_of(&info.platform, kind, info.limits.compute_units);
     info.unusable = asked.why_unusable();
-    Device { info, platform, device }
+    if info.unusable.is_none() {
+        info.limits.lane_operations = LaneOperations::assumed(&info);
+    }
+    let lanes_are_tested = info.limits.lane_operations == LaneOperations::Barriers; // they work everywhere
+    Device { info, platform, device, lanes_are_tested }
 }
 
 /// Returns the number of cores that this process may use, according to its affinity and control groups.

@@ -1,10 +1,10 @@
 //! Finds the devices of an earlier run in the cache. If the devices are found there, only the selected device's driver
 //! is started, and the device's lane operations are not tested again.
 
-use super::discover::{again, discover};
+use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;
 use super::lanes::probe;
-use super::{Device, DeviceInfo, variables};
+use super::{Device, DeviceInfo, LaneTest, variables};
 use crate::cache::Cache;
 use crate::error::Result;
 use crate::sources::Sources;
@@ -19,10 +19,11 @@ const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
 /// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
-/// all devices are listed.
+/// all devices are listed, and `lane_test` says whether their lane operations are tested.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
+    lane_test: LaneTest,
     choose: impl Fn(&[DeviceInfo]) -> Result<Option<usize>>,
 ) -> Result<Option<Device>> {
     let key = key(sources)?;
@@ -35,23 +36,33 @@ pub fn pick_one(
     if found.is_some() {
         return Ok(found);
     }
-    let devices = listed(cache, &key, sources)?;
+    let devices = listed(cache, &key, sources, lane_test)?;
     let infos: Vec<DeviceInfo> = devices.iter().map(|device| device.info.clone()).collect();
     Ok(choose(&infos)?.and_then(|place| devices.into_iter().nth(place)))
 }
 
 /// Lists all devices, and stores the list for [`pick_one`] in this and other processes.
 pub fn list(cache: &Cache, sources: &Sources) -> Result<Vec<Device>> {
-    listed(cache, &key(sources)?, sources)
+    listed(cache, &key(sources)?, sources, LaneTest::Now)
 }
 
-fn listed(cache: &Cache, key: &str, sources: &Sources) -> Result<Vec<Device>> {
-    let devices = discover(sources)?;
+fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> Result<Vec<Device>> {
+    let mut devices = discover_untested()?;
+    if lane_test == LaneTest::Now {
+        devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
+    }
+    store(cache, key, &devices);
+    Ok(devices)
+}
+
+/// Stores a list of devices, unless lane operations are assumed in it: later runs would take them for facts.
+fn store(cache: &Cache, key: &str, devices: &[Device]) {
     let infos: Vec<&DeviceInfo> = devices.iter().map(|device| &device.info).collect();
-    if let Ok(bytes) = serde_json::to_vec(&infos) {
+    if devices.iter().all(|device| device.lanes_are_tested)
+        && let Ok(bytes) = serde_json::to_vec(&infos)
+    {
         cache.put(KIND, key, &bytes);
     }
-    Ok(devices)
 }
 
 /// Returns a hash of everything that affects the list of devices: raycl, the drivers' files, the hardware
@@ -108,7 +119,7 @@ mod tests {
     }
 
     fn picked(cache: &Cache) -> DeviceInfo {
-        pick_one(cache, &Sources::Embedded, first_usable)
+        pick_one(cache, &Sources::Embedded, LaneTest::Now, first_usable)
             .unwrap()
             .expect("the tests need PoCL: make setup")
             .info
@@ -131,6 +142,17 @@ mod tests {
         assert_eq!(picked(&cache), listed);
         let kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
         assert!(kept.contains(&listed), "the cache holds the device as it is now");
+    }
+
+    #[test]
+    fn a_list_with_assumptions_is_not_stored() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let mut devices = discover_untested().unwrap();
+        store(&cache, "a", &devices);
+        devices[0].lanes_are_tested = false;
+        store(&cache, "b", &devices);
+        assert_eq!([cache.get(KIND, "a"), cache.get(KIND, "b")].map(|list| list.is_some()), [true, false]);
     }
 
     #[test]

@@ -23,6 +23,17 @@ pub enum LaneOperations {
     Ptx,
 }
 
+/// When the lane operations of a device are tested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LaneTest {
+    /// Before the device is returned.
+    Now,
+    /// When [`Device::test_lanes`](super::Device::test_lanes) is called. Until then, the device is assumed to have the
+    /// fastest operations that its extensions suggest. The test takes 0.4 s on a GPU, so a picture whose kernels do
+    /// not exchange values need not wait for it.
+    Later,
+}
+
 /// Number of lanes in a group of work-items that share a tile.
 const LANES: usize = GROUP_LANES as usize;
 /// Number of groups of 32 lanes in the tested work-group.
@@ -50,6 +61,11 @@ impl LaneOperations {
             Self::PtxShuffles => "PTX shuffles",
             Self::Ptx => "PTX shuffles and reductions",
         }
+    }
+
+    /// Returns the fastest implementation that a device's extensions suggest.
+    pub(super) fn assumed(info: &DeviceInfo) -> Self {
+        hinted(info).first().copied().unwrap_or_default()
     }
 
     /// Returns the fastest implementation that a device's extensions suggest and that passes the test on this device.
@@ -156,6 +172,7 @@ fn answers(group: u32, lane: u32) -> [u32; ANSWERS] {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
     use crate::device::tests::example;
@@ -180,6 +197,28 @@ mod tests {
         let expected = expected();
         let rows: std::collections::HashSet<_> = expected.chunks(ANSWERS).collect();
         assert_eq!(rows.len(), LANES * GROUPS);
+    }
+
+    #[test]
+    fn assumed_operations_are_replaced_by_those_that_pass_the_test() {
+        let mut gpu = example("A", "gpu", DeviceKind::Gpu, 1);
+        assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Barriers);
+        gpu.extensions.push("cl_nv_compiler_options".into());
+        assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Ptx);
+        // No processor has PTX.
+        let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        assert!(device.lanes_are_tested);
+        device.info.limits.lane_operations = LaneOperations::Ptx;
+        device.test_lanes(&Sources::Embedded).unwrap();
+        assert_eq!(
+            device.info.limits.lane_operations,
+            LaneOperations::Ptx,
+            "a tested device is not tested again"
+        );
+        device.lanes_are_tested = false;
+        device.test_lanes(&Sources::Embedded).unwrap();
+        assert_eq!(device.info.limits.lane_operations, LaneOperations::Barriers);
+        assert!(device.lanes_are_tested);
     }
 
     #[test]

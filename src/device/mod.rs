@@ -19,7 +19,7 @@ pub use alike::check_alike;
 pub use discover::{Survey, discover, survey};
 pub use hardware::Hardware;
 pub use known::{list, pick_one};
-pub use lanes::LaneOperations;
+pub use lanes::{LaneOperations, LaneTest};
 pub use limits::DeviceLimits;
 #[cfg(test)]
 pub(crate) use limits::tests::EXAMPLE as EXAMPLE_LIMITS;
@@ -27,6 +27,8 @@ pub(crate) use quieting::{Hush, quieting};
 pub use select::{default_place, pick_default, places, select, select_infos};
 pub use threads::{pinning_variables, thread_variables};
 
+use crate::error::Result;
+use crate::sources::Sources;
 use crate::words::counted;
 use serde::{Deserialize, Serialize};
 
@@ -252,6 +254,21 @@ pub struct Device {
     pub platform: ocl::Platform,
     /// Its own handle.
     pub device: ocl::Device,
+    /// False if `info.limits.lane_operations` is only assumed.
+    pub lanes_are_tested: bool,
+}
+
+impl Device {
+    /// Tests the device's lane operations, unless they have been tested.
+    pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
+        if !self.lanes_are_tested {
+            let _patience = patience::Patience::of_guarded();
+            let found = LaneOperations::find(&self.info, self.platform, self.device, sources)?;
+            self.info.limits.lane_operations = found;
+            self.lanes_are_tested = true;
+        }
+        Ok(())
+    }
 }
 
 #[cfg(test)]

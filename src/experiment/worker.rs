@@ -9,7 +9,7 @@ use super::request_handler::RequestHandler;
 use super::{Pictures, Plan};
 use crate::cache::Cache;
 use crate::config;
-use crate::device::{Device, DeviceInfo, pick_one};
+use crate::device::{Device, DeviceInfo, LaneTest, pick_one};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use serde::de::DeserializeOwned;
@@ -91,7 +91,7 @@ fn find(identity: &str, sources: &Sources) -> Result<Device> {
             .with_help("`raycl devices` lists the available devices; finished measurements are saved")
     };
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
-    pick_one(&Cache::of_user(), sources, place)?.ok_or_else(gone)
+    pick_one(&Cache::of_user(), sources, LaneTest::Now, place)?.ok_or_else(gone)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {

@@ -46,7 +46,7 @@ pub use prepared::Prepared;
 pub use queue::Queue;
 pub use rays::Ray;
 pub use refused::Refused;
-pub use session::Session;
+pub use session::{ROUNDED_STACK, Session};
 pub use show::ShowProgram;
 pub use split::{Casting, LeftOut, Share, Split, Whole};
 pub use tree::{HostTree, stack_size};

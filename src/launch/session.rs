@@ -30,9 +30,13 @@ pub struct Session {
     kept: Kept,
     early: Option<(ProgramSpec, BuiltProgram)>,
     early_tree: Option<(Strategy, HostTree)>,
+    rounds_stacks: bool,
     shared: SharedScene,
     held: Held,
 }
+
+/// The step in entries to which [`Session::rounding_stacks`] rounds. Most trees need fewer entries.
+pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
     /// Opens a device for a scene.
@@ -55,6 +59,7 @@ impl Session {
             kept: Kept::of(Cache::of_user(), info),
             early: None,
             early_tree: None,
+            rounds_stacks: false,
             shared: SharedScene::default(),
             held: Held::default(),
         }
@@ -96,6 +101,14 @@ impl Session {
     #[must_use]
     pub fn with_tree(self, early_tree: Option<(Strategy, HostTree)>) -> Self {
         Self { early_tree, ..self }
+    }
+
+    /// Rounds stacks in private memory up to multiples of [`ROUNDED_STACK`] entries. One program then serves most
+    /// scenes, and can be built before the scene's tree is known. Stacks in `__local` memory are not rounded, since
+    /// larger ones slow a kernel down.
+    #[must_use]
+    pub fn rounding_stacks(self) -> Self {
+        Self { rounds_stacks: true, ..self }
     }
 
     /// Sets whether images are verified, which takes additional memory on the host.
@@ -158,7 +171,9 @@ impl Session {
             built.map_err(Refused::at("the tree"))?;
             self.held.share_tree(strategy, &workload);
         }
-        workload.stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
+        let stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);
+        let step = if self.rounds_stacks && !strategy.shares_tiles() { ROUNDED_STACK } else { 1 };
+        workload.stack_size = stack_size.next_multiple_of(step);
         Ok(workload)
     }
 
@@ -282,6 +297,23 @@ mod tests {
         assert!(specs.iter().all(|spec| spec.source == ordinary.source));
         assert_ne!(specs[1].hash(), specs[0].hash());
         assert_ne!(specs[2].hash(), specs[1].hash());
+    }
+
+    #[test]
+    fn only_stacks_in_private_memory_are_rounded() {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/teapot.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let of = |name, rounds| {
+            let session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+            let mut session = if rounds { session.rounding_stacks() } else { session };
+            let workload = session.workload(&preset(name).unwrap().strategy, [8, 8], [32, 1]);
+            workload.map_err(|refused| refused.reason()).unwrap().stack_size
+        };
+        let [exact, shared] = ["bvh", "tile-group"].map(|name| of(name, false));
+        assert!((1..ROUNDED_STACK).contains(&exact) && (1..ROUNDED_STACK).contains(&shared));
+        assert_eq!([of("bvh", true), of("tile-group", true)], [ROUNDED_STACK, shared]);
+        assert_eq!(of("deferred", true), 0);
     }
 
     /// A picture that is far too large for the host is refused while a small one exists.

@@ -89,15 +89,15 @@ impl OutFolder {
         self.write_list()
     }
 
-    /// Removes plots and exports of an earlier report that are no longer shown. Files that somebody changed,
-    /// and files that cannot be removed, stay.
+    /// Removes plots and exports of an earlier report that are no longer shown. Plots of other pages, files that somebody
+    /// changed, and files that cannot be removed stay.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
             super::stale::remove(&self.path, is_written);
             return Ok(());
         }
-        self.remove_listed(|name| is_companion(name) && !is_written(name))
+        self.remove_listed(|name| super::stale::is_of_report(name) && !is_written(name))
     }
 
     /// Removes the listed files for whose names `is_stale` is true. Files that somebody changed, and files that
@@ -158,11 +158,6 @@ impl OutFolder {
         lines.sort_by(|a, b| a[66..].cmp(&b[66..]));
         write_page(&self.path.join(LIST), lines.concat().as_bytes())
     }
-}
-
-/// Returns whether a file is in one of the folders for a report's plots and exports.
-fn is_companion(name: &str) -> bool {
-    super::stale::FOLDERS.iter().any(|folder| Path::new(name).starts_with(folder))
 }
 
 fn hash(bytes: &[u8]) -> String {
@@ -240,15 +235,18 @@ mod tests {
             names.iter().map(|name| (name.to_string(), b"plot".to_vec())).collect::<Vec<_>>()
         };
         let mut opened = OutFolder::open(out, KEEP).unwrap();
-        opened.write(&files(&["page.html", "plots/a.svg", "plots/b.svg", "plots/c.svg"])).unwrap();
-        std::fs::write(out.join("plots/b.svg"), "mine").unwrap();
+        let plots = ["plots/scenes-1.svg", "plots/scenes-2.svg", "plots/scenes-3.svg"];
+        opened.write(&files(&["page.html", "plots/answer-teapot.svg", "plots/compare.svg"])).unwrap();
+        opened.write(&files(&plots)).unwrap();
+        std::fs::write(out.join(plots[1]), "mine").unwrap();
         std::fs::write(out.join("plots/scenes.svg"), "mine too").unwrap();
-        let now = files(&["plots/c.svg"]);
+        let now = files(&plots[2..]);
         opened.write(&now).unwrap();
         opened.remove_stale(&now).unwrap();
         let there = |name: &str| out.join(name).exists();
-        assert!(!there("plots/a.svg") && there("plots/b.svg") && there("plots/c.svg"));
+        assert_eq!(plots.map(there), [false, true, true]);
         assert!(there("plots/scenes.svg") && there("page.html"));
+        assert!(there("plots/answer-teapot.svg") && there("plots/compare.svg"), "plots of other pages");
     }
 
     #[test]

@@ -6,13 +6,14 @@ use std::path::Path;
 pub const FOLDERS: [&str; 2] = ["plots", "exports"];
 
 /// Prefixes of the names of a report's plots and exports.
-const BEGINNINGS: [&str; 9] = [
+const BEGINNINGS: [&str; 10] = [
     "devices",
     "heat-",
     "kernel-tuner-",
     "local-size-",
     "occupancy-",
     "pixels",
+    "roofline",
     "samples-",
     "scenes",
     "triangles",
@@ -25,16 +26,24 @@ const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {
-            let name = entry.file_name().to_string_lossy().into_owned();
-            let own = BEGINNINGS.iter().any(|beginning| name.starts_with(beginning))
-                && ENDINGS.iter().any(|ending| name.ends_with(ending));
+            let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let file = entry.file_type().is_ok_and(|kind| kind.is_file());
-            if own && file && !is_written(&format!("{folder}/{name}")) {
+            if file && is_of_report(&name) && !is_written(&name) {
                 // A file that remains is not shown anywhere.
                 let _ = std::fs::remove_file(entry.path());
             }
         }
     }
+}
+
+/// Returns whether a file's name is one that a report gives its plots and exports. The plots of a reproduction and of a
+/// comparison have other names.
+pub fn is_of_report(name: &str) -> bool {
+    let in_folder = FOLDERS.iter().find_map(|folder| name.strip_prefix(folder)?.strip_prefix('/'));
+    in_folder.is_some_and(|name| {
+        BEGINNINGS.iter().any(|beginning| name.starts_with(beginning))
+            && ENDINGS.iter().any(|ending| name.ends_with(ending))
+    })
 }
 
 #[cfg(test)]

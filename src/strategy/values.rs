@@ -4,7 +4,7 @@
 use super::AXES;
 use super::header::{Header, Reader};
 use crate::error::{Error, Result, nearest};
-use crate::sources::Sources;
+use crate::sources::{Sources, lines};
 use std::path::PathBuf;
 use std::sync::{LazyLock, PoisonError, RwLock};
 
@@ -149,17 +149,24 @@ fn refuse_unused(sources: &Sources) -> Result<()> {
     let is_value = |file: &str| FOLDERS.iter().any(|(folder, _)| value_in(folder, file).is_some());
     let mut texts = None;
     for file in files.iter().filter(|file| !built_in.contains(&file.as_str()) && !is_value(file)) {
-        let all = sources.files()?;
-        let read = || all.iter().map(|file| sources.read(file)).collect::<Result<Vec<_>>>();
+        let read = || {
+            let named = |name: String| Ok((sources.read(&name)?, name));
+            sources.files()?.into_iter().map(named).collect::<Result<Vec<(String, String)>>>()
+        };
         let texts = match &texts {
             Some(texts) => texts,
             None => texts.insert(read()?),
         };
-        if !texts.iter().any(|text| text.contains(&format!("#include \"{file}\""))) {
+        if !texts.iter().any(|(text, name)| includes(name, text, file)) {
             return Err(unused(&sources.path_of(file), file, &built_in));
         }
     }
     Ok(())
+}
+
+/// Returns whether a kernel file includes another one; an `#include` in a comment has no effect.
+fn includes(name: &str, text: &str, included: &str) -> bool {
+    lines(name, text).is_ok_and(|lines| lines.iter().any(|line| line.includes == Some(included)))
 }
 
 fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
@@ -189,6 +196,13 @@ mod tests {
         let watertight = headers.iter().find(|header| header.name == "watertight");
         let folders = watertight.map(|header| header.folders.clone()).unwrap_or_default();
         assert_eq!(folders, ["cast/intersect/", "tile_cpu/intersect/", "tile_gpu/intersect/"]);
+    }
+
+    #[test]
+    fn an_include_in_a_comment_has_no_effect() {
+        let is_included = |text: &str| includes("a.cl", text, "b.cl");
+        assert!(is_included("int a;\n#include \"b.cl\"\n"));
+        assert!(!is_included("/*\n#include \"b.cl\"\n*/\n") && !is_included("#include \"c.cl\"\n"));
     }
 
     #[test]

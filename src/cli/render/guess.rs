@@ -7,6 +7,7 @@ use crate::cache::Cache;
 use crate::cli::subject::Subject;
 use crate::device::DeviceInfo;
 use crate::filetype::unpacked_name;
+use crate::launch::ROUNDED_STACK;
 use crate::program::{ProgramSpec, Sources};
 use crate::scene::Sampling;
 use crate::strategy::{Strategy, Task, Workload, preset};
@@ -17,8 +18,8 @@ use std::time::SystemTime;
 const KIND: &str = "guess";
 /// Bytes per triangle of an OBJ file with positions only: the bunny has 35, the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// Number of stack entries that most trees need.
-const USUAL_STACK: usize = 64;
+/// Number of stack entries in `__local` memory that most trees need.
+const USUAL_LOCAL_STACK: usize = 64;
 
 /// The facts that determine a program and cannot be derived from the command's arguments alone.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -45,7 +46,7 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;
-    let workload = Workload { local_size, stack_size: USUAL_STACK, ..known };
+    let workload = Workload { local_size, stack_size: usual_stack(&strategy), ..known };
     spec(args, sources, device, &strategy, workload)
 }
 
@@ -99,7 +100,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let sky = is_dressed(args);
     let task = Task { triangles: triangles as usize, pixels, soft: sky, ..Task::default() };
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
-    let stack_size = if strategy.needs_tree() { USUAL_STACK } else { 0 };
+    let stack_size = usual_stack(&strategy);
     let sampling = sampling(args);
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
@@ -113,6 +114,15 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
         ..Workload::default()
     };
     Some((strategy, known))
+}
+
+/// Returns the number of stack entries that most trees need.
+fn usual_stack(strategy: &Strategy) -> usize {
+    match (strategy.needs_tree(), strategy.shares_tiles()) {
+        (false, _) => 0,
+        (true, true) => USUAL_LOCAL_STACK,
+        (true, false) => ROUNDED_STACK,
+    }
 }
 
 /// Returns the number of samples per pixel. A bare mesh has a default of its own. The name of the scene's file decides
@@ -142,9 +152,11 @@ fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use crate::device::{DeviceKind, tests::example};
+    use crate::device::{DeviceKind, discover, tests::example};
+    use crate::launch::Session;
     use clap::Parser;
     use std::path::Path;
+    use std::sync::Arc;
 
     #[derive(Parser)]
     struct Command {
@@ -198,7 +210,44 @@ mod tests {
         };
         let (small, large) = (spec(100), spec(1_000_000));
         assert!(!small.options.contains("STACK_SIZE"), "{}", small.options);
-        assert!(large.options.contains("STACK_SIZE=64"), "{}", large.options);
+        assert!(large.options.contains("STACK_SIZE=128"), "{}", large.options);
+    }
+
+    /// A wrong guess would compile two programs at the first start.
+    #[test]
+    fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {
+        let place = tempfile::tempdir().unwrap();
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let mesh = place.path().join("mesh.obj");
+        std::fs::write(&mesh, waves(60)).unwrap();
+        for more in [&[][..], &["--plain"], &["--samples", "4"]] {
+            let args = args(&mesh, more);
+            let loaded = super::super::load(&args).unwrap();
+            let sampling = super::super::sampling(&args, loaded.dressed);
+            let task = args.subject.task(&loaded.scene, sampling.most);
+            let (strategy, local_size) = args.subject.strategy(&device.info, task).unwrap();
+            let session = Session::open(&device, &Sources::Embedded, Arc::new(loaded.scene)).unwrap();
+            let mut session = session.sampling(sampling).rounding_stacks();
+            let workload = session.workload(&strategy, args.subject.size(), local_size);
+            let needed =
+                session.spec(&strategy, &workload.map_err(|refused| refused.reason()).unwrap()).unwrap();
+            let guess = likely(&Cache::none(), &args, &Sources::Embedded, &device.info).unwrap();
+            assert_eq!(guess.options, needed.options, "{more:?}");
+            assert!(guess == needed, "{more:?}");
+        }
+    }
+
+    /// Returns an OBJ file of 2 `side`^2 triangles.
+    fn waves(side: usize) -> String {
+        let heights = (0..=side * (side + 2)).map(|i| ((i % (side + 1)) as f32, (i / (side + 1)) as f32));
+        let mut text: String =
+            heights.map(|(x, z)| format!("v {x} {:.4} {z}\n", (x * z / 7.0).sin())).collect();
+        for (x, z) in (0..side * side).map(|i| (i % side, i / side)) {
+            let first = 1 + x + z * (side + 1);
+            let [right, below] = [first + 1, first + side + 1];
+            text += &format!("f {first} {right} {below}\nf {right} {} {below}\n", below + 1);
+        }
+        text
     }
 
     #[test]

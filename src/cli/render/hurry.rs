@@ -37,14 +37,23 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 /// strategy, the frame is not timed, and it is small enough. Kernels of `--cl-dir` are being edited, perhaps those of
 /// the fastest strategy. On a CPU, programs are compiled for other reasons, and `tile` compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
+    !device.limits.is_cpu && may_on_a_gpu(args, sampling)
+}
+
+/// Returns whether [`may`] holds for devices that are not CPUs.
+pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
     let pixels: u64 = args.subject.size().map(u64::from).iter().product();
-    !device.limits.is_cpu
-        && args.subject.leaves_strategy_open()
+    args.subject.leaves_strategy_open()
         && args.subject.cl_dir.is_none()
         && !args.watch
         && !args.motion.moves()
         && args.repeat == 1
         && pixels * u64::from(sampling.most) <= MOST_RAYS
+}
+
+/// Returns whether [`may`] holds, and the scene is small enough.
+pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampling) -> bool {
+    scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
 /// Returns the strategy and the local size with which to cast a picture: the given fastest ones, or [`QUICK`]'s if the
@@ -56,8 +65,7 @@ pub fn choose(
     session: &mut Session,
     fastest: (Strategy, [u32; 2]),
 ) -> ((Strategy, [u32; 2]), Option<Later>) {
-    let small = scene.mesh.triangles.len() <= MOST_TRIANGLES;
-    let quick = quick(device).filter(|_| small && may(args, device, session.samples()));
+    let quick = quick(device).filter(|_| may_cast(args, device, scene, session.samples()));
     let Some(quick) = quick.filter(|(quick, _)| *quick != fastest.0) else { return (fastest, None) };
     match not_built(session, fastest, args.subject.size()) {
         Some(later) => (quick, Some(later)),

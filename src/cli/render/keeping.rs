@@ -4,7 +4,7 @@
 use super::hurry::Later;
 use super::{Args, guess, hurry};
 use crate::cache::Cache;
-use crate::device::{Device, DeviceInfo, pick_one};
+use crate::device::{Device, DeviceInfo, LaneOperations, LaneTest, pick_one};
 use crate::error::{Error, Result};
 use crate::launch::{Prepared, Queue};
 use crate::own_program::own_program;
@@ -21,28 +21,41 @@ const KIND: &str = "order";
 /// A process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
 
-/// A program to be stored.
+/// A task for the background process: to list the devices, and to compile and store a program.
 #[derive(Serialize, Deserialize)]
 struct Order {
     /// The device's identity.
     device: String,
-    source: String,
-    options: String,
+    /// The lane operations for which the program was made. They may be an assumption.
+    lanes: LaneOperations,
+    program: Option<Source>,
     /// True if the driver must not take the program from its own cache, since it then prints no log.
     anew: bool,
 }
 
-/// Prepares the next start: lets a background process store the program, or compile the faster program of `later`, and
-/// remembers which program the scene needs. Returns notes on this.
+/// A program's source and compiler options.
+#[derive(Clone, Serialize, Deserialize)]
+struct Source {
+    source: String,
+    options: String,
+}
+
+/// Prepares the next start: lets background processes store the program, or compile the faster program of `later` and
+/// the program for the display transform, and remembers which program the scene needs. Returns notes on this.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
     prepared: &Prepared,
     strategy: &Strategy,
-    later: Option<Later>,
+    (later, show_later): (Option<Later>, Option<ProgramSpec>),
 ) -> Vec<String> {
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
+    let shows = show_later.is_some_and(|spec| compile_later(&spec, &device.info));
+    // Every background process also lists the devices.
+    if !stores && !shows && later.is_none() && !device.lanes_are_tested {
+        list_later(&device.info);
+    }
     let mut notes: Vec<String> = stores.then(|| STORES.to_owned()).into_iter().collect();
     let (mut strategy, mut workload) = (*strategy, prepared.workload);
     if let Some(later) = later {
@@ -88,19 +101,31 @@ fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     cache.keeps()
 }
 
-fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
-    let [source, options] = [&spec.source, &spec.options].map(Clone::clone);
-    let order = Order { device: device.identity(), source, options, anew: false };
-    begin(cache, spec) && start(&order).is_ok()
+/// Starts a background process that tests the device's lane operations and stores the list of devices. If the process
+/// cannot start, the next start lists the devices again.
+fn list_later(device: &DeviceInfo) {
+    let cache = Cache::of_user();
+    if cache.keeps() && begin(&cache, &device.identity()) {
+        let _ = start(&order_for(device, None));
+    }
 }
 
-/// Records that a background process will store the program. Returns `false` if another process is already storing the
-/// program, or if the record cannot be written.
-fn begin(cache: &Cache, spec: &ProgramSpec) -> bool {
+fn in_background(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
+    let [source, options] = [&spec.source, &spec.options].map(Clone::clone);
+    begin(cache, &spec.hash()) && start(&order_for(device, Some(Source { source, options }))).is_ok()
+}
+
+fn order_for(device: &DeviceInfo, program: Option<Source>) -> Order {
+    Order { device: device.identity(), lanes: device.limits.lane_operations, program, anew: false }
+}
+
+/// Records that a background process will do the work that `name` identifies. Returns `false` if another process is
+/// already doing it, or if the record cannot be written.
+fn begin(cache: &Cache, name: &str) -> bool {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    let since = cache.get(KIND, &spec.hash()).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
+    let since = cache.get(KIND, name).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
     let free = since.is_none_or(|since| now.as_secs().saturating_sub(since) > LONGEST.as_secs());
-    free && cache.put(KIND, &spec.hash(), &now.as_secs().to_le_bytes())
+    free && cache.put(KIND, name, &now.as_secs().to_le_bytes())
 }
 
 fn start(order: &Order) -> std::io::Result<()> {
@@ -114,18 +139,20 @@ fn start(order: &Order) -> std::io::Result<()> {
     child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
 }
 
-/// The background process: builds the program that it reads from standard input, and stores it.
+/// The background process: reads its task from standard input, lists the devices if no list is stored, and builds and
+/// stores the program.
 pub fn serve() -> Result<()> {
     yield_to_others();
     let order: Order = serde_json::from_reader(std::io::stdin())
         .map_err(|error| Error::fault(format!("the program to store could not be read: {error}")))?;
     let cache = Cache::of_user();
     let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == order.device));
-    let device = pick_one(&cache, &Sources::Embedded, place)?;
+    let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, place)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
+    // If the test refutes the assumption, the next start chooses another program.
+    let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(device.platform, device.device)?;
-    let [source, options] = [&order.source, &order.options].map(Clone::clone);
     let spec = ProgramSpec { source, options, files: Vec::new() };
     let kept = Kept::of(cache, &device.info);
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept);
@@ -138,6 +165,12 @@ pub fn serve() -> Result<()> {
     Ok(())
 }
 
+/// Returns the program to be stored; `None` if there is none, or if it was made for other lane operations than the
+/// device has.
+fn program_for(order: &Order, device: &DeviceInfo) -> Option<Source> {
+    order.program.clone().filter(|_| order.lanes == device.limits.lane_operations)
+}
+
 /// Lowers this process's priority, since other processes have users who wait for them.
 #[cfg(unix)]
 fn yield_to_others() {
@@ -147,3 +180,23 @@ fn yield_to_others() {
 
 #[cfg(not(unix))]
 fn yield_to_others() {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::device::{DeviceKind, tests::example};
+
+    #[test]
+    fn a_program_for_assumed_lane_operations_is_stored_only_if_the_device_has_them() {
+        let mut device = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        device.limits.lane_operations = LaneOperations::Ptx;
+        let source = Source { source: "kernel".into(), options: "-D A=1".into() };
+        let order = order_for(&device, Some(source));
+        assert_eq!(order.device, device.identity());
+        let kept = program_for(&order, &device).map(|program| program.source + " " + &program.options);
+        assert_eq!(kept.as_deref(), Some("kernel -D A=1"));
+        device.limits.lane_operations = LaneOperations::Barriers;
+        assert!(program_for(&order, &device).is_none());
+        assert!(program_for(&order_for(&device, None), &device).is_none());
+    }
+}

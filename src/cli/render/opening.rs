@@ -2,8 +2,8 @@
 
 use super::timeline::Timeline;
 use super::{Args, guess, hurry, load, may_be_shown, sampling, target, timed};
-use crate::cli::choice::one_device;
-use crate::device::{Device, DeviceInfo};
+use crate::cli::choice::one_device_with;
+use crate::device::{Device, DeviceInfo, LaneTest};
 use crate::error::{Error, Result};
 use crate::image::check_alpha;
 use crate::launch::{HostTree, Queue, ShowProgram};
@@ -27,6 +27,8 @@ pub struct Opened {
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform, if the device applies it.
     pub show: Option<ShowProgram>,
+    /// The program for the display transform, if it is not compiled yet and this picture does not wait for it.
+    pub show_later: Option<ProgramSpec>,
 }
 
 impl Opened {
@@ -57,7 +59,9 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             (loaded, load_ms, tree)
         });
         let (opened, start_ms) = timed(|| -> Result<_> {
-            let device = one_device(args.subject.device.as_deref(), sources)?;
+            let hurries = hurry::may_on_a_gpu(args, guess::sampling(args));
+            let lane_test = if hurries { LaneTest::Later } else { LaneTest::Now };
+            let device = one_device_with(args.subject.device.as_deref(), sources, lane_test)?;
             // If the loading thread has failed already, its error is returned below.
             let _ = found.send(device.info.clone());
             let queue = Queue::open(device.platform, device.device)?;
@@ -66,13 +70,14 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         drop(found);
         let early = opened.as_ref().ok().and_then(|(device, queue)| early(args, sources, device, queue));
         let show = opened.as_ref().ok().and_then(|(device, queue)| show(args, sources, device, queue));
+        let (show, show_later) = show.unwrap_or_default();
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
         // Moving pictures have their own formats.
         if loaded.scene.transparent && !args.motion.moves() {
             check_alpha(&target(args))?;
         }
-        Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree, show })
+        Ok(Opened { loaded, device, queue, load_ms, start_ms, early, tree, show, show_later })
     })
 }
 
@@ -107,11 +112,22 @@ fn early(
 }
 
 /// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
-/// be built, the host applies the transform.
-fn show(args: &Args, sources: &Sources, device: &Device, queue: &Queue) -> Option<ShowProgram> {
+/// be built, the host applies the transform. A hurried picture does not wait for its compilation either: the program is
+/// then returned as the second value.
+fn show(
+    args: &Args,
+    sources: &Sources,
+    device: &Device,
+    queue: &Queue,
+) -> Option<(Option<ShowProgram>, Option<ProgramSpec>)> {
     if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {
         return None;
     }
     let kept = Kept::of(guess::cache(args), &device.info);
-    ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
+    let spec = ShowProgram::spec(sources).ok()?;
+    let hurries = hurry::may(args, &device.info, guess::sampling(args));
+    if hurries && !BuiltProgram::is_kept(queue.device, &spec, &kept) {
+        return Some((None, Some(spec)));
+    }
+    Some((ShowProgram::build(queue, &spec, &kept).ok(), None))
 }
