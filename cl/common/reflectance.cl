@@ -15,11 +15,13 @@ Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal
     // A highlight costs a square root, a logarithm and an exponential; it is skipped if no lane has one.
     const Mask glossy = lit & (surface->kind > 0.0f);
     if (ANY(glossy)) {
-        // Blinn's half vector; (s + 8) / 8 keeps the energy of a highlight about the same for every shininess s.
-        const Vec3 half_way = normalize_or_zero(add(to_light, to_eye));
-        const varying cosine = max(dot3(normal, half_way), (varying)(0.0f));
+        // Blinn's half vector, of any length. The square of its cosine with the normal needs no square root.
+        const Vec3 half_way = add(to_light, to_eye);
+        const varying along_normal = max(dot3(normal, half_way), (varying)(0.0f)), squared = dot3(half_way, half_way);
+        const varying cosine_squared = SELECT(squared > 0.0f, along_normal * along_normal / squared, (varying)(0.0f));
         const varying s = surface->shininess;
-        const varying highlight = (s + 8.0f) * power_of(cosine, s) * 0.125f;
+        // (s + 8) / 8 keeps the energy of a highlight about the same for every shininess s.
+        const varying highlight = (s + 8.0f) * power_of(cosine_squared, 0.5f * s) * 0.125f;
         sum = select3(glossy, add(sum, scale(surface->glossy, highlight)), sum);
     }
     return scale(sum, (varying)(M_1_PI_F));

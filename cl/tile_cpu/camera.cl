@@ -20,7 +20,7 @@ Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     pixels.inside = (pixels.x < image_size.x) & (pixels.y < image_size.y);
 #if SAMPLED
     pixels.sample_x = samples->x, pixels.sample_y = samples->y;
-    pixels.inside &= sample_of_lane(samples->bits) < samples->count;
+    pixels.inside &= samples->filled;
 #endif
     return pixels;
 }
@@ -89,13 +89,15 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
 }
 
 #if SAMPLED
-// Returns the vectors whose pixels get another sample, one bit each.
+// Returns the vectors whose pixels get another sample, one bit each. All pixels of a vector get equally many samples.
 uint vectors_to_cast(const FrameSamples *samples, const __global uint *wanted, int2 image_size) {
     uint cast = 0;
     for (int vector = 0; vector < VECTORS; vector++) {
-        const Pixels pixels = tile_pixels(samples, vector, image_size);
-        const int x = pixels.x.s0, y = pixels.y.s0;
-        cast |= pixels.inside.s0 && is_wanted(wanted, samples->earlier, image_size, x, y) ? 1u << vector : 0;
+        // The vector's first pixel.
+        const int x = ((int)get_global_id(0) * TILE_X + vector % BLOCKS_ACROSS * BLOCK_X) >> SUBPIXEL_BITS;
+        const int y = ((int)get_global_id(1) * TILE_Y + vector / BLOCKS_ACROSS * BLOCK_Y) >> SUBPIXEL_BITS;
+        const int inside = x < image_size.x && y < image_size.y;
+        cast |= inside && is_wanted(wanted, samples->earlier, image_size, x, y) ? 1u << vector : 0;
     }
     return cast;
 }

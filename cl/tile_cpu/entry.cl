@@ -97,6 +97,7 @@ typedef struct {
     uint cast;    // vectors whose pixels get another sample, one bit each
     int bits;     // a pixel has 2^bits sub-pixels across and down
     int count;    // samples of each pixel that the frame casts; the other sub-pixels stay empty
+    Mask filled;  // the lanes whose sub-pixel has a sample
     varying x, y; // the place of each lane's sample in its pixel
 } FrameSamples;
 // The additional parameter of programs with several samples, including the comma.

@@ -70,6 +70,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
     frame_samples.earlier = earlier;             \
     frame_samples.bits = (int)subpixel_bits;     \
     frame_samples.count = (int)samples_of_frame; \
+    frame_samples.filled = sample_of_lane((int)subpixel_bits) < (int)samples_of_frame; \
     frame_samples.x = sample_x;                  \
     frame_samples.y = sample_y;                  \
     const FrameSamples *samples = &frame_samples;
@@ -121,6 +122,8 @@ __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     LEAVE_ENOUGH(image_size)
     TREE_AND_LIGHTING
     Bundle bundle;
+    // The directions of the rays from the eye.
+    make_camera_rays(CAST_ARGUMENTS &bundle, eye, corner, step_x, step_y, image_size);
     for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
     shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
 }

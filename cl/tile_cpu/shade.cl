@@ -1,18 +1,20 @@
 // Shades a tile's nearest hits.
 
-// Loads a row of three float4 (quads) for each lane, and returns it as 12 columns with one value per lane. Each lane
-// loads each quad of 16 bytes in one piece; the quads are transposed in registers. If `are_equal`, all lanes have the
-// same row.
-void gather_rows(const __global float4 *rows, varying_int places, int are_equal, varying *column) {
-    if (are_equal) {
-        // All lanes have the same triangle, so one load is enough.
-        for (int quad = 0; quad < 3; quad++) {
-            const float4 row = rows[3 * (size_t)places.s0 + quad];
-            column[4 * quad] = (varying)(row.x), column[4 * quad + 1] = (varying)(row.y);
-            column[4 * quad + 2] = (varying)(row.z), column[4 * quad + 3] = (varying)(row.w);
-        }
-        return;
+// Without inlining, columns of values would go through memory.
+#define INLINED static __attribute__((always_inline))
+
+// Loads a row of three float4, and returns it as 12 columns with the same value in all lanes.
+INLINED void spread_row(const __global float4 *row, varying *column) {
+    for (int quad = 0; quad < 3; quad++) {
+        const float4 four = row[quad];
+        column[4 * quad] = (varying)(four.x), column[4 * quad + 1] = (varying)(four.y);
+        column[4 * quad + 2] = (varying)(four.z), column[4 * quad + 3] = (varying)(four.w);
     }
+}
+
+// Loads a row of three float4 (quads) for each lane, and returns it as 12 columns with one value per lane. Each lane
+// loads each quad of 16 bytes in one piece; the quads are transposed in registers.
+void gather_rows(const __global float4 *rows, varying_int places, varying *column) {
     IntLanes at;
     at.all = places * 3;
     for (int quad = 0; quad < 3; quad++) {
@@ -82,32 +84,50 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a vector's hits from its rays and the triangles that they hit.
-void meet_vector(const SurfaceTree *tree, const Lighting *lighting, const Ray *ray, varying_int place, Mask hits,
-                 Shaded *shaded) {
-    // Lanes without a hit gather another lane's triangle, so that every address is valid.
-    IntLanes places;
-    places.all = place;
-    const int first = places.each[LOWEST_BIT(LANE_BITS16(hits))];
-    const varying_int safe = SELECT(hits, place, (varying_int)(first));
-    const int are_equal = !ANY(safe != first);
-    varying corner[ROW_FLOATS], normal[ROW_FLOATS];
-    gather_rows((const __global float4 *)tree->tree.leaves, safe, are_equal, corner);
-    gather_rows(tree->surfaces, safe, are_equal, normal);
+// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns of rows.
+INLINED void meet_rows(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
+                       const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
     // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
     // found the triangle.
-    const Hit hit = meet_plane(v0, e1, e2, ray->origin, ray->direction);
-    shaded->point = along(ray->origin, hit.t, ray->direction);
+    const Hit hit = meet_plane(v0, e1, e2, origin, direction);
+    shaded->point = along(origin, hit.t, direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
     const Vec3 n1 = vec3(normal[4], normal[5], normal[6]);
     const Vec3 n2 = vec3(normal[8], normal[9], normal[10]);
     shaded->normal = normalize_or_zero(along(along(scale(n0, 1.0f - hit.w1 - hit.w2), hit.w1, n1), hit.w2, n2));
-    shaded->to_eye = negate(ray->direction);
+    shaded->to_eye = negate(direction);
     shaded->surface = TEXTURED(gather_materials(lighting, corner[7], hits), &lighting->textures,
-                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, ray->direction, hit.t);
+                               SELECT(hits, AS_INT(corner[3]), (varying_int)(NO_HIT)), hit.w1, hit.w2, direction, hit.t);
+}
+
+// Loads the triangles that a vector's rays from the eye hit, and computes the hits.
+void meet_vector(const SurfaceTree *tree, const Lighting *lighting, float4 eye, const Bundle *bundle, int vector,
+                 Mask hits, Shaded *shaded) {
+    const Vec3 origin = splat(LOAD3((const float *)&eye));
+    // The bundle has the rays' directions with depth 1.
+    const Vec3 d = vec3(bundle->x[vector], bundle->y[vector], bundle->z[vector]);
+    const Vec3 direction = scale(d, 1.0f / sqrt(dot3(d, d)));
+    const varying_int place = bundle->place[vector];
+    // Lanes without a hit gather another lane's triangle, so that every address is valid.
+    IntLanes places;
+    places.all = place;
+    const int first = places.each[LOWEST_BIT(LANE_BITS16(hits))];
+    const varying_int safe = SELECT(hits, place, (varying_int)(first));
+    const __global float4 *corners = (const __global float4 *)tree->tree.leaves;
+    varying corner[ROW_FLOATS], normal[ROW_FLOATS];
+    if (!ANY(safe != first)) {
+        // All lanes have the same triangle. It is loaded once, and is in registers while the hits are computed.
+        spread_row(corners + 3 * (size_t)first, corner);
+        spread_row(tree->surfaces + 3 * (size_t)first, normal);
+        meet_rows(lighting, origin, direction, corner, normal, hits, shaded);
+    } else {
+        gather_rows(corners, safe, corner);
+        gather_rows(tree->surfaces, safe, normal);
+        meet_rows(lighting, origin, direction, corner, normal, hits, shaded);
+    }
 }
 
 // Computes the rays from a light to a vector of hits, the interval of their directions, and the radiance that reaches
@@ -126,7 +146,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const Vec3 f = reflectance(&shaded->surface, to_light, shaded->to_eye, shaded->normal, lit);
     const Vec3 power = splat(LOAD3(lighting->lights + LIGHT_FLOATS * light + 3));
     // The radiance without an occluder: power / (4 pi r^2) times f times the cosine.
-    *arriving = scale(multiply(power, f), cosine / (4.0f * M_PI_F * squared));
+    *arriving = scale(multiply(power, f), cosine * (per_distance * per_distance * (0.25f * M_1_PI_F)));
     // The shadow ray starts at the light, so that all rays of the tile have a common origin again.
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
@@ -168,11 +188,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
         const Shaded *surface = shaded + vector; // computed for the first light
 #else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored
-        if (light == 0) {
-            const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-            const Ray ray = camera_ray(eye, corner, step_x, step_y, &pixels);
-            meet_vector(tree, lighting, &ray, bundle->place[vector], hits, surface);
-        }
+        if (light == 0) meet_vector(tree, lighting, eye, bundle, vector, hits, surface);
 #endif
         const Mask lit = light_vector(bundle, slices, lighting, light, vector, surface, hits, arriving + vector);
         open |= ANY(lit) ? 1u << vector : 0;
@@ -190,8 +206,8 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// Stores a row of a block, which consists of four lanes, for example s0123.
-#define STORE_ROW(lanes, row)                                             \
+// Stores a row of a block, which consists of four lanes, for example s0123. `row` is its first pixel.
+#define STORE_PIXELS(lanes, row)                                          \
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)
 
@@ -223,10 +239,9 @@ void add_samples(__global float4 *mean, float4 sum, uint earlier, int count) {
 void store_subpixels(const FrameSamples *samples, __global float4 *restrict image, int2 image_size, float4 background,
                      const Vec3 *sum, const Pixels *pixels, Mask hits) {
     // Sub-pixels without a sample add nothing; samples that hit nothing add the background.
-    const Mask cast = sample_of_lane(samples->bits) < samples->count;
-    const varying red = SELECT(hits, sum->x, SELECT(cast, (varying)(background.x), (varying)(0.0f)));
-    const varying green = SELECT(hits, sum->y, SELECT(cast, (varying)(background.y), (varying)(0.0f)));
-    const varying blue = SELECT(hits, sum->z, SELECT(cast, (varying)(background.z), (varying)(0.0f)));
+    const varying red = SELECT(hits, sum->x, SELECT(samples->filled, (varying)(background.x), (varying)(0.0f)));
+    const varying green = SELECT(hits, sum->y, SELECT(samples->filled, (varying)(background.y), (varying)(0.0f)));
+    const varying blue = SELECT(hits, sum->z, SELECT(samples->filled, (varying)(background.z), (varying)(0.0f)));
     const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
     const int x = pixels->x.s0, y = pixels->y.s0;
     if (x >= image_size.x || y >= image_size.y) return;
@@ -270,10 +285,10 @@ void store_block(CAST_PARAMETERS __global float4 *restrict image, int2 image_siz
     const varying blue = SELECT(hits, sum->z, (varying)(background.z));
     const varying hit = SELECT(hits, (varying)(1.0f), (varying)(0.0f));
     __global float4 *row = image + (size_t)y * image_size.x + x;
-    STORE_ROW(s0123, row);
-    STORE_ROW(s4567, row + image_size.x);
-    STORE_ROW(s89ab, row + 2 * image_size.x);
-    STORE_ROW(scdef, row + 3 * image_size.x);
+    STORE_PIXELS(s0123, row);
+    STORE_PIXELS(s4567, row + image_size.x);
+    STORE_PIXELS(s89ab, row + 2 * image_size.x);
+    STORE_PIXELS(scdef, row + 3 * image_size.x);
 }
 
 // Stores the background in all pixels of the tile.
@@ -304,9 +319,7 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
     // Several kinds of light need the hits, so the hits are computed once, before all lights.
     for (uint left = hit; left; left &= left - 1) {
         const int vector = LOWEST_BIT(left);
-        const Pixels pixels = tile_pixels(CAST_ARGUMENTS vector, image_size);
-        const Ray ray = camera_ray(eye, corner, step_x, step_y, &pixels);
-        meet_vector(tree, lighting, &ray, bundle->place[vector], bundle->place[vector] != NO_HIT, shaded + vector);
+        meet_vector(tree, lighting, eye, bundle, vector, bundle->place[vector] != NO_HIT, shaded + vector);
     }
 #endif
     for (int light = 0; light < lighting->light_count; light++) {
