@@ -101,7 +101,12 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let vectors = [
         ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "14"),
-        ("tile_cpu/camera.cl", "pixels.inside &= samples->filled", "pixels.inside &= samples->count > 0", "14"),
+        (
+            "tile_cpu/camera.cl",
+            "pixels.inside &= samples->filled",
+            "pixels.inside &= samples->count > 0",
+            "14",
+        ),
         ("tile_cpu/camera.cl", "pixels.sample_y = samples->y", "pixels.sample_y = samples->x", "16"),
         ("tile_cpu/shade.cl", "sum_of_lanes(hit)", "sum_of_lanes(hit) * 0.0f", "16"),
         (
