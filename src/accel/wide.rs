@@ -3,6 +3,7 @@
 use super::{Bvh, Node};
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
+use rayon::prelude::*;
 
 /// A tree of `width` children per node in the layout that kernels read, made from a [`Bvh`].
 ///
@@ -126,34 +127,69 @@ impl WideBvh {
     /// below that of the binary tree, or if there are more than 33,554,432 triangles or nodes.
     pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
         check(bvh, width, leaf_size)?;
-        let stride = Self::stride(width);
-        let mut wide = Self { width, stride, nodes: Vec::new(), order: bvh.order.clone(), depth: 1 };
-        wide.add_nodes(1);
-        let mut waiting = Vec::new();
+        let mut wide = Self::unused(width);
+        wide.order.clone_from(&bvh.order);
         if !bvh.nodes.is_empty() {
-            waiting.push((0, 1, Subtree::new(bvh, 0, 0)));
+            let inner = wide.collapse_node(bvh, 0, Subtree::new(bvh, 0, 0), leaf_size);
+            let collapse = |child| Self::collapse(bvh, child, width, leaf_size);
+            let parts: Vec<Self> = inner.into_par_iter().map(collapse).collect();
+            parts.iter().enumerate().for_each(|(place, part)| wide.append(1 + place, part));
         }
-        let mut children = Vec::with_capacity(width);
-        while let Some((node, depth, subtree)) = waiting.pop() {
-            wide.depth = wide.depth.max(depth);
-            children.clear();
-            children.push(subtree);
-            open(bvh, &mut children, width, leaf_size);
-            open(bvh, &mut children, width, 0);
-            let begin = waiting.len();
-            let inner = children.iter().filter(|child| child.is_inner(leaf_size));
-            waiting.extend((wide.node_count()..).zip(inner).map(|(node, child)| (node, depth + 1, *child)));
-            wide.write(bvh, node, &children, leaf_size);
-            wide.add_nodes(waiting.len() - begin);
-            waiting[begin..].reverse();
-        }
-        if wide.nodes.len() / stride > Self::MAX_INDEX {
+        if wide.node_count() > Self::MAX_INDEX {
             return Err(Error::run(
                 "the tree has more than 33,554,432 nodes; references to child nodes cannot index more",
             )
             .with_help("choose a larger leaf size, or more children per node"));
         }
         Ok(wide)
+    }
+
+    /// Returns a tree of one node whose slots are all unused.
+    fn unused(width: usize) -> Self {
+        let stride = Self::stride(width);
+        let mut wide = Self { width, stride, nodes: Vec::new(), order: Vec::new(), depth: 1 };
+        wide.add_nodes(1);
+        wide
+    }
+
+    /// Collapses a subtree. Its root becomes node 0.
+    fn collapse(bvh: &Bvh, subtree: Subtree, width: usize, leaf_size: usize) -> Self {
+        let mut wide = Self::unused(width);
+        let mut waiting = vec![(0, 1, subtree)];
+        while let Some((node, depth, subtree)) = waiting.pop() {
+            wide.depth = wide.depth.max(depth);
+            let first = wide.node_count();
+            let inner = wide.collapse_node(bvh, node, subtree, leaf_size);
+            let numbered = (first..first + inner.len()).zip(inner);
+            waiting.extend(numbered.rev().map(|(node, child)| (node, depth + 1, child)));
+        }
+        wide
+    }
+
+    /// Writes a node, appends its inner children as unused nodes, and returns their subtrees.
+    fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
+        let mut children = Vec::with_capacity(self.width);
+        children.push(subtree);
+        open(bvh, &mut children, self.width, leaf_size);
+        open(bvh, &mut children, self.width, 0);
+        self.write(bvh, node, &children, leaf_size);
+        children.retain(|child| child.is_inner(leaf_size));
+        self.add_nodes(children.len());
+        children
+    }
+
+    /// Adds a subtree. Its root becomes the node `root`, and its other nodes are appended.
+    fn append(&mut self, root: usize, part: &Self) {
+        let first = self.node_count();
+        let (own, others) = part.nodes.split_at(self.stride);
+        self.nodes[root * self.stride..][..self.stride].copy_from_slice(own);
+        self.nodes.extend_from_slice(others);
+        for node in std::iter::once(root).chain(first..self.node_count()) {
+            let words = &mut self.nodes[node * self.stride + 6 * self.width..][..self.width];
+            let inner = words.iter_mut().filter(|word| **word & Self::LEAF == 0);
+            inner.for_each(|word| *word += first as u32 - 1);
+        }
+        self.depth = self.depth.max(part.depth + 1);
     }
 
     /// Returns the number of nodes.

@@ -40,7 +40,7 @@ type Bytes<'a> = (&'a [u8], (u32, u32), ExtendedColorType);
 
 fn png_with((bytes, size, colour): Bytes<'_>, piece: (usize, Vec<u8>), file: &mut File) -> Result<()> {
     encode(file, piece, |writer| {
-        let encoder = PngEncoder::new_with_quality(writer, CompressionType::Fast, FilterType::Adaptive);
+        let encoder = PngEncoder::new_with_quality(writer, CompressionType::Fast, FilterType::Paeth);
         encoder.write_image(bytes, size.0, size.1, colour)
     })
 }

@@ -328,11 +328,14 @@ impl Caster {
         let mut picture = RgbImage::new(width, height);
         let shown = Shown::new(display);
         let show = |(bytes, pixels): (&mut [u8], &[Float4])| {
+            let (mut hits, mut finite) = (0, true);
             for (bytes, pixel) in bytes.as_chunks_mut().0.iter_mut().zip(pixels) {
-                *bytes = shown.pixel([pixel[0], pixel[1], pixel[2]]);
+                let radiance = [pixel[0], pixel[1], pixel[2]];
+                *bytes = shown.pixel(radiance);
+                finite &= radiance.iter().all(|channel| channel.is_finite());
+                hits += usize::from(pixel[3] > 0.0);
             }
-            let finite = pixels.iter().all(|pixel| (0..3).all(|channel| pixel[channel].is_finite()));
-            finite.then(|| pixels.iter().filter(|pixel| pixel[3] > 0.0).count())
+            finite.then_some(hits)
         };
         let (width, height) = (width as usize, height as usize);
         let mut hits = Some(0);

@@ -121,10 +121,10 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let most = |a: [f64; 5], b: [f64; 5]| std::array::from_fn(|i| a[i].max(b[i]));
     let reach =
         |corner| turns.iter().map(|turn| reach_after(turn, corner)).fold([f64::NEG_INFINITY; 5], most);
-    let reaches = mesh.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).map(|triangle| {
-        let [a, b, c] = mesh.corners(triangle).map(reach);
-        most(most(a, b), c)
-    });
+    // Triangles share corners, so it is faster to visit each position once.
+    let is_corner = mesh.positions_of_triangles();
+    let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
+    let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
     // Two opposite planes that both touch the mesh intersect in a line. From the farther of the two lines, the
     // whole mesh is visible.

@@ -54,6 +54,15 @@ impl Mesh {
         &self.materials[triangle.material as usize]
     }
 
+    /// Returns for each position whether it is the corner of a triangle.
+    pub(super) fn positions_of_triangles(&self) -> Vec<bool> {
+        let mut is_corner = vec![false; self.positions.len()];
+        for index in self.triangles.iter().flat_map(|triangle| triangle.positions) {
+            is_corner[index as usize] = true;
+        }
+        is_corner
+    }
+
     /// Returns the smallest and the largest corner of the bounding box; `None` without triangles.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));

@@ -48,6 +48,8 @@ impl Opened {
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
 /// program early if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
+    // A thread cannot start while the driver's libraries are being loaded, so those that read the mesh start first.
+    rayon::current_num_threads();
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
     std::thread::scope(|scope| {

@@ -1,7 +1,7 @@
 //! Keeps edges sharp in a mesh without normals.
 
 use crate::scene::mesh::{Mesh, PARALLEL_TRIANGLES};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// At a corner with more faces than this, each face keeps its own normal, since comparing all of them would
@@ -10,7 +10,6 @@ const MOST_FACES: usize = 1024;
 
 /// A face at a position: its unit normal, and this normal multiplied by twice the face's area.
 struct Face {
-    triangle: u32,
     unit: DVec3,
     weighted: DVec3,
 }
@@ -19,7 +18,7 @@ impl Face {
     fn of(mesh: &Mesh, triangle: u32) -> Self {
         let [a, b, c] = mesh.corners(&mesh.triangles[triangle as usize]).map(|p| p.as_dvec3());
         let weighted = (b - a).cross(c - a);
-        Self { triangle, unit: weighted.normalize_or_zero(), weighted }
+        Self { unit: weighted.normalize_or_zero(), weighted }
     }
 }
 
@@ -28,20 +27,22 @@ impl Face {
 /// than this angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
-    for around in sharp_corners(mesh, triangles, (crease / 2.0).cos()).chunk_by(|a, b| a.0 == b.0) {
-        let position = around[0].0;
-        let around: Vec<Face> = around.iter().map(|(_, triangle)| Face::of(mesh, *triangle)).collect();
-        for face in &around {
-            let index = mesh.normals.len() as u32;
-            mesh.normals.push(mean(face, &around, crease.cos()).normalize_or_zero().as_vec3());
-            let triangle = &mut mesh.triangles[face.triangle as usize];
-            for (corner, place) in triangle.positions.iter().zip(&mut triangle.normals) {
-                if *corner == position {
-                    *place = index;
-                }
+    let corners = sharp_corners(mesh, triangles, (crease / 2.0).cos());
+    let normals_around = |around: &[(u32, u32)]| {
+        let faces: Vec<Face> = around.iter().map(|(_, triangle)| Face::of(mesh, *triangle)).collect();
+        let normal = |face| mean(face, &faces, crease.cos()).normalize_or_zero().as_vec3();
+        faces.iter().map(normal).collect::<Vec<_>>()
+    };
+    let normals: Vec<Vec3> = corners.par_chunk_by(|a, b| a.0 == b.0).flat_map_iter(normals_around).collect();
+    for (index, (position, triangle)) in (mesh.normals.len() as u32..).zip(corners) {
+        let triangle = &mut mesh.triangles[triangle as usize];
+        for (corner, place) in triangle.positions.iter().zip(&mut triangle.normals) {
+            if *corner == position {
+                *place = index;
             }
         }
     }
+    mesh.normals.extend(normals);
 }
 
 /// Returns pairs of a position and a triangle at this position, in order. The positions are those
