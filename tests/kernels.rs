@@ -5,8 +5,10 @@
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon, is_long, scene};
+use glam::{Vec3, vec3};
 use raycl::device::Builtins;
 use raycl::program::Sources;
+use raycl::scene::{Camera, Scene};
 use raycl::strategy::{Layout, PRESETS, Passes, Strategy, Traversal, Vectors, Width, preset};
 
 /// The paper's local sizes, and some that do not divide the image's size.
@@ -109,7 +111,22 @@ fn presets_that_share_tiles() {
     let mut stand = Stand::new(scene("terrain.toml"), SIZE);
     let shared = PRESETS.iter().map(|preset| preset.strategy).filter(Strategy::shares_tiles);
     assert_eq!(shared.clone().count(), 2);
+    all_agree(&mut stand, shared.clone().map(|strategy| (strategy, [32, 1])), none);
+    let mut stand = Stand::new(lit_from_close_by(scene("terrain.toml")), SIZE);
     all_agree(&mut stand, shared.map(|strategy| (strategy, [32, 1])), none);
+}
+
+/// Moves the light to a distance from the ground between the shadow bias and its square root, and the camera to where
+/// it sees the lit spot.
+fn lit_from_close_by(mut scene: Scene) -> Scene {
+    let distance = 20.0 * scene.shadow_bias;
+    assert!(distance.powi(2) < 0.5 * scene.shadow_bias);
+    let ground = scene.mesh.positions[scene.mesh.positions.len() / 2];
+    let eye = ground + vec3(0.0, 0.3, 0.2);
+    scene.camera = Camera::looking_at(eye, ground, Vec3::Y, 60.0, false).expect("a camera");
+    scene.lights[0].position = ground + Vec3::Y * distance;
+    scene.lights[0].power = Vec3::splat(1e-3);
+    scene
 }
 
 /// Lights are on both sides of the surfaces, and there are more than a tile's work-items process in one
@@ -169,6 +186,24 @@ fn each_layout_brings_every_corner_its_own_normal() {
     let layouts = [Layout::SOUP, Layout::INDEXED_16, Layout::INDEXED_32];
     let points = layouts.map(|layout| (Strategy { layout, ..deferred }, [4, 4]));
     all_agree(&mut stand, points, none);
+}
+
+/// The largest indices of 16 bits would be negative as signed numbers.
+#[test]
+fn indices_of_16_bits_have_no_sign() {
+    apart!();
+    const UNUSED: usize = 40_000;
+    let mut scene = scene("pyramid-lower.toml");
+    let mesh = scene.mesh_mut();
+    mesh.positions.splice(0..0, std::iter::repeat_n(Vec3::ZERO, UNUSED));
+    mesh.normals.splice(0..0, std::iter::repeat_n(Vec3::Y, UNUSED));
+    for triangle in &mut mesh.triangles {
+        triangle.positions = triangle.positions.map(|index| index + UNUSED as u32);
+        triangle.normals = triangle.normals.map(|index| index + UNUSED as u32);
+    }
+    let deferred = preset("deferred").expect("a preset").strategy;
+    let indexed = Strategy { layout: Layout::INDEXED_16, ..deferred };
+    all_agree(&mut Stand::new(scene, SIZE), [(indexed, [4, 4])], none);
 }
 
 #[test]

@@ -180,6 +180,14 @@ fn pictures_are_compared_and_told_apart() {
     assert!((said["psnr_db"].as_f64().expect("a number") - 43.69).abs() < 0.01, "{said}");
     assert!(Path::new(&place("d.png")).exists());
     outcome(&["compare-images", &place("a.png"), &place("b.png"), "--fail-below", "50"], 1);
+    let mut broken = image::Rgb32FImage::from_pixel(2, 1, image::Rgb([0.5; 3]));
+    broken.save(place("whole.exr")).expect("it saves");
+    broken.put_pixel(1, 0, image::Rgb([0.5, f32::NAN, 0.5]));
+    broken.save(place("broken.exr")).expect("it saves");
+    outcome(&["compare-images", &place("whole.exr"), &place("whole.exr"), "--fail-below", "1"], 0);
+    let (_, complaint) =
+        outcome(&["compare-images", &place("broken.exr"), &place("whole.exr"), "--fail-below", "1"], 1);
+    assert!(complaint.contains("is NaN dB"), "{complaint}");
     let (_, complaint) = outcome(&["compare-images", &place("a.png"), &place("none.png")], 2);
     assert!(complaint.contains("none.png"), "{complaint}");
 }

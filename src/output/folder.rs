@@ -228,6 +228,20 @@ mod tests {
     }
 
     #[test]
+    fn a_copy_of_another_file_of_the_folder_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let files = |page: &str, plot: &str| {
+            [("page.html", page), ("plot.svg", plot)].map(|(n, t)| (n.to_owned(), t.into()))
+        };
+        OutFolder::open(out, KEEP).unwrap().write(&files("page", "plot")).unwrap();
+        std::fs::copy(out.join("plot.svg"), out.join("page.html")).unwrap();
+        let error = OutFolder::open(out, KEEP).unwrap().write(&files("new page", "new plot")).unwrap_err();
+        assert!(error.to_string().contains("page.html' has been changed since"), "{error}");
+        assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"plot");
+    }
+
+    #[test]
     fn plots_of_what_is_no_longer_shown_go_unless_somebody_changed_them() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path();

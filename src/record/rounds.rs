@@ -186,6 +186,15 @@ mod tests {
     }
 
     #[test]
+    fn what_processes_and_guests_take_adds_up() {
+        let records = [Record { sample_launches: vec![0], ..Record::default() }];
+        // Neither half disturbs alone.
+        let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
+        assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
+        assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());
+    }
+
+    #[test]
     fn a_mean_is_weighted_by_how_long_rounds_took() {
         let mean = mean_load(&[line(0, 0.9), RoundLoad { ms: 1500.0, ..line(0, 0.1) }]).unwrap();
         assert!((mean.others - 0.3).abs() < 1e-12, "{mean:?}");

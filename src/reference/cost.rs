@@ -160,20 +160,22 @@ mod tests {
 
     #[test]
     fn exhaustive_costs_are_those_of_the_search_itself() {
-        let scene = fixtures::pyramid_lower();
-        let size = [40, 25];
-        let corners: Vec<_> =
-            scene.mesh.triangles.iter().map(|t| scene.mesh.corners(t).map(|c| c.as_dvec3())).collect();
-        let plain = each_pixel(&scene, size, |tally| Plain {
-            inner: Exhaustive::new(&scene.mesh, Culling::None),
-            corners: corners.clone(),
-            tally,
-        });
-        let costs = exhaustive(&scene, size, Culling::None);
-        assert_eq!(costs, plain);
-        let count = scene.mesh.triangles.len() as u32;
-        assert!(costs.iter().all(|cost| cost.tests >= count && cost.nodes == 0));
-        assert!(costs.iter().any(|cost| cost.tests != costs[0].tests), "all pixels cost the same");
+        // In the second scene, shadow rays have several occluders.
+        for scene in [fixtures::pyramid_lower(), fixtures::random(60, 3)] {
+            let size = [40, 25];
+            let corners: Vec<_> =
+                scene.mesh.triangles.iter().map(|t| scene.mesh.corners(t).map(|c| c.as_dvec3())).collect();
+            let plain = each_pixel(&scene, size, |tally| Plain {
+                inner: Exhaustive::new(&scene.mesh, Culling::None),
+                corners: corners.clone(),
+                tally,
+            });
+            let costs = exhaustive(&scene, size, Culling::None);
+            assert_eq!(costs, plain);
+            let count = scene.mesh.triangles.len() as u32;
+            assert!(costs.iter().all(|cost| cost.tests >= count && cost.nodes == 0));
+            assert!(costs.iter().any(|cost| cost.tests != costs[0].tests), "all pixels cost the same");
+        }
     }
 
     #[test]

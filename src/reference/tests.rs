@@ -1,6 +1,7 @@
 //! Tests of the reference's radiance and of its certain pixels.
 
 use super::*;
+use crate::scene::{Mapped, Material, Texture, Textures, Wrap};
 use glam::{Vec3, vec3};
 
 /// Returns the radiance of pixel (x, y).
@@ -19,6 +20,26 @@ fn the_single_triangle_seen_straight_on() {
     // expected radiance follows from the shading formulas, which were evaluated outside this program.
     let found = pixel(&fixtures::single_triangle(), [1, 1], [0, 0]);
     assert_near(found, vec3(0.023589239, 0.018874577, 0.000015931));
+}
+
+#[test]
+fn a_texture_tints_the_material() {
+    let found = |lambertian: Vec3, texel: Option<u32>| {
+        let mut scene = fixtures::single_triangle();
+        let mesh = scene.mesh_mut();
+        mesh.materials[0] = Material::lambertian(lambertian);
+        if let Some(texel) = texel {
+            let texture =
+                Texture { size: [1, 1], wrap: [Wrap::Repeat; 2], least_alpha: 0, texels: vec![texel].into() };
+            let mapped = vec![Mapped { corners: [[0.5; 2]; 3], texture: Some(0), mask: None }];
+            mesh.textures = Textures { list: vec![texture], mapped };
+        }
+        pixel(&scene, [1, 1], [0, 0])
+    };
+    let own = vec3(0.8, 0.5, 0.2);
+    assert_near(found(own, Some(0xff_ffff)), found(own, None));
+    // The texel is yellow: it takes away the blue light.
+    assert_near(found(own, Some(0x00_ffff)), found(vec3(0.8, 0.5, 0.0), None));
 }
 
 #[test]
