@@ -210,6 +210,13 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
         [&clamp, &mirror, &across].iter().all(|other| **other != down) && across != clamp && across != mirror
     );
     place.notices(("common/textures.cl", "down = wrap >> 8 & 15", "down = wrap & 15"), "tile", &["--verify"]);
+    // Only a repeated picture continues with the texels of its other edge.
+    let repeat_across = of(r#"{"wrapT": 33071}"#, "");
+    let lower =
+        ("texel_in_texture((int)top + 1, height, down)", "texel_in_texture((int)top + 1, height, across)");
+    place.notices(("common/textures.cl", lower.0, lower.1), "tile", &["--verify"]);
+    let repeat_down = of(r#"{"wrapS": 33071}"#, "");
+    assert!([&repeat, &clamp, &repeat_down].iter().all(|other| **other != repeat_across));
     // Beyond the upper left corner, a clamped picture has that corner's colour: red.
     let corner = clamp[(24, 11)].0;
     assert!(corner[0] > corner[1] && corner[0] > corner[2], "{corner:?}");
