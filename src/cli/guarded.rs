@@ -11,15 +11,11 @@ use crate::printer;
 use std::ffi::OsString;
 use std::process::ExitStatus;
 
-/// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown ones). The first
-/// access to each page of new memory is a page fault; these faults took a fifth of the time of a short command. So the
-/// allocator asks the system for huge pages, extends its heap by 64 MiB at a time, and reuses freed memory instead of
-/// returning it. Arrays of more than 32 MiB, the most that glibc allows here, are still returned when they are freed.
-/// glibc reads the variable only when a process starts, so it is set for the child, unless the user has set it already.
-const ALLOCATOR: (&str, &str) = (
-    "GLIBC_TUNABLES",
-    "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=67108864:glibc.malloc.mmap_threshold=33554432:glibc.malloc.trim_threshold=4294967296",
-);
+/// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown settings). The
+/// first access to each page of new memory is a page fault; these faults took a fifth of the time of a short command.
+/// So the allocator asks the system for huge pages, and extends its heaps by 64 MiB at a time. glibc reads the variable
+/// only when a process starts, so it is set for the child, unless the user has set it already.
+const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=67108864");
 
 /// Returns whether this is the child process.
 pub fn is_inside() -> bool {
