@@ -94,7 +94,11 @@ fn user() -> &'static Settings {
 
 /// Returns an environment variable's value; `None` if it is not set or blank.
 fn variable(name: &str) -> Option<String> {
-    std::env::var(name).ok().filter(|text| !text.trim().is_empty())
+    filled(std::env::var(name).ok())
+}
+
+fn filled(value: Option<String>) -> Option<String> {
+    value.filter(|text| !text.trim().is_empty())
 }
 
 /// Returns the settings file's choice of when to use colours; `None` if the file has no such choice.
@@ -154,5 +158,13 @@ mod tests {
             let told = format!("{:?}", miette::Report::new(error));
             parts.iter().for_each(|part| assert!(told.contains(part), "{part}: {told}"));
         }
+    }
+
+    #[test]
+    fn a_blank_variable_is_not_set() {
+        for blank in ["", " ", "\t"] {
+            assert_eq!(filled(Some(blank.to_owned())), None);
+        }
+        assert_eq!(filled(Some("cpu".to_owned())).as_deref(), Some("cpu"));
     }
 }

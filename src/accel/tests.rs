@@ -342,3 +342,12 @@ fn a_ray_along_an_axis_misses_boxes_beside_it() {
     };
     assert_eq!([tested(0.5, 0.5), tested(-0.1, 0.5), tested(1.1, 0.5), tested(0.5, 1.1)], [1, 0, 0, 0]);
 }
+
+#[test]
+fn a_build_needs_two_buffers_of_boxes_the_order_and_the_nodes_twice() {
+    // Leaves of at most three triangles contain two on average: 501 leaves at most, and as many other nodes.
+    let boxes = 2 * 1000 * size_of::<super::bounds::Primitive>();
+    let order = 1000 * size_of::<u32>();
+    let nodes = 2 * 1002 * size_of::<Node>();
+    assert_eq!(Bvh::build_bytes(1000, 3), (boxes + order + nodes) as u64);
+}

@@ -82,3 +82,19 @@ fn enter(origin: DVec3, direction: DVec3, [low, high]: [[f32; 3]; 2]) -> Option<
     }
     (near <= far).then_some(near)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_in_the_plane_of_a_flat_box_enters_it() {
+        let from = DVec3::new(-1.0, 0.0, 0.5);
+        assert!(enter(from, DVec3::X, [[0.0, 0.0, 0.0], [1.0, 0.0, 1.0]]).is_some());
+        for side in [[[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]], [[0.0, -1.0, 0.0], [1.0, 0.0, 1.0]]] {
+            assert!(enter(from, DVec3::X, side).is_some(), "{side:?}");
+        }
+        assert_eq!(enter(from, DVec3::X, [[0.0, 0.1, 0.0], [1.0, 1.0, 1.0]]), None);
+        assert_eq!(enter(from, DVec3::X, [[0.0, -1.0, 0.0], [1.0, -0.1, 1.0]]), None);
+    }
+}

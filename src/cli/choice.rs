@@ -119,14 +119,19 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
 
-/// Returns the device like [`one_device`]; `lane_test` says whether its lane operations are tested if the cache has no
-/// list of devices.
-pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
-    let choose = |infos: &[DeviceInfo]| match (pattern, settings::device()) {
+/// Returns the index of the device that [`one_device`] describes; `word` comes from the user's settings.
+fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) -> Result<Option<usize>> {
+    match (pattern, word) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
         (None, Some(word)) => Ok(places(infos, &[word]).map_err(settings::blame_device)?.first().copied()),
         (None, None) => Ok(default_place(infos)),
-    };
+    }
+}
+
+/// Returns the device like [`one_device`]; `lane_test` says whether its lane operations are tested if the cache has no
+/// list of devices.
+pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
+    let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {
         Error::run("no OpenCL device is usable").with_help("`raycl devices` gives the reason for each device")
     })
@@ -187,5 +192,16 @@ mod tests {
         let wide = [("width".to_owned(), "4".to_owned())];
         assert_eq!(chosen("deferred", &wide), (parse_strategy("deferred,width=4").unwrap(), [8, 8]));
         assert_eq!(chosen("tile", &[]).1, [1, 1]);
+    }
+
+    #[test]
+    fn of_several_devices_that_match_the_first_is_taken() {
+        let infos = ["one", "two"]
+            .map(|name| crate::device::tests::example("P", name, crate::device::DeviceKind::Cpu, 2));
+        for (pattern, word) in [(Some("cpu"), None), (None, Some("cpu")), (Some("one"), Some("two"))] {
+            let place = one_place(&infos, pattern, word.map(str::to_owned)).unwrap();
+            assert_eq!(place, Some(0), "{pattern:?} {word:?}");
+        }
+        assert_eq!(one_place(&infos, None, Some("two".to_owned())).unwrap(), Some(1));
     }
 }

@@ -111,11 +111,14 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
 /// Ends this process as another process ended: with the same exit code, or with 128 plus the number of the signal that
 /// ended the other process, as shells do. No destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
-    match status.code() {
-        Some(0) => Ok(()),
-        Some(code) => std::process::exit(code),
-        None => std::process::exit(128 + signal(status).map_or(0, |(signal, _)| signal)),
+    match exit_code(status) {
+        0 => Ok(()),
+        code => std::process::exit(code),
     }
+}
+
+fn exit_code(status: ExitStatus) -> i32 {
+    status.code().unwrap_or_else(|| 128 + signal(status).map_or(0, |(signal, _)| signal))
 }
 
 /// Makes the system end this process when its parent ends.
@@ -134,4 +137,17 @@ fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the child process that runs the command could not be started: {error}")).with_help(
         "check that raycl's executable can be read and run, and that the temporary folder is writable",
     )
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::process::ExitStatusExt as _;
+
+    #[test]
+    fn a_process_that_a_signal_ended_has_128_plus_the_signal_as_exit_code() {
+        let of_wait = |status| exit_code(ExitStatus::from_raw(status));
+        // The status of `wait` has the signal in its low bits, and an exit code above them.
+        assert_eq!([of_wait(2), of_wait(15), of_wait(2 << 8), of_wait(0)], [130, 143, 2, 0]);
+    }
 }

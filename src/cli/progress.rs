@@ -59,7 +59,8 @@ impl Observer for Bar {
     }
 }
 
-/// Prints a line to standard error for every finished point.
+/// Prints a line to standard error for every finished point, and a line about the current work after a minute without
+/// one: the points of a group are finished together, after all launches.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
@@ -71,7 +72,12 @@ pub struct Lines {
     since: Option<(Instant, usize)>,
     /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
+    /// When the latest line was printed.
+    told: Option<Instant>,
 }
+
+/// After this time without a line, a line says what the run is doing.
+const QUIET: Duration = Duration::from_secs(60);
 
 impl Lines {
     /// Returns ", about 12m left", estimated from the steps that were timed since this run's first point began. Points
@@ -85,6 +91,18 @@ impl Lines {
         }
         let left = begun.elapsed().mul_f64(missing as f64 / now_done as f64);
         format!(", about {:#} left", HumanDuration(left))
+    }
+
+    /// Returns a line with the progress and this text, and remembers that a line was printed.
+    fn line(&mut self, text: &str) -> String {
+        self.told = Some(Instant::now());
+        format!("[{}/{}{}] {text}", self.done, self.points, self.left())
+    }
+
+    /// Returns a line about the current work if the latest line was printed long ago.
+    fn still(&mut self, what: &str) -> Option<String> {
+        let is_quiet = self.told.get_or_insert_with(Instant::now).elapsed() >= QUIET;
+        is_quiet.then(|| self.line(what))
     }
 }
 
@@ -109,13 +127,16 @@ impl Observer for Lines {
         self.taken += steps;
     }
 
-    fn works_on(&mut self, _what: &str) {
+    fn works_on(&mut self, what: &str) {
         self.since.get_or_insert((Instant::now(), self.taken));
+        if let Some(line) = self.still(&printer::line(what)) {
+            tell(line);
+        }
     }
 
     fn finished(&mut self, record: &Record) {
         self.done += 1;
-        tell(format!("[{}/{}{}] {}", self.done, self.points, self.left(), line(record)));
+        tell(self.line(&line(record)));
         if self.since.is_some() && record.median_ms.is_none() {
             self.untimed += self.steps / self.points.max(1);
         }
@@ -287,5 +308,18 @@ mod tests {
         // The time of an earlier stage says nothing about the time of the next stage.
         lines.resumes(5, 15);
         assert_eq!(lines.left(), "");
+    }
+
+    #[test]
+    fn after_a_minute_without_a_line_one_says_what_the_run_does() {
+        let mut lines = Lines::default();
+        lines.begins(10, 30);
+        assert_eq!(lines.still("timing teapot"), None, "the run has just begun");
+        lines.told = Instant::now().checked_sub(QUIET);
+        assert_eq!(lines.still("timing teapot").as_deref(), Some("[0/10] timing teapot"));
+        assert_eq!(lines.still("timing teapot"), None, "the line was just printed");
+        lines.told = Instant::now().checked_sub(QUIET);
+        lines.finished(&Record::default());
+        assert_eq!(lines.still("timing teapot"), None, "a finished point has a line too");
     }
 }

@@ -111,6 +111,15 @@ fn lists_of_axes_give_their_product() {
 }
 
 #[test]
+fn of_a_list_the_strategy_that_equals_the_preset_keeps_its_name() {
+    let text = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\nwidth = [1, 4]\n");
+    let experiment = load_with(&text, &[]).unwrap();
+    let presets: Vec<_> =
+        experiment.strategies[2..].iter().map(|strategy| strategy.preset.as_deref()).collect();
+    assert_eq!(presets, [Some("deferred"), None]);
+}
+
+#[test]
 fn a_name_stands_for_what_does_not_vary() {
     let entry = "[[strategy]]\nname = \"mine\"\npreset = \"deferred\"\nmath = \"fast\"\nwidth = [1, 2]\n";
     let experiment = load_with(&format!("{GOOD}{entry}"), &[]).unwrap();

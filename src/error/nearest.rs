@@ -36,6 +36,8 @@ mod tests {
         let names = ["private", "global", "local"];
         assert_eq!(nearest("globl", names), Some("global"));
         assert_eq!(nearest("zzzzzzzz", names), None);
+        // Of a name with five letters, two may be wrong, but not three.
+        assert_eq!((nearest("lcl", names), nearest("loxyz", names)), (Some("local"), None));
     }
 
     #[test]

@@ -117,6 +117,10 @@ mod tests {
 
     /// Makes a config that ends with these lines, and returns the key of a point in it.
     fn key_with(lines: &str) -> String {
+        key_on(&asleep::device(1.0), lines)
+    }
+
+    fn key_on(device: &DeviceInfo, lines: &str) -> String {
         let text = format!(
             "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\
              image_sizes = [[8, 5]]\nlocal_sizes = [4]\n{lines}"
@@ -126,7 +130,7 @@ mod tests {
         let at = Hashed::from(experiment.scenes[0].load().unwrap());
         let point = Plan::new(&experiment, 1).points[0];
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
-        drafter.draft(&point, Some(&asleep::device(1.0)), &at).unwrap().key
+        drafter.draft(&point, Some(device), &at).unwrap().key
     }
 
     #[test]
@@ -138,5 +142,16 @@ mod tests {
         keys.sort();
         keys.dedup();
         assert_eq!(keys.len(), 4, "{keys:?}");
+    }
+
+    #[test]
+    fn results_of_a_device_in_another_state_have_another_key() {
+        let device = asleep::device(1.0);
+        let fewer = DeviceInfo { cores: Some(1), ..device.clone() };
+        let set = DeviceInfo { settings: vec!["POCL_WORK_GROUP_METHOD=cbs".into()], ..device.clone() };
+        let mut keys = [&device, &fewer, &set].map(|device| key_on(device, "")).to_vec();
+        keys.sort();
+        keys.dedup();
+        assert_eq!(keys.len(), 3, "{keys:?}");
     }
 }

@@ -274,6 +274,15 @@ mod tests {
     }
 
     #[test]
+    fn without_a_plan_scenes_of_one_name_do_not_hide_each_other() {
+        let of = |hash: &str, ms| Record { scene_hash: Some(hash.into()), ..record(hash, "bvh", ms) };
+        let (records, _) = shown(&folder(&[of("a", 1.0), of("b", 2.0), of("a", 3.0)]));
+        let mut times: Vec<_> = records.into_iter().map(|(_, ms)| ms).collect();
+        times.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        assert_eq!(times, [Some(2.0), Some(3.0)]);
+    }
+
+    #[test]
     fn a_tree_that_was_changed_is_said() {
         let dirty = Record { revision: Some("0123-dirty".into()), ..record("a", "bvh", 1.0) };
         let clean = Record { revision: Some("0123".into()), ..record("b", "naive", 1.0) };

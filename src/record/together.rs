@@ -312,6 +312,18 @@ mod tests {
     }
 
     #[test]
+    fn a_ratio_of_two_kinds_of_devices_has_the_differences_between_runs_of_both() {
+        let on_cpu = Record { threads: Some(2), ..launches("naive", 10.0, 0.0) };
+        let records = judged([on_cpu, launches("wide", 5.0, 0.0)]);
+        let variance = |of: BetweenRuns| of.shared.powi(2) + of.own.powi(2);
+        let both = variance(BetweenRuns::ON_PROCESSORS) + variance(BetweenRuns::ON_OTHER_DEVICES);
+        for [one, other] in [[0, 1], [1, 0]] {
+            let found = ratio(&records[one], &records[other]).expect("enough samples");
+            assert!(((found.high / found.low).ln() - 2.0 * 1.96 * both.sqrt()).abs() < 1e-4, "{found:?}");
+        }
+    }
+
+    #[test]
     fn what_was_measured_apart_is_not_paired() {
         let mut records = judged([launches("naive", 10.0, 0.1), launches("wide", 5.0, 0.1)]);
         let paired = ratio(&records[0], &records[1]).expect("enough samples");

@@ -261,4 +261,18 @@ mod tests {
             assert!(reason.contains("records = once makes a table"), "{value}: {reason}");
         }
     }
+
+    #[test]
+    fn a_table_of_planes_takes_no_indexed_layout() {
+        let prepared = |strategy: &Strategy| strategy.intersector.prepares_planes();
+        let mut count = 0;
+        for strategy in PRESETS.iter().map(|preset| preset.strategy).filter(prepared) {
+            for layout in Layout::all().into_iter().filter(|layout| layout.index_bits().is_some()) {
+                let reason = Strategy { layout, ..strategy }.contradiction().expect("a contradiction");
+                assert!(reason.contains("soup"), "{reason}");
+                count += 1;
+            }
+        }
+        assert!(count >= 2, "{count}");
+    }
 }

@@ -239,3 +239,15 @@ fn a_doubtful_pixel_may_be_too_dark() {
     image.pixels[..count].fill([0.2; 3]);
     assert_eq!(judge(&image, &reference).unexplained_pixels, count);
 }
+
+#[test]
+fn one_channel_outside_its_range_is_enough() {
+    for channel in 0..3 {
+        let mut reference = judged();
+        doubt_first(&mut reference, 1);
+        let mut image = reference.radiance.clone();
+        image.pixels[0] = [0.4; 3];
+        image.pixels[0][channel] = 0.6;
+        assert_eq!(judge(&image, &reference).unexplained_pixels, 1);
+    }
+}

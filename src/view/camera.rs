@@ -163,4 +163,18 @@ mod tests {
         assert!(camera.position.distance(Vec3::new(1.5, -0.75, 0.0)) < 1e-5, "{camera:?}");
         assert_eq!(camera.forward, scene.camera.forward);
     }
+
+    #[test]
+    fn the_limits_of_the_tilt_count_from_the_scenes_own_elevation() {
+        let tilt = |up: f64, elevation: f64| {
+            let mut pose = Pose::START;
+            pose.orbit([0.0, up], elevation);
+            pose.tilt + elevation
+        };
+        let most = FRAC_PI_2 - POLE;
+        for elevation in [-0.4, 0.4] {
+            assert!((tilt(9.0, elevation) - most).abs() < 1e-12);
+            assert!((tilt(-9.0, elevation) + most).abs() < 1e-12);
+        }
+    }
 }

@@ -140,4 +140,20 @@ mod tests {
             assert!(error.contains(told), "{text}: {error}");
         }
     }
+
+    #[test]
+    fn a_record_of_the_preset_matches_under_any_name() {
+        let point = point("naive 8x8 on teapot").expect("it is one");
+        let record = |name: &str, preset: Option<&str>| Record {
+            name: name.into(),
+            preset: preset.map(str::to_owned),
+            device: "gpu".into(),
+            scene: "teapot".into(),
+            local_size: Some([8, 8]),
+            ..Record::default()
+        };
+        assert!(point.is(&record("mine", Some("naive")), "gpu"));
+        // Changed by its entry, this strategy only has the preset's name.
+        assert!(!point.is(&record("naive", None), "gpu"));
+    }
 }

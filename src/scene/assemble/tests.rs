@@ -91,6 +91,19 @@ fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
 }
 
 #[test]
+fn a_camera_that_is_placed_keeps_its_near_plane() {
+    let scene = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/teapot.toml");
+    let near = ("camera.z_near".to_owned(), Value::Float(0.25));
+    let place = (
+        "camera.position".to_owned(),
+        Value::Array(vec![Value::Float(0.0), Value::Float(1.0), Value::Float(9.0)]),
+    );
+    for values in [vec![near.clone()], vec![near, place]] {
+        assert_eq!(load_scene_with(&scene, &values).unwrap().scene.camera.z_near, 0.25);
+    }
+}
+
+#[test]
 fn the_crease_of_an_object_counts_before_that_of_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
