@@ -328,3 +328,18 @@ fn a_bare_mesh_stands_on_a_ground_in_soft_light_unless_it_is_to_be_plain() {
     let own = of(&["--set", "light.0.position=[1, 4, 3]", "--set", "light.0.power=100"]).1;
     assert_eq!((&own["triangles"], &own["lights"], &own["samples"]), (&4.into(), &1.into(), &1.into()));
 }
+
+/// With a sky, the program has soft lights even with one sample per pixel. A light's radius then has no effect.
+#[test]
+fn with_one_sample_under_a_sky_lights_are_points() {
+    let sky = "[sky]\nzenith = 0.05\nhorizon = [0.02, 0.03, 0.04]\n";
+    let place = Place::with(&[("scene.toml", &format!("{SQUARE}{sky}"))]);
+    let of = |more: &[&str]| picture(&place, &[&["--samples", "1", "--verify"], more].concat());
+    let points = ["--set", "light.0.radius=0", "--set", "light.1.radius=0.6"];
+    for strategy in ["bvh", "tile"] {
+        let own = ["--strategy", strategy];
+        assert_eq!(of(&own), of(&[&own[..], &points].concat()), "{strategy}");
+        let change = ("common/soft.cl", "return soft->sample.y > 1 ?", "return soft->sample.y > 0 ?");
+        place.notices(change, strategy, &["--verify", "--samples", "1"]);
+    }
+}
