@@ -97,6 +97,7 @@ fn variable(name: &str) -> Option<String> {
     filled(std::env::var(name).ok())
 }
 
+/// Returns the value unless it is blank.
 fn filled(value: Option<String>) -> Option<String> {
     value.filter(|text| !text.trim().is_empty())
 }

@@ -108,8 +108,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process as another process ended: with the same exit code, or with 128 plus the number of the signal that
-/// ended the other process, as shells do. No destructor runs, so the caller must have removed its temporary folders.
+/// Ends this process with the [`exit_code`] of another process. No destructor runs, so the caller must have removed its
+/// temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     match exit_code(status) {
         0 => Ok(()),
@@ -117,6 +117,7 @@ fn end_as(status: ExitStatus) -> Result<()> {
     }
 }
 
+/// Returns the exit code of a process, or 128 plus the number of the signal that ended it, as shells do.
 fn exit_code(status: ExitStatus) -> i32 {
     status.code().unwrap_or_else(|| 128 + signal(status).map_or(0, |(signal, _)| signal))
 }

@@ -59,8 +59,8 @@ impl Observer for Bar {
     }
 }
 
-/// Prints a line to standard error for every finished point, and a line about the current work after a minute without
-/// one: the points of a group are finished together, after all launches.
+/// Prints a line to standard error for every finished point. The points of a group are finished together, after all
+/// launches, so a line about the current work is printed after a minute without a line.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
@@ -73,10 +73,10 @@ pub struct Lines {
     /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
     /// When the latest line was printed.
-    told: Option<Instant>,
+    printed_at: Option<Instant>,
 }
 
-/// After this time without a line, a line says what the run is doing.
+/// After this time without a line, a line about the current work is printed.
 const QUIET: Duration = Duration::from_secs(60);
 
 impl Lines {
@@ -95,13 +95,13 @@ impl Lines {
 
     /// Returns a line with the progress and this text, and remembers that a line was printed.
     fn line(&mut self, text: &str) -> String {
-        self.told = Some(Instant::now());
+        self.printed_at = Some(Instant::now());
         format!("[{}/{}{}] {text}", self.done, self.points, self.left())
     }
 
-    /// Returns a line about the current work if the latest line was printed long ago.
-    fn still(&mut self, what: &str) -> Option<String> {
-        let is_quiet = self.told.get_or_insert_with(Instant::now).elapsed() >= QUIET;
+    /// Returns a line about the current work if no line was printed for a minute.
+    fn overdue_line(&mut self, what: &str) -> Option<String> {
+        let is_quiet = self.printed_at.get_or_insert_with(Instant::now).elapsed() >= QUIET;
         is_quiet.then(|| self.line(what))
     }
 }
@@ -129,7 +129,7 @@ impl Observer for Lines {
 
     fn works_on(&mut self, what: &str) {
         self.since.get_or_insert((Instant::now(), self.taken));
-        if let Some(line) = self.still(&printer::line(what)) {
+        if let Some(line) = self.overdue_line(&printer::line(what)) {
             tell(line);
         }
     }
@@ -314,12 +314,12 @@ mod tests {
     fn after_a_minute_without_a_line_one_says_what_the_run_does() {
         let mut lines = Lines::default();
         lines.begins(10, 30);
-        assert_eq!(lines.still("timing teapot"), None, "the run has just begun");
-        lines.told = Instant::now().checked_sub(QUIET);
-        assert_eq!(lines.still("timing teapot").as_deref(), Some("[0/10] timing teapot"));
-        assert_eq!(lines.still("timing teapot"), None, "the line was just printed");
-        lines.told = Instant::now().checked_sub(QUIET);
+        assert_eq!(lines.overdue_line("timing teapot"), None, "the run has just begun");
+        lines.printed_at = Instant::now().checked_sub(QUIET);
+        assert_eq!(lines.overdue_line("timing teapot").as_deref(), Some("[0/10] timing teapot"));
+        assert_eq!(lines.overdue_line("timing teapot"), None, "the line was just printed");
+        lines.printed_at = Instant::now().checked_sub(QUIET);
         lines.finished(&Record::default());
-        assert_eq!(lines.still("timing teapot"), None, "a finished point has a line too");
+        assert_eq!(lines.overdue_line("timing teapot"), None, "a finished point has a line too");
     }
 }
