@@ -12,8 +12,9 @@
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread (two
-//!    degrees of freedom). Therefore a pair's spread is averaged with the spread of all points, which counts as at most
-//!    six more degrees (a moderated variance, after Smyth 2004). Student's t gives the interval ([`spread`]).
+//!    degrees of freedom). Therefore a pair's variance is averaged with the usual variance of all points (a moderated
+//!    variance, after Smyth 2004). The usual variance counts as at most six more degrees of freedom, and as fewer the
+//!    more the variances of points differ from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
 //!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one.
 //!
@@ -28,6 +29,7 @@ mod between;
 mod drift;
 mod error;
 mod interval;
+mod prior;
 mod sample;
 #[cfg(test)]
 mod simulation;

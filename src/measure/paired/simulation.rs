@@ -30,6 +30,8 @@ struct Machine {
     noise: f64,
     /// Probability that a slow phase begins at a sample; a slow phase lasts tens of samples.
     regime: f64,
+    /// Probability that a launch runs every third point in its slow mode.
+    slow_mode: f64,
 }
 
 const MACHINE: Machine = Machine {
@@ -39,12 +41,23 @@ const MACHINE: Machine = Machine {
     launch_of_point: 0.008,
     noise: 0.015,
     regime: 0.005,
+    slow_mode: 0.0,
 };
 
 /// A machine on which another process keeps one of two cores busy for half of the time. The other process takes a
 /// quarter of the machine, so frames take a sixth longer on average. The simulation has the same effect: a slow phase
 /// begins at one sample in a hundred, and makes 30 samples take 1.7 times as long.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
+
+/// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose rays all
+/// fetch their next work-groups from one counter (docs/log.md, 2026-11-24).
+const BIMODAL: Machine = Machine { slow_mode: 0.25, ..MACHINE };
+/// The logarithm of the time in the slow mode over that in the fast mode.
+const SLOW_MODE: f64 = 0.4;
+
+fn is_bimodal(point: usize) -> bool {
+    point % 3 == 1
+}
 
 /// Returns the logarithm of a point's true time. The points form five pairs; each pair is 5% slower than the pair
 /// before.
@@ -66,7 +79,11 @@ fn run(machine: Machine, points: usize, seed: u64) -> Vec<PairedSample> {
     for launch in 0..LAUNCHES {
         let shared = of_run + machine.launch * normal(&mut rng);
         let of_launch = |of_run: &f64| of_run + machine.launch_of_point * normal(&mut rng);
-        let own: Vec<f64> = of_points.iter().map(of_launch).collect();
+        let mut own: Vec<f64> = of_points.iter().map(of_launch).collect();
+        for (_, own) in own.iter_mut().enumerate().filter(|(point, _)| is_bimodal(*point)) {
+            let slow = machine.slow_mode > 0.0 && rng.random_bool(machine.slow_mode);
+            *own += if slow { SLOW_MODE } else { 0.0 };
+        }
         let mut noise: Vec<f64> = (0..points).map(|_| normal(&mut rng)).collect();
         let (mut slow, mut left) = (0.0, 0);
         for round in 0..ROUNDS {
@@ -127,7 +144,7 @@ fn found(machine: Machine, points: usize) -> Coverage {
 /// half-widths.
 fn agreement<R>(
     runs: &[R],
-    points: std::ops::Range<usize>,
+    points: impl Iterator<Item = usize>,
     interval: impl Fn(&R, usize) -> Interval,
 ) -> (f64, f64) {
     let (mut held, mut all, mut halves) = (0, 0, Vec::new());
@@ -179,6 +196,24 @@ fn they_do_where_a_launch_moves_each_point_for_itself() {
 fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 2, [0.08, 0.12]);
     holds(MACHINE, 30, [0.04, 0.08]);
+}
+
+/// Points of one speed are compared almost as exactly beside points of two speeds as without them. Of the points of two
+/// speeds, two in five show only their fast mode in three launches, so their intervals hold less often.
+#[test]
+fn steady_points_are_told_apart_beside_bimodal_ones() {
+    let found = |machine, of: &dyn Fn(usize) -> bool| {
+        let between = || vec![BetweenRuns::ON_PROCESSORS; 30];
+        let runs: Vec<Paired> =
+            (0..RUNS).map(|seed| Paired::of(&run(machine, 30, seed), 30).over_runs(between())).collect();
+        let ratio = |run: &Paired, point: usize| run.ratio(point, 0).expect("enough samples");
+        agreement(&runs, (1..30).filter(|point| of(*point)), ratio)
+    };
+    let all = found(BIMODAL, &|_| true);
+    let (steady, undisturbed) =
+        (found(BIMODAL, &|point| !is_bimodal(point)), found(MACHINE, &|point| !is_bimodal(point)));
+    assert!(all.0 >= 0.8 && steady.0 >= 0.8, "{all:?} {steady:?}");
+    assert!(steady.1 <= 0.04 && steady.1 <= 1.2 * undisturbed.1, "{steady:?} {undisturbed:?}");
 }
 
 /// Returns the 95% percentile bootstrap interval of the median, which assumes independent samples.

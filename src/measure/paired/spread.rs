@@ -1,30 +1,24 @@
 //! The spread of a point's repeated values, and the resulting error of their mean.
 
 use super::error::Error;
+use super::prior::Prior;
 use crate::measure::mean_and_sigma;
-use std::f64::consts::LN_2;
+use crate::measure::summary::median_of;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// A row's variance counts as at most this multiple of the typical variance: four times the standard deviation. By
-/// chance, one variance in nine million exceeds this limit if all points are alike (two degrees of freedom).
-const MOST_TIMES: f64 = 16.0;
-/// When the typical variance is computed, a row's variance counts as at least this fraction of the mean.
-const LEAST_SHARE: f64 = 1e-4;
-/// The Euler-Mascheroni constant.
-const EULER: f64 = 0.577_215_664_901_532_9;
 
 /// The spread of repeated values, pooled over all points. The table has a row per point and a column per
 /// repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
-    /// The usual variance of a row's residuals after subtracting each row's and each column's mean.
-    apart: f64,
-    /// The usual variance of a row; it includes effects that all rows share.
-    together: f64,
+    /// The variances of the rows' residuals after subtracting the effect of each row and each column.
+    apart: Prior,
+    /// The variances of the rows; they include effects that all rows share.
+    together: Prior,
     rows: usize,
     columns: usize,
-    /// The square root of the mean variance `together` of other tables, with the degrees of freedom of this mean.
+    /// The square root of the mean of the variances `together` of other tables, with the degrees of freedom of this mean.
     elsewhere: Error,
 }
 
@@ -32,7 +26,8 @@ impl Pooled {
     /// Pools two tables of the same shape: the medians without drift, and the plain medians.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
-        let together = usual(&plain.iter().map(|row| variance(row)).collect::<Vec<_>>(), columns);
+        let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
+        let together = Prior::of(&together, columns.saturating_sub(1));
         let elsewhere = Error { error: 0.0, degrees: 0.0 };
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
@@ -40,21 +35,19 @@ impl Pooled {
     /// Returns the error of the mean of `differences`. There is one difference per column, between the mean of
     /// `rows[0]` rows and the mean of `rows[1]` others.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
-        let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns - 1));
-        let usual: f64 = rows.iter().map(|rows| self.apart / *rows as f64).sum();
-        let variance = self.moderated(usual, borrowed, variance(differences));
-        self.error(variance, borrowed + self.columns - 1)
+        let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
+        self.moderated(parts, variance(differences))
     }
 
     /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of the same table
     /// add no information about these effects. Other tables add information.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
-        let borrowed = BORROWED.min(self.rows.saturating_sub(1) * (self.columns - 1));
-        let own = self.moderated(self.together, borrowed, variance(row));
+        let borrowed = self.borrowed(self.together, 1);
+        let own = self.weighted(self.together.variance, borrowed, variance(row));
         let (columns, elsewhere) = (self.columns as f64 - 1.0, self.elsewhere);
         let degrees = columns + elsewhere.degrees;
         let variance = (columns * own + elsewhere.degrees * elsewhere.error.powi(2)) / degrees;
-        Error { degrees, ..self.error(variance, 0) }
+        self.error(variance, degrees)
     }
 
     /// Returns whether both tables have the same number of repeats, and more than one.
@@ -67,26 +60,39 @@ impl Pooled {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();
         if all > 0.0 {
-            let variance = others.iter().map(|other| degrees(other) * other.together).sum::<f64>() / all;
+            let variance =
+                others.iter().map(|other| degrees(other) * other.together.typical).sum::<f64>() / all;
             self.elsewhere = Error { error: variance.sqrt(), degrees: all.min(BORROWED as f64) };
         }
     }
 
     /// Returns the error of the difference between two rows of typical spread; `None` for a single row.
     pub(super) fn usual(&self) -> Option<Error> {
-        let borrowed = BORROWED.min(self.rows.saturating_sub(2) * (self.columns.saturating_sub(1)));
-        (self.rows > 1).then(|| self.error(2.0 * self.apart, borrowed + self.columns - 1))
+        (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
 
-    /// Returns the weighted mean of a row's own variance, which has few degrees of freedom, and the
-    /// typical variance.
-    fn moderated(&self, usual: f64, borrowed: usize, own: f64) -> f64 {
-        let (borrowed, columns) = (borrowed as f64, self.columns as f64 - 1.0);
+    /// Returns the error of a mean of differences, whose own variance has few degrees of freedom. `parts` is the
+    /// variance of a difference if each row has the variance 1.
+    fn moderated(&self, parts: f64, own: f64) -> Error {
+        let borrowed = self.borrowed(self.apart, 2);
+        let variance = self.weighted(parts * self.apart.variance, borrowed, own);
+        self.error(variance, borrowed + self.columns.saturating_sub(1) as f64)
+    }
+
+    /// Returns the degrees of freedom for which the spread of all rows counts. `own` rows are no others.
+    fn borrowed(&self, prior: Prior, own: usize) -> f64 {
+        let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
+        prior.degrees.min(BORROWED.min(others) as f64)
+    }
+
+    /// Returns the weighted mean of a row's own variance and the variance of all rows.
+    fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> f64 {
+        let columns = self.columns as f64 - 1.0;
         (borrowed * usual + columns * own) / (borrowed + columns)
     }
 
-    fn error(&self, variance: f64, degrees: usize) -> Error {
-        Error { error: (variance / self.columns as f64).sqrt(), degrees: degrees as f64 }
+    fn error(&self, variance: f64, degrees: f64) -> Error {
+        Error { error: (variance / self.columns as f64).sqrt(), degrees }
     }
 }
 
@@ -94,52 +100,32 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Returns the usual variance of a row's residuals in a two-way table after subtracting row and column means;
-/// 0 for a single row or column.
-fn interaction(table: &[&[f64]]) -> f64 {
+/// Returns the variances of the rows' residuals in a two-way table after subtracting the effects of rows and columns; 0
+/// for a single row or column. For each row, the effect of a column is the median of the other rows, so that a few
+/// unsteady rows do not disturb the residuals of the others.
+fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
-        return 0.0;
+        return Prior::of(&[], 0);
     }
-    let column = |place: usize| table.iter().map(|row| row[place]).sum::<f64>() / rows as f64;
-    let columns_means: Vec<f64> = (0..columns).map(column).collect();
-    let all = columns_means.iter().sum::<f64>() / columns as f64;
-    // The means of the columns use up columns - 1 degrees of freedom, which all rows share.
-    let left = (columns - 1) as f64 * (rows - 1) as f64 / rows as f64;
-    let of_row = |row: &&[f64]| {
-        let mean = row.iter().sum::<f64>() / columns as f64;
-        let residuals = row.iter().zip(&columns_means).map(|(value, column)| value - mean - column + all);
-        residuals.map(|residual| residual.powi(2)).sum::<f64>() / left
+    let centred: Vec<Vec<f64>> = table.iter().map(|row| around_mean(row)).collect();
+    let effect = |own: usize, column: usize| {
+        let others: Vec<f64> = (0..rows).filter(|row| *row != own).map(|row| centred[row][column]).collect();
+        median_of(&others).unwrap_or(0.0)
     };
-    usual(&table.iter().map(of_row).collect::<Vec<_>>(), columns)
+    // An effect has an error of its own. Here its variance is that of a mean; the median's is up to a half larger.
+    let both = 1.0 + 1.0 / (rows - 1) as f64;
+    let of_row = |row: usize| {
+        let residuals: Vec<f64> =
+            centred[row].iter().enumerate().map(|(column, value)| value - effect(row, column)).collect();
+        variance(&residuals) / both
+    };
+    Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
-/// Returns the mean of the rows' variances, where a variance counts as at most [`MOST_TIMES`] times the typical
-/// variance. One row that varies far more than the others, such as a caster on the host whose threads wait for each
-/// other, thus does not widen the intervals of all rows. With fewer than three rows, no row can stand out.
-fn usual(variances: &[f64], columns: usize) -> f64 {
-    let mean_of = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / variances.len().max(1) as f64;
-    let mean = mean_of(&mut variances.iter().copied());
-    if variances.len() < 3 || columns < 2 || mean == 0.0 {
-        return mean;
-    }
-    // A clock with coarse steps can show a row without any variance.
-    let logs = mean_of(&mut variances.iter().map(|variance| variance.max(LEAST_SHARE * mean).ln()));
-    let typical = (logs - log_bias(columns - 1)).exp();
-    mean_of(&mut variances.iter().map(|variance| variance.min(MOST_TIMES * typical)))
-}
-
-/// Returns how far the logarithm of a variance with `degrees` degrees of freedom is off on average: digamma(d / 2)
-/// - ln(d / 2), by the recurrence of digamma.
-fn log_bias(degrees: usize) -> f64 {
-    let half = 0.5 * degrees as f64;
-    let (mut at, mut digamma) =
-        if degrees.is_multiple_of(2) { (1.0, -EULER) } else { (0.5, -EULER - 2.0 * LN_2) };
-    while at < half {
-        digamma += 1.0 / at;
-        at += 1.0;
-    }
-    digamma - half.ln()
+fn around_mean(row: &[f64]) -> Vec<f64> {
+    let mean = row.iter().sum::<f64>() / row.len() as f64;
+    row.iter().map(|value| value - mean).collect()
 }
 
 #[cfg(test)]
@@ -148,28 +134,26 @@ mod tests {
 
     #[test]
     fn what_rows_and_columns_share_is_no_interaction() {
-        assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]) < 1e-20);
+        assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
         // By hand: residuals of +-0.5 in all four cells, one degree of freedom.
-        assert_eq!(interaction(&[&[1.0, 0.0], &[0.0, 1.0]]), 1.0);
-        assert_eq!(interaction(&[&[1.0, 9.0]]), 0.0);
+        assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
+        assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }
 
+    /// Two of five rows vary a hundred times as much as the others.
     #[test]
-    fn the_usual_variance_is_right_on_average_and_hardly_moved_by_one_row() {
-        // digamma(1) = -0.5772, digamma(1/2) = -1.9635, digamma(3/2) = 0.0365, digamma(2) = 0.4228.
-        for (degrees, digamma) in [(1, -1.9635), (2, -0.5772), (3, 0.0365), (4, 0.4228)] {
-            let expected = digamma - (0.5 * f64::from(degrees)).ln();
-            assert!((log_bias(degrees as usize) - expected).abs() < 1e-4, "{degrees}");
-        }
-        // Variances with two degrees of freedom are distributed exponentially: these are their quantiles.
-        let mut variances: Vec<f64> =
-            (0..1000).map(|k| -(1.0 - (f64::from(k) + 0.5) / 1000.0).ln()).collect();
-        assert!((usual(&variances, 3) - 1.0).abs() < 0.01, "{}", usual(&variances, 3));
-        variances.retain(|variance| *variance > 0.9 && *variance < 1.1);
-        let (rows, before) = (variances.len() as f64, usual(&variances, 3));
-        variances[0] = 1e4;
-        assert!(usual(&variances, 3) < before * (1.0 + 35.0 / rows), "{} {before}", usual(&variances, 3));
-        assert_eq!((usual(&[1.0, 3.0], 3), usual(&[0.0; 4], 3)), (2.0, 0.0));
+    fn steady_rows_are_not_judged_by_unsteady_ones() {
+        let steady = [[0.00, 0.01, -0.01, 0.0], [1.01, 1.0, 1.0, 0.99], [2.0, 1.99, 2.0, 2.01]];
+        let unsteady = [[3.0, 4.0, 2.0, 3.0], [5.0, 4.0, 4.0, 3.0]];
+        let rows: Vec<&[f64]> = steady.iter().chain(&unsteady).map(|row| row.as_slice()).collect();
+        let pooled = Pooled::of(&rows, &rows);
+        let of = |one: usize, other: usize| {
+            let differences: Vec<f64> = rows[one].iter().zip(rows[other]).map(|(a, b)| a - b).collect();
+            pooled.of_difference(&differences, [1, 1]).error
+        };
+        assert!(of(0, 1) < 0.05 && of(1, 2) < 0.05, "{} {}", of(0, 1), of(1, 2));
+        assert!(of(0, 3) > 0.2, "{}", of(0, 3));
+        assert!(pooled.of_level(rows[0]).error < 0.1 * pooled.of_level(rows[3]).error);
     }
 
     #[test]
@@ -177,7 +161,7 @@ mod tests {
         let (one, two) = ([1.0, 1.3, 0.9], [2.0, 2.1, 2.4]);
         let pooled = Pooled::of(&[&one, &two], &[&one, &two]);
         let differences: Vec<f64> = one.iter().zip(&two).map(|(a, b)| a - b).collect();
-        assert!((2.0 * pooled.apart - variance(&differences)).abs() < 1e-12);
+        assert!((2.0 * pooled.apart.variance - variance(&differences)).abs() < 1e-12);
         let expected = Error { error: (variance(&differences) / 3.0).sqrt(), degrees: 2.0 };
         assert_eq!(pooled.of_difference(&differences, [1, 1]), expected);
     }

@@ -1,0 +1,167 @@
+//! How much the variances of points differ from each other: what all points say about one point's variance.
+
+use statrs::function::gamma::digamma;
+
+/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance: four times
+/// the standard deviation. By chance, one variance in nine million exceeds this limit if all points are alike (two
+/// degrees of freedom).
+const MOST_TIMES: f64 = 16.0;
+/// When the distribution is estimated, a variance counts as at least this fraction of the mean: a clock with coarse
+/// steps can show a point without any variance.
+const LEAST_SHARE: f64 = 1e-4;
+/// Below the first limit, points have nothing in common; above the second, their true variances are equal.
+const DEGREES: [f64; 2] = [1e-2, 1e4];
+/// Number of halvings that find the degrees of freedom to a millionth.
+const HALVINGS: usize = 44;
+
+/// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
+/// observed variances. Smyth, "Linear models and empirical Bayes methods for assessing differential expression in
+/// microarray experiments" (Statistical Applications in Genetics and Molecular Biology 3, 2004), section 6.2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Prior {
+    /// The variance of a point of which nothing is known.
+    pub variance: f64,
+    /// The number of degrees of freedom for which `variance` counts beside a point's own variance. It is small if some
+    /// points vary far more than others, and large if all vary alike.
+    pub degrees: f64,
+    /// The geometric mean of the true variances.
+    pub typical: f64,
+}
+
+impl Prior {
+    /// Estimates the distribution from one observed variance per point, each with `degrees` degrees of freedom. Fewer
+    /// than three points cannot show whether points differ, so these are taken to be alike.
+    pub fn of(variances: &[f64], degrees: usize) -> Self {
+        let mean = mean_of(variances.iter().copied());
+        if variances.len() < 3 || degrees == 0 || mean == 0.0 {
+            return Self { variance: mean, degrees: f64::INFINITY, typical: mean };
+        }
+        let half = 0.5 * degrees as f64;
+        // The mean logarithm of a variance is this much less than the logarithm of the true variance.
+        let bias = log_bias(half);
+        let logs: Vec<f64> =
+            variances.iter().map(|variance| variance.max(LEAST_SHARE * mean).ln() - bias).collect();
+        let most = mean_of(logs.iter().copied()) + MOST_TIMES.ln();
+        let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
+        let typical = mean_of(logs.iter().copied());
+        let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
+        // Even points that are alike have observed variances that differ; the rest of the spread is the points' own.
+        let own = squares / (logs.len() - 1) as f64 - trigamma(half);
+        let degrees = 2.0 * inverse_trigamma(own);
+        let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
+        Self { variance: (typical + scale).exp(), degrees, typical: typical.exp() }
+    }
+}
+
+fn mean_of(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
+}
+
+/// Returns the mean of the logarithm of a chi-square variable with `2 * half` degrees of freedom, divided by these.
+fn log_bias(half: f64) -> f64 {
+    digamma(half) - half.ln()
+}
+
+/// Returns the derivative of digamma for positive `x`: the recurrence up to 6, and from there on the asymptotic series
+/// (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
+fn trigamma(x: f64) -> f64 {
+    let (mut at, mut sum) = (x, 0.0);
+    while at < 6.0 {
+        sum += at.powi(-2);
+        at += 1.0;
+    }
+    let inverse = at.recip();
+    let square = inverse * inverse;
+    sum + inverse * (1.0 + 0.5 * inverse + square * (1.0 / 6.0 - square * (1.0 / 30.0 - square / 42.0)))
+}
+
+/// Returns the argument at which trigamma is `value`, within half of [`DEGREES`]; infinite if it lies above.
+fn inverse_trigamma(value: f64) -> f64 {
+    let [mut low, mut high] = DEGREES.map(|degrees| 0.5 * degrees);
+    if value <= trigamma(high) {
+        return f64::INFINITY;
+    }
+    for _ in 0..HALVINGS {
+        // Trigamma falls.
+        let middle = (low * high).sqrt();
+        if trigamma(middle) > value { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Variances with two degrees of freedom are distributed exponentially: these are a thousand quantiles.
+    fn alike() -> Vec<f64> {
+        (0..1000).map(|k| -(1.0 - (f64::from(k) + 0.5) / 1000.0).ln()).collect()
+    }
+
+    #[test]
+    fn trigamma_is_that_of_the_tables() {
+        let square = std::f64::consts::PI.powi(2);
+        for (x, expected) in [(0.5, square / 2.0), (1.0, square / 6.0), (2.0, square / 6.0 - 1.0)] {
+            assert!((trigamma(x) - expected).abs() < 1e-6, "{x}");
+            assert!((inverse_trigamma(expected) - x).abs() < 1e-4, "{x}");
+        }
+        // The series at a large argument: 1/x + 1/(2 x^2) + 1/(6 x^3).
+        assert!((trigamma(100.0) - 0.010_050_166_7).abs() < 1e-9);
+        assert_eq!((inverse_trigamma(0.0), inverse_trigamma(-1.0)), (f64::INFINITY, f64::INFINITY));
+    }
+
+    #[test]
+    fn points_that_vary_alike_borrow_without_limit() {
+        let found = Prior::of(&alike(), 2);
+        assert!(found.degrees > 100.0 && (found.variance - 1.0).abs() < 0.02, "{found:?}");
+        assert!((found.typical - 1.0).abs() < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn the_spread_of_true_variances_is_found() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut exponential = || -rng.random_range(1e-12..1.0_f64).ln();
+        // A chi-square variable with four degrees of freedom is twice the sum of two exponential variables.
+        let mut observed = || 4.0 / (2.0 * (exponential() + exponential())) * exponential();
+        let observed: Vec<f64> = (0..20_000).map(|_| observed()).collect();
+        let found = Prior::of(&observed, 2);
+        assert!((found.degrees - 4.0).abs() < 0.6 && (found.variance - 1.0).abs() < 0.1, "{found:?}");
+        // By definition, ln(typical) = ln(1) - (digamma(2) - ln(2)).
+        assert!((found.typical - 1.31).abs() < 0.05, "{found:?}");
+    }
+
+    /// Steady points beside points that vary a hundred times as much: the steady ones are not unsteady by association.
+    #[test]
+    fn points_of_two_kinds_borrow_little() {
+        let of_two: Vec<f64> =
+            alike().iter().enumerate().map(|(k, v)| if k % 2 == 0 { *v } else { 100.0 * v }).collect();
+        let found = Prior::of(&of_two, 2);
+        assert!(found.degrees < 1.5 && found.variance < 10.0, "{found:?}");
+    }
+
+    #[test]
+    fn one_point_far_away_hardly_changes_what_the_others_borrow() {
+        let thirty: Vec<f64> = (0..30).map(|k| alike()[16 + 33 * k]).collect();
+        let mut with_one = thirty.clone();
+        with_one[7] = 1e4;
+        let (before, after) = (Prior::of(&thirty, 2), Prior::of(&with_one, 2));
+        assert!(
+            after.degrees > 4.0 && (after.typical / before.typical - 1.0).abs() < 0.2,
+            "{before:?} {after:?}"
+        );
+        assert!(after.variance < before.variance * 1.2);
+    }
+
+    #[test]
+    fn few_points_are_taken_to_be_alike_and_no_variance_is_no_error() {
+        assert_eq!(Prior::of(&[1.0, 3.0], 2), Prior { variance: 2.0, degrees: f64::INFINITY, typical: 2.0 });
+        assert_eq!(Prior::of(&[0.0; 4], 2).variance, 0.0);
+        assert_eq!(Prior::of(&[], 2).variance, 0.0);
+        // A clock with coarse steps shows some variances of zero.
+        let coarse = Prior::of(&[0.0, 1.0, 1.0, 1.0, 1.0, 1.0], 3);
+        assert!(coarse.variance > 0.0 && coarse.variance.is_finite() && coarse.degrees > 0.0, "{coarse:?}");
+    }
+}
