@@ -240,8 +240,8 @@ mod tests {
             "Fastest, a tie: **wide at 1 x 1**, **wide at 2 x 2** at 10.00 ms.",
             // All samples of a point are equal, so the ranges contain only the assumed difference
             // between runs.
-            "The fastest point is 42.0 times (39.7 to 44.4) as fast as serial-f32.",
-            "8.40 times (8.35 to 8.45) as fast as naive at 8 x 8.",
+            "The fastest point is 42.0 times (39.6 to 44.5) as fast as serial-f32.",
+            "8.40 times (8.32 to 8.48) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
@@ -263,7 +263,7 @@ mod tests {
         ]);
         let text = summary_markdown(&records, &[], "?", "!");
         let fastest = text.lines().find(|line| line.starts_with("Fastest")).expect("a winner");
-        assert!(fastest.contains(" 42.0 times (39.7 to 44.4) as fast as serial-f32."), "{text}");
+        assert!(fastest.contains(" 42.0 times (39.6 to 44.5) as fast as serial-f32."), "{text}");
     }
 
     #[test]

@@ -274,7 +274,7 @@ mod tests {
         assert_eq!(one.sureness, "tie");
         assert_eq!(one.winners.iter().map(|w| w.name.as_str()).collect::<Vec<_>>(), ["wide", "deferred"]);
         assert_eq!(one.speedups[0].factor, "37.3×");
-        assert_eq!(one.speedups[0].range, "35.2 to 39.4");
+        assert_eq!(one.speedups[0].range, "35.2 to 39.5");
         assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local", 1));
         assert!(headline(&answers).contains("tie"), "{}", headline(&answers));
     }
@@ -305,7 +305,7 @@ mod tests {
         let answers = answers(&groups(&records));
         let sure = &answers[0].sure;
         assert!(
-            sure.contains(" The next point, naive at 8 x 8, takes 4.00 times (3.98 to 4.02) as long."),
+            sure.contains(" The next point, naive at 8 x 8, takes 4.00 times (3.96 to 4.04) as long."),
             "{sure}"
         );
     }

@@ -2,9 +2,9 @@
 
 use statrs::function::gamma::digamma;
 
-/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance: four times
-/// the standard deviation. By chance, one variance in nine million exceeds this limit if all points are alike (two
-/// degrees of freedom).
+/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance, after the
+/// bias of both logarithms is corrected. With two degrees of freedom, a variance of more than 9 times the typical
+/// variance exceeds this limit: one in 8,000 by chance, if all points are alike.
 const MOST_TIMES: f64 = 16.0;
 /// When the distribution is estimated, a variance counts as at least this fraction of the mean: a clock with coarse
 /// steps can show a point without any variance.
