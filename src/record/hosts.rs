@@ -163,4 +163,12 @@ mod tests {
         assert_eq!(hosts(&[with(None, Some("gpu 1"), 0), with(None, Some("gpu 2"), 1)]), ["gpu 1", "gpu 2"]);
         assert_eq!(hosts(&[with(None, None, 0)]), ["this machine"]);
     }
+
+    #[test]
+    fn only_a_certain_difference_of_more_than_a_fiftieth_makes_hosts_differ() {
+        let at = |slower| AtHost { host: "n1".into(), blocks: 1, median_ms: 10.0, interval_ms: None, slower };
+        assert!(at(Some([1.1, 1.03, 1.2])).differs());
+        assert!(!at(Some([1.1, 1.02, 1.2])).differs());
+        assert!(!at(None).differs(), "the fastest machine, or one with too few samples");
+    }
 }

@@ -211,4 +211,13 @@ mod tests {
         std::io::Read::read_to_string(&mut reader, &mut text).unwrap();
         assert!(text.ends_with('\n'), "it was written: {text}");
     }
+
+    #[test]
+    fn a_note_on_damage_counts_the_lines() {
+        let with = |damaged: &[usize]| Lines::<Sample> { damaged: damaged.to_vec(), ..Lines::default() };
+        assert_eq!(with(&[]).damage("a.jsonl"), None);
+        let one = with(&[7]).damage("a.jsonl").unwrap();
+        assert!(one.starts_with("1 damaged line is left out of a.jsonl; the first is line 7."), "{one}");
+        assert!(!Lines::<Sample>::default().torn);
+    }
 }

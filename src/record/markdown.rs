@@ -311,4 +311,19 @@ mod tests {
     fn no_records_is_no_panic() {
         assert!(summary_markdown(&[], &[], "Q?", "E.").contains("# Q?"));
     }
+
+    #[test]
+    fn a_row_has_the_quartiles_distance_and_columns_of_numbers_have_their_points_below_each_other() {
+        let of_ten = Record { q1_ms: Some(9.5), q3_ms: Some(11.0), ..measured("gpu", "naive", 8, 10.0) };
+        let records = judged([of_ten, measured("gpu", "wide", 8, 1234.5)]);
+        let text = summary_markdown(&records, &[], "?", "!");
+        assert!(!text.contains("Not enough samples to rank"), "{text}");
+        let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
+        let cells = |row: &str| row.split('|').map(str::to_owned).collect::<Vec<_>>();
+        let [naive, wide] =
+            ["naive", "wide"].map(|name| cells(rows.iter().find(|row| row.contains(name)).expect("a row")));
+        assert_eq!(naive[4].trim(), "1.5", "{text}");
+        let point = |cell: &str| cell.find('.').or(cell.trim_end().len().into());
+        assert_eq!(point(&naive[3]), point(&wide[3]), "{text}");
+    }
 }

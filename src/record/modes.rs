@@ -83,4 +83,12 @@ mod tests {
         let said = to_mind(&record).expect("two modes");
         assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10 samples)"), "{said}");
     }
+
+    /// A point whose image is wrong has samples, but no time.
+    #[test]
+    fn what_has_no_time_has_no_modes() {
+        let record = launches_of([110.0, 110.0, 170.0]);
+        assert!(two_modes(&record).is_some());
+        assert_eq!(two_modes(&Record { outcome: crate::record::Outcome::WrongImage, ..record }), None);
+    }
 }

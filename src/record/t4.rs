@@ -105,4 +105,14 @@ mod tests {
             |name: &str| all.iter().find(|one| one["name"] == name).and_then(|one| one["value"].as_f64());
         assert_eq!((value("frame_rays"), value("primary_rays")), (Some(6e7), Some(8e7)));
     }
+
+    #[test]
+    fn a_point_without_a_time_has_its_reason_and_a_measured_one_none() {
+        let reasons = |record: Record| -> Vec<Value> {
+            let all = measurements(&record).into_iter();
+            all.filter(|one| one["name"] == "skip_reason").map(|one| one["value"].clone()).collect()
+        };
+        assert_eq!(reasons(infeasible("gpu", "naive", 32, "too large")), ["too large"]);
+        assert!(reasons(measured("gpu", "naive", 8, 2.0)).is_empty());
+    }
 }

@@ -291,4 +291,13 @@ mod tests {
         assert!(!summary_terminal(&records, false).contains('\u{1b}'));
         assert!(summary_terminal(&records, true).contains("\u{1b}["));
     }
+
+    #[test]
+    fn an_infeasible_point_is_named_by_what_is_too_small_if_that_is_short() {
+        let word = |reason: &str| word(&infeasible("gpu", "naive", 32, reason));
+        assert_eq!(word("__local memory: 2 B > 1 B"), "local");
+        assert_eq!(word("sixteen letters.: 2 B > 1 B"), "sixteen letters.");
+        assert_eq!(word("seventeen letters: 2 B > 1 B"), "infeasible");
+        assert_eq!(word("no colon"), "infeasible");
+    }
 }

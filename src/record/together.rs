@@ -387,4 +387,19 @@ mod tests {
             in_order([one, other].iter(), &[]).into_iter().map(|sample| sample.point).collect();
         assert_eq!(order, [0, 1].repeat(10));
     }
+
+    #[test]
+    fn records_without_enough_samples_were_measured_with_no_other() {
+        let records = judged([measured("gpu", "naive", 8, 10.0), few("gpu", "wide", 1, 5.0, 2)]);
+        assert!(are_together(&records[0], &records[0]));
+        assert!(!are_together(&records[0], &records[1]) && !are_together(&records[1], &records[1]));
+    }
+
+    #[test]
+    fn if_some_points_have_one_launch_they_are_counted_and_one_is_named() {
+        let look = Record { image_size: [80, 50], ..few("gpu", "naive", 8, 10.0, 5) };
+        let records = judged([look, launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+        let said = how_sure(&records);
+        assert!(said[0].contains("program: 1 of 3 points, such as teapot 80 x 50."), "{said:?}");
+    }
 }

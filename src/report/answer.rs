@@ -330,4 +330,26 @@ mod tests {
         assert_eq!(headline(&answers), "Nothing could be measured");
         assert_eq!(answers[0].sureness, "unsure");
     }
+
+    #[test]
+    fn baselines_are_the_hosts_at_the_same_scene_and_image_size() {
+        let host = |ms: f64| measured("host", "serial-f32", 0, ms);
+        let records = judged([
+            Record { image_size: [1600, 1000], ..host(840.0) },
+            Record { scene: "room".into(), ..host(210.0) },
+            host(420.0),
+            measured("gpu", "wide", 1, 10.0),
+        ]);
+        let groups = groups(&records);
+        let gpu = groups.iter().find(|group| group.device == "gpu").expect("a group");
+        let times: Vec<_> = baselines(gpu, &groups).into_iter().map(|record| record.median_ms).collect();
+        assert_eq!(times, [Some(420.0)]);
+    }
+
+    #[test]
+    fn a_winner_has_its_local_size_across_and_down() {
+        let record = Record { local_size: Some([32, 4]), ..measured("gpu", "wide", 1, 10.0) };
+        let winner = winner(&record);
+        assert_eq!((winner.name.as_str(), winner.size.as_str()), ("wide", "32×4"));
+    }
 }

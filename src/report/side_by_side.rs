@@ -140,6 +140,7 @@ mod tests {
             plots[1].svg
         );
         assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
+        assert!(plots[0].svg.contains("3.00× teapot: wide at 1 x 1"), "{}", plots[0].svg);
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
     }
 

@@ -275,4 +275,18 @@ mod tests {
         );
         assert!(Ratio::of_parts(&[], 10.0).is_none());
     }
+
+    #[test]
+    fn an_interval_that_ends_at_a_bound_is_unclear() {
+        let of = |low: f64, high: f64| Ratio { sure: Some((2.0, [low, high])), n: 10, frame_ms: 1.0 };
+        let within = 1.0..=3.0;
+        for (low, high) in [(1.0, 2.5), (1.5, 3.0), (3.0, 4.0), (0.5, 1.0)] {
+            assert_eq!(of(low, high).verdict(&within), Verdict::Unclear, "{low} to {high}");
+        }
+        assert_eq!(of(1.5, 2.5).verdict(&within), Verdict::Held);
+        assert_eq!(
+            [(3.5, 4.0), (0.5, 0.9)].map(|(low, high)| of(low, high).verdict(&within)),
+            [Verdict::NotHeld; 2]
+        );
+    }
 }

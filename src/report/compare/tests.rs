@@ -245,3 +245,35 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     let found = comparison.pairs[0].change_percent();
     assert!(found.is_some_and(|percent| percent > 90.0), "{found:?}");
 }
+
+#[test]
+fn points_are_named_with_their_device_where_there_are_several() {
+    let run = |devices: &[&str]| {
+        let kernels = devices.iter().map(|device| timed(device, "naive", 10.0));
+        kernels.chain([timed("host", "serial", 100.0)]).collect::<Vec<_>>()
+    };
+    let compared = |devices: &[&str]| of(&folder("old", run(devices)), &folder("new", run(devices)));
+    let [one, two] = [compared(&["a"]), compared(&["a", "b"])];
+    // The host, which measures the baselines, is no second device.
+    assert_eq!([one.has_several_devices(), two.has_several_devices()], [false, true]);
+    let kernel = &two.pairs[0];
+    assert_eq!(kernel.point(true), "teapot 800 x 500, naive 8x8, a");
+    assert_eq!(kernel.point(false), "teapot 800 x 500, naive 8x8");
+    let baseline = two.pairs.iter().find(|pair| pair.before.is_baseline()).expect("a baseline");
+    assert_eq!(baseline.point(true), baseline.point(false));
+}
+
+#[test]
+fn a_page_lists_what_is_not_compared_only_if_there_is_something_and_states_the_threshold() {
+    let (naive, wide) = (timed("a", "naive", 10.0), timed("a", "wide", 10.0));
+    let page = |after: Vec<Record>, threshold: f64| {
+        let before = folder("old", vec![naive.clone(), wide.clone()]);
+        Comparison::of(&before, &folder("new", after), threshold, false).markdown()
+    };
+    let whole = page(vec![naive.clone(), wide.clone()], 0.005);
+    assert!(!whole.contains("Not compared"), "{whole}");
+    assert!(whole.contains("lies completely beyond 0.5%."), "{whole}");
+    let part = page(vec![naive.clone()], 0.02);
+    assert!(part.contains("\nNot compared:\n\n- ") && part.contains("only in old"), "{part}");
+    assert!(part.contains("lies completely beyond 2%."), "{part}");
+}

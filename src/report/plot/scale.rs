@@ -146,4 +146,20 @@ mod tests {
         let scale = Scale::over(Kind::Log, std::iter::empty(), [0.0, 1.0]);
         assert!(!scale.ticks().is_empty());
     }
+
+    #[test]
+    fn a_linear_scale_between_values_other_than_zero_places_them_evenly() {
+        let scale = Scale::between(Kind::Linear, [10.0, 20.0], [100.0, 200.0]);
+        assert_eq!([10.0, 15.0, 20.0].map(|value| scale.place(value)), [100.0, 150.0, 200.0].map(Some));
+        // A vertical axis runs upwards, against the direction of pixels.
+        let up = Scale::between(Kind::Linear, [10.0, 20.0], [200.0, 100.0]);
+        assert_eq!(up.place(12.5), Some(175.0));
+    }
+
+    #[test]
+    fn labels_are_as_short_as_they_can_be() {
+        let values = [0.0, 0.00005, 0.0001, 0.25, 9999.0, 1e4, 2.5e6, 3e9, -2e4];
+        let expected = ["0", "5e-5", "0.0001", "0.25", "9999", "10k", "2.5M", "3G", "-20k"];
+        assert_eq!(values.map(label), expected);
+    }
 }
