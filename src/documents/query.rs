@@ -273,4 +273,16 @@ mod tests {
         wrong("old: naive still-life", "expected exactly one");
         wrong("occupancy: capability=2.0 8x8", "registers= is missing");
     }
+
+    #[test]
+    fn a_median_of_too_few_samples_has_their_number() {
+        let side = |samples: usize| {
+            let record = crate::record::fixtures::few("gpu", "naive", 8, 2.0, samples);
+            let record = crate::record::fixtures::judged([record]).remove(0);
+            Side { told: Told::Nothing(String::new()), median_of: Some(record) }
+        };
+        assert_eq!(side(3).few(), " (n = 3)");
+        assert_eq!(side(5).few(), "");
+        assert_eq!(Side { median_of: None, ..side(3) }.few(), "");
+    }
 }

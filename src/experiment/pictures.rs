@@ -122,4 +122,21 @@ mod tests {
             assert!(pictures.drawing("b", &other).unwrap().starts_with("images/b-"));
         }
     }
+
+    #[test]
+    fn a_picture_that_exists_is_not_made_again() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let pictures = Pictures::of(folder.path());
+        let made = std::cell::Cell::new(0);
+        for _ in 0..2 {
+            let make = || {
+                made.set(made.get() + 1);
+                RgbImage::from_pixel(3, 2, image::Rgb([7; 3]))
+            };
+            assert_eq!(pictures.picture_once("a b", make).unwrap(), "images/a-b.png");
+            assert!(folder.path().join("images/a-b.png").exists());
+        }
+        assert_eq!(made.get(), 1);
+    }
 }

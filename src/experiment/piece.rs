@@ -125,6 +125,9 @@ mod tests {
     fn a_control_point_is_measured_first_and_once() {
         let piece = Piece { points: vec![12, 10, 13], block: Some(1), control: Some(10) };
         assert_eq!(piece.places(), [10, 12, 13]);
+        assert!(!piece.borrows(10), "the block has its control point itself");
+        let group = Piece { control: None, ..piece };
+        assert!(!group.borrows(10) && !group.borrows(99), "a piece without a control point borrows none");
     }
 
     #[test]

@@ -186,3 +186,19 @@ fn a_packed_file_that_is_cut_off_or_changed_is_damaged() {
     assert_eq!(Opened::at(&path).unwrap().filetype, FileType::Mesh(MeshFormat::Obj));
     assert!(!Damaged::caused(&Opened::at(folder.path()).unwrap_err()));
 }
+
+#[test]
+fn json_is_gltf_if_it_has_one_of_the_keys_of_gltf() {
+    let of = |text: &str| FileType::of(text.as_bytes(), text.len() as u64);
+    for text in [
+        r#"{"asset": {"version": "2.0"}}"#,
+        r#"{"bufferViews": []}"#,
+        r#"{"buffers": [{"byteLength": 1}]}"#,
+        r#"{"accessors": []}"#,
+    ] {
+        assert_eq!(of(text), FileType::Mesh(MeshFormat::Gltf), "{text}");
+    }
+    for text in ["{}", r#"{"asset": 1}"#, r#"{"version": 1}"#] {
+        assert_ne!(of(text), FileType::Mesh(MeshFormat::Gltf), "{text}");
+    }
+}

@@ -144,6 +144,7 @@ mod tests {
         let json = serde_json::to_string(&counts).expect("JSON");
         assert_eq!(json, r#"{"load global":1,"store global":1,"arithmetic":1,"barrier":1}"#);
         assert_eq!(counts.of(Kind::Store(Memory::Global)), 1);
+        assert_eq!(counts.of(Kind::Call), 0);
         assert_eq!(counts.memories(), [Memory::Global]);
         assert_eq!(counts.to_string(), "load global 1, store global 1, arithmetic 1, barrier 1");
     }

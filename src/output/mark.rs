@@ -241,4 +241,18 @@ mod tests {
             assert_eq!(out, b"abcd--ef");
         }
     }
+
+    /// Other programs refuse a chunk whose checksum is wrong.
+    #[test]
+    fn the_checksum_of_a_sealed_pngs_mark_is_right() {
+        let mut whole = PNG_SIGNATURE.to_vec();
+        whole.resize(PNG_CHUNK, 0);
+        whole.extend(png().1);
+        let mut sealed = file(&whole);
+        seal(&mut sealed).unwrap();
+        let sealed = bytes(&mut sealed);
+        let (chunk, checksum) = sealed[PNG_CHUNK + 4..].split_at(sealed.len() - PNG_CHUNK - 8);
+        assert!(chunk.starts_with(b"tEXtComment\0made by raycl"));
+        assert_eq!(checksum, crc32fast::hash(chunk).to_be_bytes());
+    }
 }

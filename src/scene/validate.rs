@@ -245,4 +245,70 @@ mod tests {
             assert_eq!(check_mesh(&scene.mesh).is_ok(), is_valid, "{normal}");
         }
     }
+
+    #[test]
+    fn a_view_is_checked_with_the_mesh() {
+        let mut scene = single_triangle();
+        assert!(scene.validate().is_ok());
+        scene.display.gamma = 0.0;
+        assert!(scene.validate().is_err());
+    }
+
+    #[test]
+    fn a_sky_has_a_reach_a_direction_and_a_radiance() {
+        let sky = Sky { zenith: Vec3::ONE, horizon: Vec3::ZERO, up: Vec3::Y, reach: 10.0, picture: None };
+        assert!(check_sky(&sky).is_ok());
+        for reach in [0.0, -1.0, f32::INFINITY, f32::NAN] {
+            assert!(check_sky(&Sky { reach, ..sky.clone() }).is_err(), "{reach}");
+        }
+        for up in [Vec3::ZERO, Vec3::Y * 2.0, Vec3::NAN] {
+            assert!(check_sky(&Sky { up, ..sky.clone() }).is_err(), "{up}");
+        }
+        for (radiance, is_valid) in [(-0.1, false), (f32::NAN, false), (1e28, true), (2e28, false)] {
+            let one = Vec3::new(0.0, radiance, 0.0);
+            for sky in [Sky { zenith: one, ..sky.clone() }, Sky { horizon: one, ..sky.clone() }] {
+                assert_eq!(check_sky(&sky).is_ok(), is_valid, "{radiance}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_values_of_a_material_are_limited() {
+        let of = |k_l: f32, k_g: f32, shininess: f32| {
+            check_material(&Material::blinn_phong(Vec3::splat(k_l), Vec3::splat(k_g), shininess)).is_ok()
+        };
+        assert!(of(0.0, 0.0, 0.0) && of(1e6, 1e6, 1e6));
+        for (k_l, k_g, shininess) in
+            [(-0.1, 0.5, 8.0), (0.5, 2e6, 8.0), (0.5, 0.5, 2e6), (f32::NAN, 0.5, 8.0)]
+        {
+            assert!(!of(k_l, k_g, shininess), "{k_l} {k_g} {shininess}");
+        }
+    }
+
+    /// The limit is on power / (4 pi distance^2), times the reflectance and the number of lights.
+    #[test]
+    fn a_light_may_not_be_too_bright_for_the_nearest_surface() {
+        let brightness = |material: Material, lights: usize| {
+            let mesh = Mesh { materials: vec![material], ..Mesh::default() };
+            Brightness::of(&mesh, (Vec3::ZERO, Vec3::ONE), lights, 0.0)
+        };
+        // Ten units above the box, 1 / (4 pi 10^2) = 7.96e-4 of the power arrives.
+        let light = |power: f32, radius: f32| Light {
+            position: Vec3::new(0.5, 11.0, 0.5),
+            power: Vec3::new(0.0, power, 0.0),
+            radius,
+        };
+        let [dull, bright] = [1.0, 1e6].map(|k_l| Material::lambertian(Vec3::splat(k_l)));
+        assert!((brightest(&bright) - 1e6).abs() < 1.0);
+        // With a shininess of 8, the highlight's value is twice k_G.
+        let both = Material::blinn_phong(Vec3::splat(0.25), Vec3::splat(0.5), 8.0);
+        assert!((brightest(&both) - 1.25).abs() < 1e-6);
+        // 7.96e-4 * 1e35 * 1e6 = 7.96e37 is too much; a tenth is not.
+        assert!(brightness(dull, 1).check(&light(1e35, 0.0)).is_ok());
+        assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
+        assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
+        assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
+        // Of a light with a radius of 9, the nearest point is a tenth as far away.
+        assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
+    }
 }

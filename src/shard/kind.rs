@@ -129,4 +129,20 @@ mod tests {
         assert_eq!(found, [("host", 2), ("asleep (1)", 1)]);
         assert!(Kind::all(&out.join("nothing")).unwrap().is_empty());
     }
+
+    #[test]
+    fn kinds_with_the_same_points_are_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        for (device, identity) in [("cpu", "one build"), ("cpu", "another build"), ("gpu", "x")] {
+            let planned = PlannedPoint { key: device.into(), ..PlannedPoint::default() };
+            let points = vec![KindPoint { point: 0, planned }];
+            let kind = Kind { device: device.into(), identity: identity.into(), points };
+            kind.write(&Kind::file(out, device, identity)).unwrap();
+        }
+        let kinds = Kind::all(out).unwrap();
+        let mut devices: Vec<_> = kinds.iter().map(|kind| kind.device.as_str()).collect();
+        devices.sort_unstable();
+        assert_eq!(devices, ["cpu", "gpu"]);
+    }
 }

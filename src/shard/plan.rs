@@ -197,4 +197,11 @@ mod tests {
         });
         assert!(plans.iter().all(|plan| *plan == plans[0]), "{plans:?}");
     }
+
+    #[test]
+    fn at_most_four_hashes_of_scenes_are_listed() {
+        let hashes: Vec<String> = (0..5).map(|digit| digit.to_string().repeat(64)).collect();
+        assert_eq!(few(&hashes[..1]), "1 (00000000)");
+        assert_eq!(few(&hashes), "5 (00000000, 11111111, 22222222, 33333333)");
+    }
 }

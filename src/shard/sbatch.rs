@@ -121,4 +121,9 @@ mod tests {
             scripts(&Wishes { on_gpu: Some(false), ..wishes(1, true) }).contains("#SBATCH --exclusive\n")
         );
     }
+
+    #[test]
+    fn a_jobs_name_is_one_word() {
+        assert_eq!(plain("figure 6/b_2-c.toml"), "figure-6-b_2-c-toml");
+    }
 }

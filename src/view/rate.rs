@@ -137,4 +137,24 @@ mod tests {
         assert_eq!((total.frames, total.frame_ms), (3, 2.0));
         assert!((total.rays_per_s - 5e8).abs() < 1.0, "{total:?}");
     }
+
+    #[test]
+    fn the_recent_rate_is_that_of_the_frames_since_the_last_one() {
+        let mut rate = Rate::new();
+        assert_eq!(rate.recent(), ([0.0; 2], false), "too little time has passed");
+        let mut after_a_period = |frames: &[(f64, f64)]| {
+            for (rays, ms) in frames {
+                rate.count_rays(*rays, *ms);
+                rate.count();
+            }
+            rate.recent.since = Instant::now().checked_sub(PERIOD).expect("the clock is older");
+            let ([frames_per_s, rays_per_s], is_new) = rate.recent();
+            assert!(is_new);
+            (frames_per_s > 0.0, rays_per_s)
+        };
+        assert_eq!(after_a_period(&[(1e6, 2.0), (3e6, 2.0)]), (true, 1e9));
+        assert_eq!(after_a_period(&[(1e6, 2.0)]), (true, 5e8));
+        // If nothing was cast, the last rate of rays stays.
+        assert_eq!(after_a_period(&[]), (false, 5e8));
+    }
 }

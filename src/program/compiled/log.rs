@@ -120,4 +120,11 @@ ptxas info    : Used 168 registers, used 1 barriers, 6912 bytes smem, 480 bytes 
         assert_eq!(resources(LOG, "cast_fram"), Resources::default());
         assert_eq!(number_before("Used 20 registers, 24+16 bytes smem", " bytes smem"), Some(40));
     }
+
+    #[test]
+    fn words_are_found_where_they_occur_first() {
+        assert_eq!(after("a for b for c", "for"), Some("b for c"));
+        assert_eq!(after("a", "for"), None);
+        assert_eq!(between("entry 'a' for 'b'", "entry '", '\''), Some("a"));
+    }
 }

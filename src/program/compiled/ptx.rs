@@ -187,4 +187,11 @@ $L__BB0_1:
         assert_eq!(instruction_counts("", "cast_frame"), None);
         assert_eq!(instruction_counts(".entry cast_frame( {", "cast_frame"), None, "it is torn");
     }
+
+    #[test]
+    fn a_body_is_the_text_between_its_braces() {
+        let text = ".entry other() { no } .entry name(.param .u64 p) .reqntid 8 { a { b } c } { d }";
+        assert_eq!(body_of(text, "name"), Some(" a { b } c "));
+        assert_eq!(body_of(".entry name{}", "name"), Some(""));
+    }
 }

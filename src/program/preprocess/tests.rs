@@ -47,6 +47,9 @@ fn conditions_are_integer_expressions() {
         "defined ONE && !defined(TWO)",
         "0 == (0 && 1 / 0)",
         "1 || 1 / 0",
+        "1 ? 1 : 1 / 0",
+        "0 == (0 && (1 ? 1 / 0 : 1))",
+        "0 == (0 && (0 ? 1 : 1 / 0))",
         "1 - 1 - 1 == -1",
         "!defined(ONE) == 0",
         "5 >= 5 != 0 // a comment",
@@ -58,7 +61,20 @@ fn conditions_are_integer_expressions() {
             "not {condition}"
         );
     }
-    for condition in ["", "1 +", "(1", "1)", "1 / 0", "1.5", "\"a\"", "1 2", "defined", "? 1 : 2"] {
+    for condition in [
+        "",
+        "1 +",
+        "(1",
+        "1)",
+        "1 / 0",
+        "1.5",
+        "\"a\"",
+        "1 2",
+        "defined",
+        "defined 5",
+        "defined(5",
+        "? 1 : 2",
+    ] {
         let message = mistake(&format!("a\n#if {condition}\n#endif\n"));
         assert!(message.starts_with("the text, line 2: "), "{condition}: {message}");
     }
@@ -298,4 +314,22 @@ proptest::proptest! {
             proptest::prop_assert_eq!(again.ok(), Some(once.text()));
         }
     }
+}
+
+/// A body is set apart if its statement would be wider than 120 columns.
+#[test]
+fn a_long_body_is_set_apart_from_its_head_and_a_short_one_is_not() {
+    let of = |name: &str| {
+        let calls: String = (0..4).map(|i| format!(" {name}({i});")).collect();
+        text(&format!("#define BODY{calls}\n    if (x) {{ BODY }}\n"))
+    };
+    assert_eq!(of("f"), "    if (x) { f(0); f(1); f(2); f(3); }\n");
+    let name = "f".repeat(30);
+    let calls: String = (0..4).map(|i| format!("        {name}({i});\n")).collect();
+    assert_eq!(of(&name), format!("    if (x) {{\n{calls}    }}\n"));
+}
+
+#[test]
+fn a_call_whose_brackets_close_on_a_later_line_is_joined() {
+    assert_eq!(text("#define CALL f\nCALL(a,\n    (b),\n    c);\nd;\n"), "f(a, (b), c);\nd;\n");
 }

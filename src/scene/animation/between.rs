@@ -172,4 +172,15 @@ mod tests {
             assert!(!is_numeric(&value(other)), "{other}");
         }
     }
+
+    /// The slopes of the parabola are, by hand: (3 * 1 - next) / 2 for lines of equal length.
+    #[test]
+    fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
+        for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {
+            assert_eq!(end_slope([1.0, 1.0], [1.0, next]), expected, "{next}");
+            assert_eq!(end_slope([1.0, 1.0], [-1.0, -next]), -expected, "{next}");
+        }
+        // The nearer line is twice as long: ((4 + 1) * 1 - 2 * 0.5) / 3.
+        assert!((end_slope([2.0, 1.0], [1.0, 0.5]) - 4.0 / 3.0).abs() < 1e-15);
+    }
 }

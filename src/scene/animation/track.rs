@@ -183,4 +183,17 @@ mod tests {
             assert_eq!(track.value(frame), expected, "at frame {frame}");
         }
     }
+
+    #[test]
+    fn a_frame_belongs_to_the_last_keyframe_that_is_not_after_it() {
+        let place = |number: usize| Spanned::new(number..number + 1, Value::Integer(0));
+        let track = Track {
+            path: Spanned::new(0..0, "background".to_owned()),
+            at: vec![2.0, 5.0, 9.0],
+            values: (0..3).map(place).collect(),
+            interpolation: Interpolation::Step,
+        };
+        let spans = [1, 2, 4, 5, 8, 9, 20].map(|frame| track.value_span(frame).start);
+        assert_eq!(spans, [0, 0, 0, 1, 1, 2, 2]);
+    }
 }

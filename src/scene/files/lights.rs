@@ -104,4 +104,14 @@ mod tests {
         };
         assert_eq!([0.0, 1.0, 2.0, 4.0].map(power), [8.0, 8.0, 8.0, 32.0].map(Vec3::splat));
     }
+
+    #[test]
+    fn a_point_light_moves_with_the_origin_and_a_directional_one_does_not() {
+        let at = |light: FileLight| light.placed(DVec3::ZERO, 1.0).0;
+        let origin = DVec3::new(1.0, 2.0, 3.0);
+        let point = FileLight::point(DVec3::new(5.0, 5.0, 5.0), DVec3::ONE);
+        assert_eq!(at(point.relative_to(origin)), DVec3::new(4.0, 3.0, 2.0));
+        let sun = FileLight::direction(DVec3::NEG_Y, DVec3::ONE);
+        assert_eq!(at(sun.relative_to(origin)), at(sun));
+    }
 }

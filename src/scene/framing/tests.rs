@@ -100,6 +100,7 @@ fn azimuth_goes_from_front_to_right_and_elevation_up() {
 fn an_angle_that_is_not_given_is_that_of_a_bare_mesh() {
     let mesh = block(Vec3::ONE, Vec3::ZERO);
     for (azimuth_degrees, elevation_degrees, angles) in [
+        (None, None, [31.0, 21.0]),
         (None, Some(10.0), [31.0, 10.0]),
         (Some(50.0), None, [50.0, 21.0]),
         (Some(50.0), Some(10.0), [50.0, 10.0]),
@@ -147,4 +148,23 @@ fn a_point_is_framed_too() {
     let camera = camera(&mesh, ball, &three_quarter(1.6));
     assert!(camera.position.is_finite() && camera.position.distance(ball.centre.as_vec3()) > 0.0);
     assert!(lights(&camera, ball).iter().all(|light| light.power.min_element() > 0.0));
+}
+
+#[test]
+fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() {
+    let mesh = block(Vec3::ONE, Vec3::new(3.0, 4.0, 5.0));
+    let ball = Ball::around(&mesh, DVec3::Y);
+    // Seen from +z, x points to the right and y upwards.
+    let camera = camera(&mesh, ball, &from(0.0, 0.0, DVec3::Y));
+    let towards = |ball: Ball| -> Vec<DVec3> {
+        let of = |light: &Light| light.position.as_dvec3() - ball.centre;
+        lights(&camera, ball).iter().map(of).collect()
+    };
+    let [key, fill] = towards(Ball { opening: None, ..ball })[..] else { panic!("two lights") };
+    assert!(key.x < 0.0 && key.y > 0.0 && key.z > 0.0, "{key}");
+    assert!(fill.x > 0.0 && fill.y > 0.0 && fill.z > 0.0, "{fill}");
+    // Light enters an opening only from near the viewer.
+    for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
+        assert!(light.normalize().z > 0.9, "{light}");
+    }
 }
