@@ -104,7 +104,7 @@ mod tests {
     fn every_value_and_preset_has_its_line() {
         let text = text();
         for axis in AXES {
-            assert!(text.contains(&format!("\n{}: {}", axis.name, axis.about)), "{}", axis.name);
+            assert!(text.contains(&format!("\n\n{}: {}", axis.name, axis.about)), "{}", axis.name);
             for (name, about) in axis.values() {
                 assert!(
                     text.lines().any(|line| line.starts_with(&format!("  {name} ")) && line.ends_with(about))

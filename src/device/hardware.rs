@@ -122,5 +122,8 @@ mod tests {
         assert_eq!(Hardware::ask(&[], |_| None), Hardware::default());
         let odd = Hardware::ask(&extensions(&["cl_khr_pci_bus_info"]), |_| Some(vec![1, 2, 3]));
         assert_eq!(odd, Hardware::default());
+        for bytes in [vec![1; 15], vec![1; 17], vec![0; 16], Vec::new()] {
+            assert_eq!(uuid_of(&bytes), None, "{bytes:?}");
+        }
     }
 }

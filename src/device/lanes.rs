@@ -229,4 +229,11 @@ mod tests {
             assert!(tried || has == LaneOperations::Barriers, "{:?}", device.info);
         }
     }
+
+    /// By hand, for lane 2 of group 1: lane n has the number (7 n + 1) mod 32.
+    #[test]
+    fn a_lane_answers_with_its_own_number_and_those_of_others() {
+        let [_, fifth, _, _, _, _, mirrored, own] = answers(1, 2);
+        assert_eq!([own, fifth, mirrored], [15, 36 - 32, 7 * 29 + 1 - 6 * 32]);
+    }
 }

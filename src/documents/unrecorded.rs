@@ -129,6 +129,7 @@ mod tests {
         assert_eq!(found("A frame of `3.2 ms` at n=5", &[]), ["3.2", "n=5"]);
         assert!(found("`--repeat 3` or `width = 4`", &[]).is_empty());
         assert!(found("![x 1](images/a-2.png), [AVX-512](x-3)", &["x 1"]).is_empty());
+        assert_eq!(found("[a 1](b-2) and 3, [c](d-4)", &[]), ["1", "3"]);
     }
 
     #[test]

@@ -250,4 +250,74 @@ mod tests {
         let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
         assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
     }
+
+    #[test]
+    fn a_time_of_another_size_is_scaled_by_the_number_of_pixels() {
+        let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 2 }");
+        let locks = fixtures::no_locks();
+        let run = fixtures::run(&experiment, &[], &locks);
+        let earlier = Record {
+            key: "small".into(),
+            image_size: [8, 5],
+            host_median_ms: Some(1.5),
+            batch: Some(4),
+            build_ms: Some(10.0),
+            check_ms: Some(100.0),
+            samples_ms: vec![1.5; 20],
+            ..Record::default()
+        };
+        let same = run.known(&earlier, &earlier).unwrap();
+        assert_eq!((same.sample_ms, same.check_ms, same.rounds), (6.0, [16.0, 100.0], Some(10)));
+        let larger = Record { key: "large".into(), image_size: [16, 10], ..earlier.clone() };
+        let scaled = run.known(&larger, &earlier).unwrap();
+        assert_eq!((scaled.sample_ms, scaled.check_ms, scaled.rounds), (24.0, [34.0, 400.0], None));
+        let smaller = Record { key: "tiny".into(), image_size: [4, 5], ..earlier.clone() };
+        // A check takes some time that does not depend on the size.
+        assert_eq!(run.known(&smaller, &earlier).unwrap().check_ms, [13.0, 100.0]);
+        let refused = Record { outcome: Outcome::Infeasible, host_median_ms: None, ..earlier.clone() };
+        assert_eq!(run.known(&refused, &refused).unwrap().sample_ms, 0.0);
+        let crashed = Record { outcome: Outcome::Crashed, ..refused };
+        assert!(run.known(&crashed, &crashed).is_none());
+    }
+
+    #[test]
+    fn a_point_is_known_by_its_own_name_and_otherwise_by_a_timed_point_of_its_strategy() {
+        let of = |side: u32, host_median_ms: Option<f64>| Record {
+            name: "naive".into(),
+            local_size: Some([side; 2]),
+            image_size: [8, 5],
+            host_median_ms,
+            ..Record::default()
+        };
+        let earlier = [of(4, Some(1.0)), of(8, None)];
+        let known = by_name(&earlier);
+        let size = |name: &str| known.get(name).and_then(|record| record.local_size);
+        assert_eq!([size(&point(&earlier[0])), size(&point(&earlier[1]))], [Some([4; 2]), Some([8; 2])]);
+        assert_eq!(size(&strategy(&earlier[1])), Some([4; 2]), "only this one has a time");
+    }
+
+    /// 10 x 10 pixels with two lights make 300 rays.
+    #[test]
+    fn a_guess_counts_rays_and_the_tests_of_each_ray() {
+        let draft = |strategy: &str| Record {
+            strategy: strategy.into(),
+            image_size: [10, 10],
+            lights: Some(2),
+            triangles: Some(1023),
+            local_size: Some([8, 8]),
+            ..Record::default()
+        };
+        let of = |name: &str| guessed(&draft(&crate::strategy::preset(name).unwrap().strategy.to_string()));
+        let every = of("naive");
+        assert!((every.sample_ms - 300.0 * 1023.0 / 1e6).abs() < 1e-9, "{}", every.sample_ms);
+        let [again, first] = every.check_ms;
+        assert_eq!(
+            [again - COMPILE_MS, first - COMPILE_MS],
+            [every.sample_ms, 2.0 * every.sample_ms].map(|ms| (COMPILE_MS + ms) - COMPILE_MS)
+        );
+        // A tree of 1024 = 2^10 places has ten levels.
+        assert!((of("bvh").sample_ms - 300.0 * 300.0 / 1e6).abs() < 1e-9, "{}", of("bvh").sample_ms);
+        let host = Record { device: crate::record::HOST.into(), local_size: None, ..draft("serial-f32") };
+        assert!((guessed(&host).sample_ms / every.sample_ms - 10.0).abs() < 1e-9);
+    }
 }

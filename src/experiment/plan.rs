@@ -208,4 +208,16 @@ mod tests {
             Plan::new(&experiment, 1).points.iter().map(|point| point.label(&experiment)).collect();
         assert_eq!(labels, ["s0 8x5 host serial-f32", "s0 8x5 naive 1x2"]);
     }
+
+    #[test]
+    fn points_of_one_scene_and_size_are_beside_each_other() {
+        let point = |scene, width, device| Point {
+            scene,
+            device: Some(device),
+            work: Work::Kernel { strategy: device, local_size: [8, 8] },
+            image_size: [width, 5],
+        };
+        assert!(point(0, 8, 0).is_beside(&point(0, 8, 1)));
+        assert!(!point(0, 8, 0).is_beside(&point(1, 8, 0)) && !point(0, 8, 0).is_beside(&point(0, 16, 0)));
+    }
 }

@@ -58,3 +58,17 @@ impl From<Refused> for PointFailure {
         Self::new(outcome, refused.reason())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_replaces_the_outcome_and_keeps_the_rest() {
+        let draft = Record { key: "a".into(), ..Record::default() };
+        let failed = PointFailure::new(Outcome::TimedOut, "why").write_into(draft.clone());
+        let expected = Record { outcome: Outcome::TimedOut, reason: Some("why".into()), ..draft };
+        assert_eq!(failed, expected);
+        assert_eq!(PointFailure::wrong_image("w".into()).outcome, Outcome::WrongImage);
+    }
+}

@@ -350,4 +350,43 @@ mod tests {
         let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(path), mode(plain));
     }
+
+    #[test]
+    fn only_formats_with_alpha_may_have_a_transparent_background() {
+        for (name, has_alpha) in
+            [("a.png", true), ("a.exr", true), ("-", true), ("a.jpg", false), ("a.hdr", false)]
+        {
+            assert_eq!(check_alpha(&target(Path::new(name), false)).is_ok(), has_alpha, "{name}");
+        }
+        let error = check_alpha(&target(Path::new("a.jpg"), false)).unwrap_err().to_string();
+        assert!(error.contains("a JPEG has no alpha channel"), "{error}");
+    }
+
+    #[test]
+    fn a_picture_of_differences_is_a_png() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = |name: &str| check_png(&target(&folder.path().join(name), false));
+        assert!(check("a.png").is_ok());
+        let error = check("a.exr").unwrap_err().to_string();
+        assert!(error.contains("a picture of differences must be a .png file"), "{error}");
+        std::fs::write(folder.path().join("mine.png"), "mine").unwrap();
+        assert!(check("mine.png").is_err(), "raycl did not make this file");
+    }
+
+    #[test]
+    fn a_picture_comes_back_and_other_files_are_refused() {
+        let image = gradient(7, 5);
+        let (folder, path) = saved("picture.exr", &image);
+        let read = read_picture(&path).unwrap();
+        assert_eq!((read.width, read.height, read.pixels), (7, 5, image.pixels));
+        let text = folder.path().join("text.png");
+        std::fs::write(&text, "no picture").unwrap();
+        for path in [text, folder.path().join("missing.png")] {
+            let error = read_picture(&path).unwrap_err();
+            assert!(
+                error.exit_code() == 2 && error.to_string().contains("cannot read the picture"),
+                "{error}"
+            );
+        }
+    }
 }

@@ -216,4 +216,19 @@ mod tests {
         let colours: Vec<[u8; 3]> = picture.pixels().map(|pixel| pixel.0).collect();
         assert_eq!(colours, [[0; 3], [172, 92, 144], [96, 136, 240]]);
     }
+
+    #[test]
+    fn no_layer_takes_the_pictures_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = |name: &str| Target::of_results(folder.path().join(name));
+        let layers = |name: &str, picture: &str| layer_targets(&target(name), &target(picture));
+        let names = |targets: Vec<Target>| -> Vec<String> {
+            targets.iter().map(|one| one.path().file_name().unwrap().to_string_lossy().into_owned()).collect()
+        };
+        assert!(names(layers("a.png", "b.png").unwrap()).contains(&"a-depth.png".to_owned()));
+        let error = layers("a.png", "a-depth.png").unwrap_err().to_string();
+        assert!(error.contains("a-depth.png' is both the picture and a layer"), "{error}");
+        assert_eq!(names(layers("a.exr", "a.exr").unwrap()), ["a.exr"], "one file may hold all");
+        assert!(layers("a.txt", "b.png").is_err());
+    }
 }

@@ -79,4 +79,22 @@ mod tests {
         (image.pixels[6][1], image.pixels[11][0]) = (f32::NAN, f32::INFINITY);
         assert_eq!(image.not_finite(), Some(([2, 1], 2)));
     }
+
+    #[test]
+    fn a_mean_is_the_sum_of_images_divided_by_their_number() {
+        let image = |value: f32, coverage: f32| Radiance {
+            pixels: vec![[value, 2.0 * value, 0.0]; 2],
+            coverage: vec![coverage; 2],
+            ..Radiance::new(2, 1)
+        };
+        let mut sum = image(1.0, 1.0);
+        sum.add(&image(4.0, 0.5));
+        assert_eq!((sum.pixels[1], sum.coverage[1]), ([5.0, 10.0, 0.0], 1.5));
+        let mean = sum.part(2);
+        assert_eq!((mean.pixels[1], mean.coverage[1]), ([2.5, 5.0, 0.0], 0.75));
+        let mut opaque = Radiance::new(2, 1);
+        opaque.add(&Radiance::new(2, 1));
+        assert!(opaque.coverage.is_empty());
+        assert_eq!(opaque.part(0), Radiance::new(2, 1));
+    }
 }

@@ -273,4 +273,15 @@ mod tests {
         killed.put("page.html", b"two").unwrap();
         write(folder.path(), KEEP, "three").unwrap();
     }
+
+    #[test]
+    fn the_list_is_sorted_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let files = ["b1", "a2", "a1"].map(|name| (name.to_owned(), name.as_bytes().to_vec()));
+        OutFolder::open(folder.path(), KEEP).unwrap().write(&files).unwrap();
+        let list = std::fs::read_to_string(folder.path().join(LIST)).unwrap();
+        let names: Vec<_> =
+            list.lines().filter_map(|line| line.split_once("  ")).map(|(_, name)| name).collect();
+        assert_eq!(names, ["a1", "a2", "b1"]);
+    }
 }

@@ -173,4 +173,16 @@ mod tests {
             assert_eq!(target.check().unwrap_err().exit_code(), 2);
         }
     }
+
+    #[test]
+    fn every_file_in_a_folder_of_results_is_raycls_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("page.html");
+        std::fs::write(&path, "mine").unwrap();
+        assert!(Target::new(&path, KEEP).check().is_err());
+        let target = Target::of_results(&path);
+        target.check().unwrap();
+        target.write(|file| write!(file, "{}", mark::blank())).unwrap();
+        assert_ne!(std::fs::read(&path).unwrap(), b"mine");
+    }
 }

@@ -106,3 +106,30 @@ fn constant(name: &str) -> Option<u64> {
         _ => return None,
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn a_switch_follows_the_axis_of_its_name_and_no_other() {
+        let switches = [
+            ("culling", "back", "CULL_BACK"),
+            ("epsilons", "paper", "PAPER_EPSILONS"),
+            ("math", "fast", "FAST_MATH"),
+        ];
+        let mut off = preset("naive").unwrap().strategy;
+        for (axis, value) in [("culling", "none"), ("epsilons", "relative"), ("math", "strict")] {
+            off.set(axis, value).unwrap();
+        }
+        for (axis, value, name) in switches {
+            let mut strategy = off;
+            strategy.set(axis, value).unwrap();
+            for (.., other) in switches {
+                assert_eq!(of_strategy(other, &strategy), Some(u64::from(other == name)), "{axis}: {other}");
+            }
+        }
+    }
+}

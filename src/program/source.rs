@@ -103,4 +103,16 @@ mod tests {
             "#line 1 \"outer.cl\"\none\n#line 1 \"inner.cl\"\nwithin\n#line 3 \"outer.cl\"\nthree\n";
         assert_eq!(joiner.text, expected);
     }
+
+    #[test]
+    fn a_brace_in_a_path_is_the_strategys_value() {
+        let strategy = preset("naive").unwrap().strategy;
+        let intersector = strategy.axes().iter().find(|(axis, _)| *axis == "intersector").unwrap().1;
+        let file = intersector.replace('-', "_");
+        let of = |path: &str| fill_in(path, &strategy).map_err(|error| error.to_string());
+        assert_eq!(of("cast/plain.cl").as_deref(), Ok("cast/plain.cl"));
+        assert_eq!(of("cast/{intersector}.cl"), Ok(format!("cast/{file}.cl")));
+        assert!(of("cast/{intersectr}.cl").unwrap_err().contains("is not an axis"));
+        assert!(of("cast/{intersector.cl").unwrap_err().contains("a brace that is not closed"));
+    }
 }

@@ -313,4 +313,11 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("/nonexistent/x"));
     }
+
+    #[test]
+    fn a_journal_that_is_missing_has_no_lines() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let lines = |name: &str| lines_if_any::<Record>(&folder.path().join(name)).unwrap().lines.len();
+        assert_eq!([lines(RECORDS), lines("missing.jsonl")], [1, 0]);
+    }
 }

@@ -171,4 +171,27 @@ mod tests {
         assert!(!at(Some([1.1, 1.02, 1.2])).differs());
         assert!(!at(None).differs(), "the fastest machine, or one with too few samples");
     }
+
+    #[test]
+    fn control_points_are_sorted_by_what_they_are_and_their_machines_by_name() {
+        let of = |scene: &str, host: &str, launch: u32| Record {
+            scene: scene.into(),
+            key: scene.into(),
+            control: Some(scene.into()),
+            ..on(host, 10.0, launch)
+        };
+        let records = judged([
+            of("teapot", "n2", 0),
+            of("teapot", "n1", 1),
+            of("bunny", "n2", 2),
+            of("bunny", "n1", 3),
+        ]);
+        let controls = controls(&records, &[]);
+        assert!(
+            controls[0].point.starts_with("bunny") && controls[1].point.starts_with("teapot"),
+            "{controls:?}"
+        );
+        let hosts: Vec<_> = controls[0].hosts.iter().map(|at| at.host.as_str()).collect();
+        assert_eq!(hosts, ["n1", "n2"]);
+    }
 }

@@ -238,4 +238,27 @@ pub mod tests {
         let records = judged([measured("gpu", "wide", 1, 100.0)]);
         assert_eq!(quartiles(&records[0]), Some([99.0, 101.0]));
     }
+
+    #[test]
+    fn at_most_four_unranked_points_are_named() {
+        let records = [1, 2, 4, 8, 16].map(|side| few("gpu", "naive", side, 1.0, 3));
+        let named = |count: usize| {
+            let some: Vec<&Record> = records[..count].iter().collect();
+            few_names(&some, |record| format!("{}", record.local_size.map_or(0, |[across, _]| across)))
+        };
+        assert_eq!(named(0), "");
+        assert_eq!(named(4), "1 (n = 3), 2 (n = 3), 4 (n = 3), 8 (n = 3)");
+        assert_eq!(named(5), "1 (n = 3), 2 (n = 3), 4 (n = 3), 8 (n = 3), and 1 more");
+    }
+
+    #[test]
+    fn a_note_on_a_scene_is_given_once() {
+        let with = |scene: &str, notes: &[&str]| Record {
+            scene: scene.into(),
+            scene_notes: notes.iter().map(|note| (*note).to_owned()).collect(),
+            ..measured("gpu", "naive", 8, 1.0)
+        };
+        let records = [with("a", &["one", "two"]), with("a", &["two"]), with("b", &["two"])];
+        assert_eq!(scene_notes(&records), [("a", "one"), ("a", "two"), ("b", "two")]);
+    }
 }

@@ -402,4 +402,13 @@ mod tests {
         let said = how_sure(&records);
         assert!(said[0].contains("program: 1 of 3 points, such as teapot 80 x 50."), "{said:?}");
     }
+
+    #[test]
+    fn equal_times_of_other_launches_were_not_measured_together() {
+        let one = launches("naive", 10.0, 0.0);
+        let mut other = Record { key: "other".into(), ..one.clone() };
+        other.sample_launches.iter_mut().for_each(|launch| *launch += 7);
+        let records = judged([one, other]);
+        assert!(!are_together(&records[0], &records[1]));
+    }
 }

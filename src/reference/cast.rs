@@ -287,4 +287,22 @@ mod tests {
     fn an_image_without_pixels_is_empty() {
         assert_eq!(cast_parallel_f32(&fixtures::figure_4(), [0, 3]).pixels.len(), 0);
     }
+
+    #[test]
+    fn a_shadow_ray_grazes_where_rounding_hides_on_which_side_it_starts() {
+        use glam::DVec3;
+        let grazing = Grazing::<f64> { normal: DVec3::Y, rounding: 1e-6, bias: 1e-3 };
+        // The ray starts a thousandth of `height` above the triangle's plane.
+        let is_grazing = |height: f64, distance: f64, is_light: bool| {
+            let w_i = DVec3::new((1.0 - height * height).sqrt(), height, 0.0);
+            grazing.is_of(&Sight { light: 0, point: DVec3::ZERO, w_i, distance }, is_light)
+        };
+        for sign in [1.0, -1.0] {
+            assert!(is_grazing(sign * 1e-4, 1.0, false) && !is_grazing(sign * 1e-2, 1.0, false), "{sign}");
+            // From a light 100 units away, numbers are rounded by up to 5e-5.
+            assert!(is_grazing(sign * 1e-2, 100.0, true) && !is_grazing(sign * 1e-2, 1.0, true), "{sign}");
+            assert!(!is_grazing(sign * 1e-2, 100.0, false), "the sky does not round more: {sign}");
+            assert!(grazing.is_less(sign * 5e-7) && !grazing.is_less(sign * 2e-6), "{sign}");
+        }
+    }
 }

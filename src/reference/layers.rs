@@ -102,4 +102,28 @@ mod tests {
         assert!(found.depth[sky].is_infinite() && found.normal[sky] == [0.0; 3]);
         assert!(found.tests[middle] > 0 && found.nodes[middle] > 0);
     }
+
+    /// A ray goes through the middle of its pixel: of two pixels, each sees its own half of the view.
+    #[test]
+    fn pixels_are_seen_at_their_centres() {
+        use glam::Vec3;
+        let halves = |[a, b]: [Vec3; 2]| {
+            let mut scene = fixtures::single_triangle();
+            let mesh = scene.mesh_mut();
+            let corners = |towards: Vec3| [a, b, towards * 100.0].map(|corner| corner + Vec3::NEG_Z * 2.0);
+            let across = (b - a).cross(Vec3::Z).normalize();
+            mesh.positions = [corners(-across), corners(across)].concat();
+            let of = |first| crate::scene::Triangle {
+                positions: [first, first + 1, first + 2],
+                normals: [0; 3],
+                material: 0,
+            };
+            mesh.triangles = vec![of(0), of(3)];
+            scene
+        };
+        let upright = halves([Vec3::NEG_Y * 50.0, Vec3::Y * 50.0]);
+        assert_eq!(layers(&upright, &[0, 1], [2, 1], Culling::None).unwrap().triangle, [0, 1]);
+        let level = halves([Vec3::NEG_X * 50.0, Vec3::X * 50.0]);
+        assert_eq!(layers(&level, &[0, 1], [1, 2], Culling::None).unwrap().triangle, [0, 1]);
+    }
 }

@@ -277,4 +277,16 @@ mod tests {
             assert!((below - part * part).abs() < 5e-3, "{part}: {below}");
         }
     }
+
+    #[test]
+    fn a_turn_is_added_to_the_directions_of_the_sky() {
+        let mut scene = scene();
+        let (zenith, horizon, up) = (Vec3::ONE, Vec3::ZERO, Vec3::Y);
+        scene.sky = Some(Sky { zenith, horizon, up, reach: 10.0, picture: None });
+        let seen = Seen::of(&scene, Sample::CENTRE, [1, 2]);
+        let point = |seen: &Seen<'_>| seen.sky.map_or(DVec3::NAN, |(_, point)| point);
+        let by = DVec3::new(0.1, -0.2, 0.3);
+        assert_eq!(point(&seen.turned(by)), point(&seen) + by);
+        assert_eq!(seen.turned(by).turned(by).turn, by + by);
+    }
 }

@@ -207,4 +207,18 @@ mod tests {
             assert!((colour_at(u, wrap) - expected).abs() < 1e-12, "{u} {wrap:?}: {}", colour_at(u, wrap));
         }
     }
+
+    #[test]
+    fn a_triangle_looks_the_same_wherever_it_lies() {
+        let texels = [[0xff_u32; 16].as_slice(), &[0xff00; 4], &[0xff_0000]].concat();
+        let mut mesh = half_rectangle([4, 4], texels);
+        mesh.positions.iter_mut().for_each(|position| *position += Vec3::new(10.0, -20.0, 30.0));
+        mesh.textures.mapped[0]
+            .corners
+            .iter_mut()
+            .for_each(|corner| *corner = [corner[0] + 3.0, corner[1] - 2.0]);
+        let hit = Hit { t: 1.0, weights: [0.25, 0.25, 0.5], triangle: 0 };
+        let colour = texture_colour::<f64>(&mesh, &hit, DVec3::Z, 4.0 * 2.0_f64.sqrt());
+        assert!(colour.unwrap_or(DVec3::NAN).abs_diff_eq(DVec3::new(0.0, 0.5, 0.5), 1e-6), "{colour:?}");
+    }
 }

@@ -202,3 +202,81 @@ fn tests_caption(record: &Record) -> String {
 fn data_address(kind: &str, bytes: &[u8]) -> String {
     format!("data:{kind};base64,{}", STANDARD.encode(bytes))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::measured;
+
+    /// Returns a folder of results with pictures of these names, each of 400 x 100 pixels.
+    fn folder(names: &[&str]) -> (tempfile::TempDir, [Folder; 1]) {
+        let place = tempfile::tempdir().unwrap();
+        for name in names {
+            image::RgbImage::new(400, 100).save(place.path().join(name)).unwrap();
+        }
+        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
+        (place, [folder])
+    }
+
+    #[test]
+    fn each_picture_of_a_scene_is_shown_once_and_the_reference_first() {
+        let (_place, folders) = folder(&["reference.png", "naive.png", "wide.png"]);
+        let with = |name: &str, scene: &str, image: &str| Record {
+            scene: scene.into(),
+            image: Some(image.into()),
+            reference_image: Some("reference.png".into()),
+            ..measured("gpu", name, 8, 1.0)
+        };
+        let records = [
+            with("naive", "teapot", "naive.png"),
+            with("naive", "teapot", "naive.png"),
+            with("wide", "teapot", "wide.png"),
+            Record { image_size: [80, 50], ..with("naive", "teapot", "naive.png") },
+            Record { image: None, reference_image: None, ..with("naive", "room", "") },
+        ];
+        let scenes = Pictures::of(&folders).gallery(&records);
+        let shown = |scene: &Scene| scene.pictures.iter().map(|one| one.path.clone()).collect::<Vec<_>>();
+        assert_eq!(
+            scenes.iter().map(|one| (&*one.name, &*one.size)).collect::<Vec<_>>(),
+            [("teapot", "800 x 500"), ("teapot", "80 x 50")]
+        );
+        assert_eq!(shown(&scenes[0]), ["reference.png", "naive.png", "wide.png"]);
+        assert_eq!(shown(&scenes[1]), ["reference.png", "naive.png"]);
+        assert!(scenes[0].pictures.iter().all(|one| one.data.is_some()));
+    }
+
+    #[test]
+    fn kinds_of_pictures_have_an_order() {
+        let kinds = [
+            "naive",
+            "cost: nodes of a tree",
+            "cost: triangles, with a tree",
+            "cost: triangles, without a tree",
+            "uncertain pixels",
+            "reference",
+        ];
+        assert!(kinds.map(order).is_sorted_by(|one, next| one > next), "{:?}", kinds.map(order));
+    }
+
+    #[test]
+    fn a_picture_is_there_only_if_it_lies_in_the_folder() {
+        let (place, folders) = folder(&["a.png"]);
+        let elsewhere = tempfile::tempdir().unwrap();
+        image::RgbImage::new(4, 1).save(elsewhere.path().join("b.png")).unwrap();
+        let outside = elsewhere.path().join("b.png").display().to_string();
+        let mut pictures = Pictures::of(&folders);
+        let has = [Some("a.png"), Some("b.png"), Some(outside.as_str()), Some("../a.png"), None]
+            .map(|path| pictures.has(path));
+        assert_eq!(has, [true, false, false, false, false], "{}", place.path().display());
+    }
+
+    #[test]
+    fn a_thumbnail_keeps_the_pictures_shape() {
+        let (_place, folders) = folder(&["a.png"]);
+        let address = Pictures::of(&folders).thumbnail("a.png").unwrap();
+        let bytes = STANDARD.decode(address.strip_prefix("data:image/png;base64,").unwrap()).unwrap();
+        let small = image::load_from_memory(&bytes).unwrap();
+        assert_eq!((small.width(), small.height()), (THUMBNAIL, THUMBNAIL / 4));
+    }
+}

@@ -250,4 +250,19 @@ mod tests {
             "a single scene and size show no growth"
         );
     }
+
+    #[test]
+    fn a_fitted_line_goes_from_the_first_mark_to_the_last_by_the_power_law() {
+        let exact: Vec<_> = [10.0, 100.0, 1e4].map(|x: f64| [x, 3.0 * x.powf(0.75)]).to_vec();
+        let series =
+            Series { name: "naive".into(), look: Look::default(), joined: false, marks: marks(&exact) };
+        let line = Fit::of(&series.marks).expect("three places").line(&series);
+        assert!(line.joined && line.look.dashed && line.name.is_empty());
+        let ends: Vec<_> = line.marks.iter().map(|mark| [mark.x, mark.y]).collect();
+        assert_eq!(ends.len(), 2);
+        for (end, [x, y]) in ends.iter().zip([exact[0], exact[2]]) {
+            assert!(end[0] == x && (end[1] / y - 1.0).abs() < 1e-9, "{ends:?}");
+        }
+        assert_eq!(distinct(marks(&[[0.0, 1.0], [1.0, 1.0], [1.0, 2.0]]).iter()), 1, "0 has no logarithm");
+    }
 }

@@ -110,4 +110,34 @@ mod tests {
         let scenes: Vec<_> = places(&[one, other]).into_iter().map(|(scene, _)| scene).collect();
         assert_eq!(scenes, ["teapot (one)", "teapot (one)", "teapot (other)", "teapot (other)"]);
     }
+
+    #[test]
+    fn a_scene_has_one_name_even_if_folders_call_it_differently() {
+        let mut other = folder("other", "b", Some("1"));
+        other.records.iter_mut().for_each(|record| record.scene = "pot".into());
+        let found = places(&[folder("one", "a", Some("1")), other]);
+        assert!(found.iter().all(|(scene, _)| scene == "teapot"), "{found:?}");
+    }
+
+    #[test]
+    fn baselines_of_two_hosts_stand_side_by_side() {
+        let with = |label: &str, key: &str| {
+            let mut folder = folder(label, "gpu", None);
+            let host = &mut folder.records[1];
+            (host.key, host.name, host.strategy) = (key.into(), "serial".into(), "serial-f32".into());
+            folder
+        };
+        let found = merged(&[with("one", "1"), with("two", "2")]);
+        let hosts: Vec<_> = found.iter().filter(|record| record.is_baseline()).collect();
+        let names: Vec<_> = hosts.iter().map(|host| (host.name.as_str(), host.strategy.as_str())).collect();
+        assert_eq!(names, [("serial (one)", "serial-f32 (one)"), ("serial (two)", "serial-f32 (two)")]);
+        assert!(hosts.iter().all(|host| host.device == crate::record::HOST));
+    }
+
+    #[test]
+    fn folders_of_one_name_are_told_apart_by_their_paths() {
+        let at = |label: &str, path: &str| Folder { path: path.into(), ..folder(label, "a", None) };
+        let labels = labels(&[at("a", "x/a"), at("a", "y/a"), at("b", "y/b")]);
+        assert_eq!(labels, ["x/a", "y/a", "b"]);
+    }
 }

@@ -147,4 +147,45 @@ mod tests {
         assert_eq!(spearman(&reversed), Some(-1.0));
         assert_eq!(spearman(&same.map(|m| mark(1.0, m.y))), None);
     }
+
+    #[test]
+    fn equal_values_share_the_mean_of_their_ranks() {
+        assert_eq!(ranks([5.0, 1.0, 5.0, 9.0, 5.0].into_iter()), [2.0, 0.0, 2.0, 4.0, 2.0]);
+        let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
+        assert_eq!(spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(3.0, 3.0)]), None, "too few");
+        // By hand: the ranks of x are 0, 1.5, 1.5, 3 and those of y 0, 1, 2, 3, so their products add up to 4.5,
+        // and their squares to 4.5 and 5.
+        let found = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
+        assert!(found.is_some_and(|found| (found - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{found:?}");
+    }
+
+    #[test]
+    fn how_well_a_prediction_ranks_is_said_by_the_mean_correlation() {
+        for (ranks, expected) in [
+            (&[0.8, 0.9][..], "0.85; the prediction ranks local sizes well."),
+            (&[0.7], "0.70; the prediction ranks local sizes moderately well."),
+            (&[0.3], "0.30; the prediction says almost nothing"),
+            (&[-0.2], "-0.20; the prediction says almost nothing"),
+            (&[-0.3], "-0.30; local sizes with a lower predicted occupancy"),
+            (&[], "too few local sizes"),
+        ] {
+            assert!(ranking(ranks).contains(expected), "{ranks:?}: {}", ranking(ranks));
+        }
+    }
+
+    /// A work-group of 16 x 16 work-items with 63 registers each: of 1536 resident threads, 512 fit.
+    #[test]
+    fn a_mark_has_the_predicted_occupancy_and_the_speed_relative_to_the_best() {
+        use crate::record::fixtures::measured;
+        let sm = multiprocessor(PAPER).expect("it is known");
+        let mut record = measured("gpu", "naive", 16, 8.0);
+        let name = record.main_kernel().map_or("cast_frame".to_owned(), |kernel| kernel.name.clone());
+        let at = |record: &Record| mark(record, sm, 2.0).map(|mark| (mark.x.round(), mark.y));
+        assert_eq!(at(&record), Some((33.0, 25.0)), "the paper's registers are assumed");
+        let mut kernel = crate::program::CompiledKernel { name, ..Default::default() };
+        kernel.resources.registers = Some(20);
+        record.kernels = vec![kernel];
+        assert_eq!(at(&record), Some((100.0, 25.0)));
+        assert_eq!(at(&Record { local_size: None, ..record }), None);
+    }
 }

@@ -197,4 +197,63 @@ mod tests {
         let plots = device_against_device(&groups, &Looks::of(&groups));
         assert!(!plots[0].svg.contains(">equal<"), "{}", plots[0].svg);
     }
+
+    #[test]
+    fn a_mark_is_the_best_point_of_a_strategy_in_its_scenes_column() {
+        let of = |scene: &str, name: &str, side: u32, ms: f64| Record {
+            scene: scene.into(),
+            key: format!("{scene} {name} {side}"),
+            ..measured("gpu", name, side, ms)
+        };
+        let records = judged([
+            of("room", "naive", 8, 30.0),
+            of("room", "naive", 4, 20.0),
+            of("teapot", "wide", 1, 1.0),
+            of("teapot", "naive", 8, 10.0),
+        ]);
+        let groups = groups(&records);
+        let shown: Vec<_> = groups.iter().collect();
+        let size = [800, 500];
+        let series = best_of_each(&shown, &[("teapot", size), ("room", size)], &Looks::of(&groups));
+        let marks = |name: &str| {
+            let one = series.iter().find(|one| one.name == name).expect("a series");
+            one.marks.iter().map(|mark| (mark.x, mark.y)).collect::<Vec<_>>()
+        };
+        assert_eq!(marks("naive"), [(0.0, 10.0), (1.0, 20.0)]);
+        assert_eq!(marks("wide"), [(0.0, 1.0)]);
+        let other = best_of_each(&shown, &[("teapot", [80, 50])], &Looks::of(&groups));
+        assert!(other.is_empty(), "no group has this image size");
+    }
+
+    #[test]
+    fn scenes_are_plotted_for_each_device_that_has_several() {
+        let of = |scene: &str, device: &str, width: u32| Record {
+            scene: scene.into(),
+            key: format!("{scene} {device} {width}"),
+            image_size: [width, 500],
+            ..measured(device, "naive", 8, 1.0)
+        };
+        let told = |records: Vec<Record>| {
+            let records = judged(records);
+            let groups = groups(&records);
+            scenes(&groups, &Looks::of(&groups))
+                .into_iter()
+                .map(|plot| (plot.name, plot.svg))
+                .collect::<Vec<_>>()
+        };
+        let plots = told(vec![of("teapot", "a", 800), of("teapot", "b", 800), of("room", "b", 800)]);
+        assert_eq!(plots.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["scenes-2"]);
+        assert!(
+            plots[0].1.contains("scene, at 800 x 500") && plots[0].1.contains(">room<"),
+            "{}",
+            plots[0].1
+        );
+        let plots = told(vec![of("teapot", "a", 800), of("teapot", "a", 400)]);
+        assert_eq!(plots[0].0, "scenes");
+        assert!(
+            plots[0].1.contains("scene and image size") && plots[0].1.contains(">teapot 400x500<"),
+            "{}",
+            plots[0].1
+        );
+    }
 }

@@ -224,4 +224,21 @@ mod tests {
     fn without_counted_tests_there_is_no_plot() {
         assert!(plots(vec![record("bvh", None)], &[]).is_empty());
     }
+
+    #[test]
+    fn a_roof_rises_with_the_operations_per_byte_up_to_the_rate_of_multiply_adds() {
+        let figure = |rate: f64| Figure::of(&[rate]);
+        let peak = Peak {
+            fma_per_s: figure(4e12),
+            copy_bytes_per_s: figure(1e12),
+            local_bytes_per_s: figure(8e12),
+            ..Peak::default()
+        };
+        let roofs = roofs(&peak, [0.25, 16.0], &Looks::default());
+        let corner = |mark: &Mark| [mark.x, mark.y.round()];
+        let corners = |place: usize| roofs[place].marks.iter().map(corner).collect::<Vec<_>>();
+        // In units of 10^9 operations: 1000 bytes times 0.25 operations, and at most 4000 operations.
+        assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);
+        assert_eq!(corners(1), [[0.25, 2000.0], [0.5, 4000.0], [16.0, 4000.0]]);
+    }
 }

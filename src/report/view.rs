@@ -236,4 +236,31 @@ mod tests {
         let deviations = strip_row(&record).unwrap().deviations.into_iter();
         assert_eq!(deviations.map(f64::round).collect::<Vec<_>>(), [0.0, 0.0, 0.0, 0.0, 20.0]);
     }
+
+    #[test]
+    fn a_cell_has_a_time_or_the_reason_why_there_is_none() {
+        use crate::record::fixtures::infeasible;
+        let failed = |outcome, side| Record { outcome, ..infeasible("gpu", "naive", side, "why") };
+        let records = judged([
+            measured("gpu", "naive", 4, 10.0),
+            measured("gpu", "naive", 8, 20.0),
+            infeasible("gpu", "naive", 16, "__local memory: 2 B > 1 B"),
+            failed(Outcome::WrongImage, 32),
+            failed(Outcome::WrongImage, 2),
+            failed(Outcome::TimedOut, 1),
+        ]);
+        let plot = heat(&groups(&records)[0], "heat");
+        for (text, count) in [
+            (">10.00<", 1),
+            (">20.00<", 1),
+            ("class=\"ring\"", 1),
+            (">wrong<", 3),
+            (">slow<", 2),
+            (">local<", 2),
+        ] {
+            assert_eq!(plot.svg.matches(text).count(), count, "{text}: {}", plot.svg);
+        }
+        assert!(plot.svg.contains("2.0 times as slow"), "{}", plot.svg);
+        assert!(plot.svg.contains("its image differs from the reference; naive at"), "{}", plot.svg);
+    }
 }

@@ -112,3 +112,39 @@ pub fn first_line(record: &Record) -> &str {
 pub fn times(slow: f64, fast: f64) -> String {
     format!("{}×", significant(slow / fast, 3))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::CompiledKernel;
+    use crate::record::fixtures::measured;
+    use crate::record::groups;
+
+    #[test]
+    fn each_strategy_has_one_look_in_the_order_of_the_records_with_baselines_last() {
+        let records = [
+            measured("host", "serial-f32", 0, 100.0),
+            measured("gpu", "naive", 8, 3.0),
+            measured("gpu", "naive", 16, 2.0),
+            measured("gpu", "wide", 8, 1.0),
+        ];
+        let looks = Looks::of(&groups(&records));
+        let numbers = ["naive", "wide", "serial-f32 (host)", "unknown"].map(|name| looks.look(name).number);
+        assert_eq!(numbers, [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn a_tooltip_has_what_is_known_of_the_kernel() {
+        let kernel = |registers, spill_store_bytes, occupancy| {
+            let name = "cast_frame".to_owned();
+            let mut kernel = CompiledKernel { name, occupancy, ..CompiledKernel::default() };
+            (kernel.resources.registers, kernel.resources.spill_store_bytes) = (registers, spill_store_bytes);
+            kernel
+        };
+        let with = |kernel| Record { kernels: vec![kernel], ..measured("gpu", "naive", 8, 3.0) };
+        let known = with(kernel(Some(168), Some(12), Some(0.1875)));
+        assert!(tip(&known).contains("\n168 registers, 12 B spilled, occupancy 19%"), "{}", tip(&known));
+        assert_eq!(made(&with(kernel(Some(20), Some(0), None))).as_deref(), Some("20 registers"));
+        assert_eq!(made(&with(kernel(None, None, None))), None);
+    }
+}

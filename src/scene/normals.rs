@@ -206,4 +206,18 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn a_zero_normal_becomes_that_of_its_face() {
+        let mut mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::Y, Vec3::Z],
+            normals: vec![Vec3::ZERO, Vec3::new(0.6, 0.8, 0.0)],
+            triangles: vec![Triangle { positions: [0, 1, 2], normals: [0, 1, 0], material: 0 }],
+            ..Mesh::default()
+        };
+        replace_zero(&mut mesh);
+        let normals = mesh.corner_normals(&mesh.triangles[0]);
+        assert_eq!(normals, [Vec3::X, Vec3::new(0.6, 0.8, 0.0), Vec3::X]);
+        assert!(!mesh.normals.contains(&Vec3::ZERO));
+    }
 }

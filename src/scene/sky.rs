@@ -120,3 +120,29 @@ impl SkyPicture {
         (DQuat::from_axis_angle(up, turn_degrees.to_radians()) * level).as_vec3()
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texels_are_read_in_rows_and_none_is_negative() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.exr");
+        let texels = [-0.5, 1.0, 2.0, 3.0, 4.0, 5.0];
+        image::Rgb32FImage::from_vec(2, 1, texels.to_vec()).unwrap().save(&path).unwrap();
+        let (size, texels) = SkyPicture::read(&path).unwrap();
+        assert_eq!((size, &*texels), ([2, 1], &[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]][..]));
+    }
+
+    #[test]
+    fn a_strength_multiplies_texels_and_the_first_one_that_is_too_bright_is_told() {
+        let file: FileTexels = ([2, 2], vec![[1.0, 2.0, 3.0], [0.0; 3], [0.5; 3], [4.0, 0.0, 0.0]].into());
+        let doubled = SkyPicture::strengthened(&file, 2.0, 8.0).unwrap();
+        assert_eq!(doubled[0], [2.0, 4.0, 6.0]);
+        assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file.1);
+        let told = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
+        assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] at (1, 1)"), "{told}");
+    }
+}

@@ -125,4 +125,15 @@ mod tests {
         let states: Vec<_> = found.into_iter().map(|status| status.state).collect();
         assert_eq!(states, [State::Ended(End::Done), State::Going]);
     }
+
+    #[test]
+    fn an_attempt_whose_counter_vanishes_between_the_readings_is_lost() {
+        let folder = tempfile::tempdir().unwrap();
+        let about = About { shard: 1, of: 2, hang_limit_s: 600.0, ..About::default() };
+        let attempt = Attempt::begin(folder.path(), &about).unwrap();
+        let pulse = attempt.folder.join("pulse");
+        std::fs::write(&pulse, "7 0 1\n").unwrap();
+        let found = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap());
+        assert_eq!(found[0].state, State::Lost);
+    }
 }

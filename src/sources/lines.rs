@@ -166,6 +166,7 @@ mod tests {
             "/* \" */ x /* // */ /*\n#include \"b.cl\"\n*/\n",
             "\"text \\\n#include \\\"b.cl\\\" \"\n",
             "\"text \\\\\n#include \\\"b.cl\\\" \"\n",
+            "\"\\\\\" /*\n#include \"b.cl\"\n*/\n",
         ] {
             assert!(includes(text).is_empty(), "{text}");
         }

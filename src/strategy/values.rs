@@ -235,4 +235,35 @@ mod tests {
             }
         }
     }
+
+    /// Returns the message about a folder of kernel files with this additional file, if there is one.
+    fn refused(file: &str, check: fn(&Sources) -> Result<()>) -> Option<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(file);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, "int a;\n").unwrap();
+        check(&Sources::Folder(folder.path().to_owned())).err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn the_name_of_a_value_can_be_written_anywhere() {
+        for name in ["My", "a-b", "a b", "é"] {
+            let told = refused(&format!("cast/vectors/{name}.cl"), refuse_names).unwrap_or_default();
+            assert!(told.contains("a value is named after its file"), "{name}: {told}");
+        }
+        assert_eq!(refused("cast/vectors/my_2.cl", refuse_names), None);
+        assert_eq!(refused("My/File.cl", refuse_names), None, "no axis has this folder");
+    }
+
+    #[test]
+    fn a_file_that_has_no_effect_is_refused() {
+        let told = refused("cast/other.cl", refuse_unused).unwrap_or_default();
+        assert!(told.contains("other.cl is neither a file of raycl nor a value"), "{told}");
+        assert_eq!(refused("cast/vectors/mine.cl", refuse_unused), None, "a value");
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(folder.path().join("cast/vectors")).unwrap();
+        std::fs::write(folder.path().join("cast/other.cl"), "int a;\n").unwrap();
+        std::fs::write(folder.path().join("cast/vectors/mine.cl"), "#include \"cast/other.cl\"\n").unwrap();
+        assert!(refuse_unused(&Sources::Folder(folder.path().to_owned())).is_ok(), "a value includes it");
+    }
 }

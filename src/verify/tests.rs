@@ -251,3 +251,15 @@ fn one_channel_outside_its_range_is_enough() {
         assert_eq!(judge(&image, &reference).unexplained_pixels, 1);
     }
 }
+
+#[test]
+fn one_wrong_pixel_is_in_the_singular() {
+    let reference = judged();
+    let reason = |wrong: usize| {
+        let mut image = reference.radiance.clone();
+        image.pixels[..wrong].iter_mut().for_each(|pixel| *pixel = [f32::NAN; 3]);
+        judge(&image, &reference).reason.unwrap_or_default()
+    };
+    assert!(reason(1).contains("1 pixel is wrong; the worst, (0, 0), is not finite"), "{}", reason(1));
+    assert!(reason(2).contains("2 pixels are wrong"), "{}", reason(2));
+}

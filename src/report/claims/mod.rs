@@ -256,4 +256,54 @@ mod tests {
         assert_eq!([of(&[Held, Cannot]), of(&[Held, Unclear]), of(&[Cannot, Unclear])], [Unclear; 3]);
         assert_eq!(of(&[Cannot, Cannot]), Cannot);
     }
+
+    #[test]
+    fn threads_by_arithmetic_are_compared_with_the_published_number() {
+        let told = |threads: u32| {
+            let test = format!(
+                "kind = 'occupancy', compute_capability = '2.0', registers = 63, local_size = '16x16', threads = {threads}"
+            );
+            verdict(&test, &[measured("gpu", "naive", 8, 10.0)])
+        };
+        // Of 32768 registers, 512 threads with 64 each (in steps of 2) use all: two groups of 256.
+        assert_eq!([told(512), told(1536)], [Verdict::Held, Verdict::NotHeld]);
+    }
+
+    #[test]
+    fn of_several_records_of_a_point_the_fastest_counts() {
+        let records = [
+            measured("gpu", "naive", 1, 100.0),
+            measured("gpu", "naive", 8, 50.0),
+            measured("gpu", "naive", 4, 10.0),
+        ];
+        let best = "kind = 'ratio', of = ['naive 1x1 on teapot'], to = 'naive best on teapot', at_least = 5";
+        assert_eq!(verdict(best, &records), Verdict::Held);
+    }
+
+    #[test]
+    fn passes_of_the_same_frames_are_compared_by_the_samples_of_the_records_launches() {
+        let point =
+            "kind = 'passes', point = 'deferred 8x8 on teapot', of = 'shadow', to = 'primary', at_least = 2";
+        let record = measured("gpu", "deferred", 8, 10.0);
+        let told = |shadow_ms: f64, launch: u32| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(crate::record::journals::SAMPLES);
+            let mut journal = crate::record::JsonLines::append_to(&path).unwrap();
+            for n in 0..10_u32 {
+                let sample = crate::record::Sample {
+                    key: record.key.clone(),
+                    launch: launch + n / 5,
+                    ms: 10.0,
+                    primary_ms: Some(2.0),
+                    shadow_ms: Some(shadow_ms * (1.0 + 0.001 * f64::from(n % 3))),
+                    ..Default::default()
+                };
+                journal.append(&sample).unwrap();
+            }
+            let run = Folder { path: folder.path().into(), ..Folder::default() };
+            claim_in(&run, point, &[std::slice::from_ref(&record)]).verdict
+        };
+        assert_eq!([told(6.0, 0), told(3.0, 0)], [Verdict::Held, Verdict::NotHeld]);
+        assert_eq!([told(6.0, 7), told(0.0, 0)], [Verdict::Cannot; 2], "another launch, or no time");
+    }
 }

@@ -63,3 +63,24 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio(after, before)?, Against::BareTimes))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::fixtures::measured;
+
+    #[test]
+    fn the_half_with_the_changes_closest_to_the_median_is_alike() {
+        let before = measured("gpu", "naive", 8, 1.0);
+        let alike_of = |times: &[f64]| -> Vec<f64> {
+            let after: Vec<Record> = times.iter().map(|ms| measured("gpu", "naive", 8, *ms)).collect();
+            let pairs = after.iter().map(|after| (&before, after)).collect();
+            let mut found: Vec<f64> = alike(pairs).iter().filter_map(|(_, after)| median(after)).collect();
+            found.sort_by(f64::total_cmp);
+            found
+        };
+        assert_eq!(alike_of(&[2.0, 1.01, 0.4, 1.0, 1.02]), [1.0, 1.01, 1.02]);
+        assert_eq!(alike_of(&[0.5, 1.0, 4.0]), [0.5, 1.0]);
+        assert_eq!(alike_of(&[1.0, 9.0]), [1.0, 9.0], "of two, none stands out");
+    }
+}

@@ -277,3 +277,12 @@ fn a_page_lists_what_is_not_compared_only_if_there_is_something_and_states_the_t
     assert!(part.contains("\nNot compared:\n\n- ") && part.contains("only in old"), "{part}");
     assert!(part.contains("lies completely beyond 2%."), "{part}");
 }
+
+#[test]
+fn devices_correspond_by_name_in_any_order() {
+    let (one, other) = (timed("a", "naive", 10.0), timed("b", "naive", 20.0));
+    let before = folder("old", vec![one.clone(), other.clone()]);
+    let comparison = of(&before, &folder("new", vec![other, one]));
+    assert_eq!(comparison.summary(), "0 faster, 0 slower, 2 same, 0 unclear");
+    assert!(comparison.pairs.iter().all(|pair| pair.before.device == pair.after.device));
+}

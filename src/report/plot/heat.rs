@@ -249,6 +249,7 @@ fn luminance(colour: [u8; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use resvg::usvg;
 
     #[test]
     fn what_stands_on_any_colour_can_be_read() {
@@ -284,5 +285,47 @@ mod tests {
         assert_eq!(text.matches("class=\"mark\"").count(), 3);
         assert_eq!(text.matches("class=\"ring\"").count(), 1);
         assert!(text.contains("110592 B &gt; 49152 B") && text.contains("4.5 times as slow"), "{text}");
+    }
+
+    /// Returns the numbers of an element's attributes.
+    fn numbers(node: &usvg::roxmltree::Node<'_, '_>, names: [&str; 4]) -> [f64; 4] {
+        names.map(|name| node.attribute(name).and_then(|text| text.parse().ok()).expect("a number"))
+    }
+
+    #[test]
+    fn cells_lie_in_rows_and_columns_without_touching_each_other() {
+        let time = |slower: f64| Cell::Time {
+            slower,
+            text: format!("{slower}"),
+            wins: slower == 1.0,
+            tip: "ms".into(),
+        };
+        let none = Cell::Nothing { code: "L".into(), tip: "no".into() };
+        let map = HeatMap {
+            id: "a".into(),
+            title: "a".into(),
+            x_label: "local size".into(),
+            columns: vec!["8x8".into(), "16x16".into()],
+            rows: vec![("b".into(), vec![time(1.0), time(3.0)]), ("c".into(), vec![none, Cell::Empty])],
+            codes: vec![("L".into(), "too small".into())],
+        };
+        let svg = map.svg();
+        let document = usvg::roxmltree::Document::parse(&svg).expect("well-formed");
+        let of_class = |class: &str| {
+            document.descendants().filter(|n| n.attribute("class") == Some(class)).collect::<Vec<_>>()
+        };
+        let marks = of_class("mark");
+        assert!(
+            marks.iter().all(|mark| mark.parent().is_some_and(|parent| parent.tag_name().name() == "svg"))
+        );
+        let boxes = of_class("cell")
+            .iter()
+            .map(|node| numbers(node, ["x", "y", "width", "height"]))
+            .collect::<Vec<_>>();
+        let [first, beside, below] = boxes[..] else { panic!("{boxes:?}") };
+        assert_eq!([first[1], first[0], first[3]], [beside[1], below[0], below[3]]);
+        assert_eq!(beside[0] - first[0], first[2] + 2.0, "a gap of two pixels across");
+        assert_eq!(below[1] - first[1], first[3] + 2.0, "a gap of two pixels down");
+        assert!(first[2] > first[3], "a column is wider than a row is high");
     }
 }

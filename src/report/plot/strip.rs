@@ -169,3 +169,32 @@ fn bar(svg: &mut Svg, class: &str, [left, right]: [f64; 2], [top, height]: [f64;
         ],
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn reach(deviations: Vec<f64>) -> f64 {
+        let row = Row {
+            name: String::new(),
+            value: String::new(),
+            deviations,
+            interval: None,
+            quartiles: None,
+            tip: String::new(),
+        };
+        Strip { title: String::new(), rows: vec![row] }.reach()
+    }
+
+    #[test]
+    fn the_axis_shows_nearly_all_samples_on_both_sides_and_no_outlier() {
+        let close = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
+        // One sample in a hundred takes ten times as long.
+        let mut samples: Vec<f64> = (0..99).map(|place| if place % 2 == 0 { 2.0 } else { -4.0 }).collect();
+        samples.push(900.0);
+        assert!(close(reach(samples), 1.15 * 4.0));
+        assert!(close(reach(vec![0.01, -0.02]), 0.5), "not less than half a per cent");
+        assert!(close(reach(vec![900.0; 9]), 400.0));
+        assert!(close(reach(Vec::new()), 1.15));
+    }
+}

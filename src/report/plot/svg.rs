@@ -172,4 +172,30 @@ mod tests {
     fn numbers_are_short() {
         assert_eq!([1.0, 0.5, 12.346].map(number), ["1", "0.5", "12.35"]);
     }
+
+    #[test]
+    fn a_line_is_drawn_from_one_point_to_the_other_and_text_in_its_place() {
+        let mut svg = Svg::default();
+        svg.line("axis", "#123456", [1.0, 2.0], [3.5, 4.0]);
+        svg.lines("small", [5.0, 6.0], Anchor::End, &["a".to_owned(), "b".to_owned()]);
+        svg.upright_text("c", [7.0, 8.0], "up");
+        let text = svg.finish([10.0, 20.0], "name", "about");
+        let document = resvg::usvg::roxmltree::Document::parse(&text).expect("well-formed");
+        let nodes = |name: &str| {
+            document
+                .descendants()
+                .filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", name)))
+                .collect::<Vec<_>>()
+        };
+        let line = nodes("line")[0];
+        assert_eq!(
+            ["x1", "y1", "x2", "y2"].map(|name| line.attribute(name)),
+            ["1", "2", "3.5", "4"].map(Some)
+        );
+        assert_eq!((line.attribute("class"), line.attribute("stroke")), (Some("axis"), Some("#123456")));
+        let told: Vec<_> = nodes("text").iter().map(|node| (node.text(), node.attribute("y"))).collect();
+        assert_eq!(told, [(Some("a"), Some("6")), (Some("b"), Some("22")), (Some("up"), Some("0"))]);
+        assert_eq!(nodes("text")[0].attribute("text-anchor"), Some("end"));
+        assert_eq!(nodes("g")[0].attribute("transform"), Some("translate(7 8) rotate(-90)"));
+    }
 }

@@ -249,6 +249,7 @@ fn sure(contest: &Contest<'_>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::program::CompiledKernel;
     use crate::record::fixtures::{few, judged, measured};
     use crate::record::{Folder, groups};
 
@@ -293,5 +294,40 @@ mod tests {
         let found = of(&[few("gpu", "naive", 4, 9.0, 3), few("gpu", "private", 8, 2.0, 3)]);
         assert_eq!([found.strategy, found.size].map(|line| line.contains("no winner")), [true; 2]);
         assert!(of(&[measured("gpu", "naive", 4, 9.1)]).why.contains("not known"));
+    }
+
+    #[test]
+    fn an_answer_is_of_its_device_only() {
+        let on = |device: &str, scene: &str, name: &str, ms| Record {
+            key: format!("{device} {scene} {name}"),
+            scene: scene.into(),
+            ..measured(device, name, 8, ms)
+        };
+        let found = of(&[
+            on("gpu", "teapot", "naive", 10.0),
+            on("gpu", "teapot", "private", 2.0),
+            on("cpu", "room", "naive", 10.0),
+            on("cpu", "room", "private", 2.0),
+        ]);
+        assert!(
+            found.strategy.contains("on teapot") && !found.strategy.contains("room"),
+            "{}",
+            found.strategy
+        );
+    }
+
+    #[test]
+    fn only_facts_that_are_known_of_both_kernels_are_compared() {
+        let kernel = |registers, occupancy| {
+            let name = "cast_frame".to_owned();
+            let mut kernel = CompiledKernel { name, occupancy, ..CompiledKernel::default() };
+            kernel.resources.registers = registers;
+            kernel
+        };
+        let with = |kernel| Record { kernels: vec![kernel], ..measured("gpu", "naive", 8, 3.0) };
+        let [best, naive] =
+            [kernel(Some(62), Some(0.5)), kernel(Some(67), None)].map(|kernel| facts(&with(kernel)));
+        assert_eq!(against("private", &best, &naive), "private: 62 registers (naive: 67)");
+        assert_eq!(against("private", &best, &[]), "the compiler does not report registers");
     }
 }

@@ -160,4 +160,30 @@ mod tests {
         let sizes: Vec<_> = teapot.ours.iter().map(|record| record.local_size).collect();
         assert_eq!(sizes, [Some([8, 8])]);
     }
+
+    #[test]
+    fn a_curve_is_drawn_in_milliseconds_or_as_a_multiple_of_its_least_time() {
+        let records = judged([measured("gpu", "naive", 4, 6.0), measured("gpu", "naive", 8, 2.0)]);
+        let curve = Curve {
+            name: "naive",
+            number: 1,
+            published: vec![(4, 300.0), (8, 100.0), (16, 200.0)],
+            ours: records.iter().collect(),
+        };
+        let drawn = drawn(std::slice::from_ref(&curve), 6, "gpu", false);
+        let heights = |chart: &Chart| -> Vec<Vec<[f64; 2]>> {
+            chart.series.iter().map(|one| one.marks.iter().map(|mark| [mark.x, mark.y]).collect()).collect()
+        };
+        assert_eq!(
+            heights(&drawn),
+            [vec![[0.0, 6.0], [1.0, 2.0]], vec![[0.0, 300.0], [1.0, 100.0], [2.0, 200.0]],]
+        );
+        assert_eq!(drawn.series.iter().map(|one| one.look.dashed).collect::<Vec<_>>(), [false, true]);
+        let shapes = heights(&super::drawn(std::slice::from_ref(&curve), 6, "gpu", true));
+        assert_eq!(shapes[1], [[0.0, 3.0], [1.0, 1.0], [2.0, 2.0]]);
+        assert!((shapes[0][0][1] - 3.0).abs() < 1e-9 && (shapes[0][1][1] - 1.0).abs() < 1e-9, "{shapes:?}");
+        let rows = rows(&curve);
+        assert_eq!(rows[1], ["naive", "8 x 8", "100.0", "2.000", "50.0×"]);
+        assert_eq!(rows[2][3..], ["-", "-"]);
+    }
 }

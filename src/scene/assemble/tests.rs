@@ -118,3 +118,57 @@ fn the_crease_of_an_object_counts_before_that_of_the_scene() {
         assert!(at_ridge.distance(expected) < 1e-6, "{of_scene}, {own}: {at_ridge}");
     }
 }
+
+#[test]
+fn a_scene_without_any_light_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+    let is_noted = |more: &str| {
+        std::fs::write(&path, format!("{object}{more}")).unwrap();
+        let notes = load_scene_with(&path, &[]).unwrap().notes;
+        notes.iter().any(|note| note.contains("no light: every surface is black"))
+    };
+    assert!(is_noted(""));
+    assert!(!is_noted("[[light]]\nposition = [1, 3, 1]\npower = 10\n"));
+    assert!(!is_noted("[sky]\nzenith = 1\n"));
+}
+
+#[test]
+fn a_face_names_corners_that_exist() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let told = |faces: &str| {
+        let vertices = "vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]";
+        std::fs::write(&path, format!("[[object]]\n{vertices}\nfaces = {faces}\n")).unwrap();
+        load_scene_with(&path, &[]).map(drop).map_err(|error| error.to_string())
+    };
+    assert_eq!(told("[[0, 1, 2]]"), Ok(()));
+    let beyond = told("[[0, 1, 2], [0, 1, 3]]").unwrap_err();
+    assert!(beyond.contains("3 does not exist; expected 0 to 2"), "{beyond}");
+    let few = told("[[0, 1]]").unwrap_err();
+    assert!(few.contains("a face of 2 corners; expected three or more"), "{few}");
+}
+
+/// Each line has a value just outside the range that docs/scenes.md gives.
+#[test]
+fn numbers_out_of_their_range_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let told = |more: &str| {
+        let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+        std::fs::write(&path, format!("{more}\n{object}")).unwrap();
+        load_scene_with(&path, &[]).map(drop).map_err(|error| error.to_string())
+    };
+    for (good, bad, expected) in [
+        ("background = 0", "background = -0.5", "at least 0"),
+        ("background = [0, 1, 0]", "background = [0, -1, 0]", "at least 0"),
+        ("display.gamma = 1", "display.gamma = 0", "more than 0"),
+        ("camera.elevation_degrees = -90", "camera.elevation_degrees = -91", "degrees from -90 to 90"),
+        ("camera.azimuth_degrees = 1e30", "camera.azimuth_degrees = 1e39", "a finite number"),
+    ] {
+        assert_eq!(told(good), Ok(()), "{good}");
+        let error = told(bad).unwrap_err();
+        assert!(error.contains(expected), "{bad}: {error}");
+    }
+}

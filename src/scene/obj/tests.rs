@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::filetype::Opened;
-use crate::scene::{files, normals};
+use crate::scene::{Material, files, normals};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -384,4 +384,27 @@ proptest! {
     fn no_text_makes_it_panic(text in "([vf#lp\\\\ ]|vn|usemtl|mtllib|[0-9/. \n-]|nan|1e9){0,60}") {
         let _ = read(&text);
     }
+}
+
+#[test]
+fn a_highlight_without_strength_is_none_and_a_grey_is_three_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let material = |mtl: &str| {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{mtl}")).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
+        let mesh = parse("test.obj", reach(), text.as_bytes()).unwrap().mesh;
+        *mesh.material(&mesh.triangles[0])
+    };
+    let half = Vec3::splat(0.5);
+    assert_eq!(material("Kd 0.5\nKs 0 0 0\nNs 7\n"), Material::lambertian(half));
+    assert_eq!(material("Kd 0.5\nNs 7\n"), Material::lambertian(half));
+    assert_eq!(material("Kd 0.5\nKs 0.25\nNs 7\n"), Material::blinn_phong(half, Vec3::splat(0.25), 7.0));
+}
+
+#[test]
+fn a_material_file_that_is_missing_is_noted_once() {
+    let text = format!("mtllib no.mtl\nmtllib no.mtl\n{CORNERS}f 1 2 3\n");
+    let notes = parse("test.obj", nowhere(), text.as_bytes()).unwrap().notes;
+    assert_eq!(notes.iter().filter(|note| note.contains("no.mtl")).count(), 1, "{notes:?}");
 }

@@ -46,7 +46,8 @@ fn corners(mesh: &Mesh) -> [Vec3; 3] {
 
 #[test]
 fn a_triangle_stands_where_its_node_does_and_is_flat() {
-    let mesh = read(&triangle()).unwrap().mesh;
+    let MeshFile { mesh, notes, .. } = read(&triangle()).unwrap();
+    assert_eq!(notes, Vec::<String>::new());
     assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(1.0, 0.0, 5.0), Vec3::new(0.0, 1.0, 5.0)]);
     assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z; 3]);
 }
@@ -193,6 +194,8 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
             r#""type": "SCALAR"}"#,
             r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5121, "normalized": true, "count": 3, "type": "VEC4"}"#,
         );
+    let plain = text.replace(r#", "material": 0"#, "");
+    assert!(!read(&plain).unwrap().notes.iter().any(|note| note.contains("COLOR_0")), "it has no material");
     for (mode, is_noted) in [("OPAQUE", false), ("MASK", true), ("BLEND", true)] {
         let material = format!("{{\"materials\": [{{\"alphaMode\": \"{mode}\"}}], ");
         let notes = read(&text.replacen('{', &material, 1)).unwrap().notes;
@@ -226,14 +229,21 @@ fn textured(material: &str) -> String {
 
 #[test]
 fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
-    for (factor, has_holes) in [(0.8, false), (0.6, true)] {
+    // A cutoff that is not given is 0.5.
+    for (factor, cutoff, has_holes) in [
+        (0.8, r#""alphaCutoff": 0.5,"#, false),
+        (0.6, r#""alphaCutoff": 0.5,"#, true),
+        (0.8, "", false),
+        (0.6, "", true),
+        (0.8, r#""alphaCutoff": 0.6,"#, true),
+    ] {
         let material = format!(
-            r#"{{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness":
+            r#"{{"alphaMode": "MASK", {cutoff} "pbrMetallicRoughness":
 {{"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}"#
         );
         let file = read(&textured(&material)).unwrap();
         assert_eq!(file.mesh.textures.list.len(), 1, "{:?}", file.notes);
-        assert_eq!(file.mesh.textures.have_holes(), has_holes, "{factor}");
+        assert_eq!(file.mesh.textures.have_holes(), has_holes, "{factor} {cutoff}");
     }
 }
 
@@ -393,4 +403,20 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         let version = to.contains("1.0");
         assert!(version || found.contains(message), "{from} -> {to}: {found}");
     }
+}
+
+#[test]
+fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
+    use crate::scene::Wrap;
+    let material = r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#;
+    let wrap = |sampler: &str| {
+        let text = textured(material).replace(
+            r#""textures": [{"source": 0}]"#,
+            &format!(r#""samplers": [{sampler}], "textures": [{{"source": 0, "sampler": 0}}]"#),
+        );
+        read(&text).unwrap().mesh.textures.list[0].wrap
+    };
+    assert_eq!(wrap(r#"{"wrapS": 33071, "wrapT": 33648}"#), [Wrap::Clamp, Wrap::Mirror]);
+    assert_eq!(wrap(r#"{"wrapS": 33648, "wrapT": 10497}"#), [Wrap::Mirror, Wrap::Repeat]);
+    assert_eq!(wrap("{}"), [Wrap::Repeat; 2]);
 }
