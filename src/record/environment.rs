@@ -244,6 +244,7 @@ mod tests {
         environment.write(&path).unwrap();
         let read: Environment = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
         assert_eq!(read, environment);
+        assert!(std::fs::read_to_string(&path).unwrap().ends_with("}\n"), "the last line has an end");
         assert!(read.host.cores >= 1);
     }
 

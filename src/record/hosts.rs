@@ -176,8 +176,8 @@ mod tests {
     fn control_points_are_sorted_by_what_they_are_and_their_machines_by_name() {
         let of = |scene: &str, host: &str, launch: u32| Record {
             scene: scene.into(),
-            key: scene.into(),
-            control: Some(scene.into()),
+            key: if scene == "bunny" { "b" } else { "a" }.into(),
+            control: Some(if scene == "bunny" { "b" } else { "a" }.into()),
             ..on(host, 10.0, launch)
         };
         let records = judged([

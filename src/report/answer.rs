@@ -275,6 +275,8 @@ mod tests {
         assert_eq!(one.winners.iter().map(|w| w.name.as_str()).collect::<Vec<_>>(), ["wide", "deferred"]);
         assert_eq!(one.speedups[0].factor, "37.3×");
         assert_eq!(one.speedups[0].range, "35.2 to 39.5");
+        let over: Vec<_> = one.speedups.iter().map(|speedup| speedup.over.as_str()).collect();
+        assert_eq!(over, ["serial-f32", "the best naive point"]);
         assert_eq!((one.refused[0].word.as_str(), one.refused[0].count), ("local", 1));
         assert!(headline(&answers).contains("tie"), "{}", headline(&answers));
     }

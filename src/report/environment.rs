@@ -185,4 +185,14 @@ mod tests {
         assert!(host.contains(&("clocks, now, MHz".into(), "2450".into())), "{host:?}");
         assert!(view.sections.iter().any(|(name, _)| name == "devices gpu"));
     }
+
+    #[test]
+    fn a_program_is_built_again_from_its_commit_if_it_has_one() {
+        let told = |revision: Option<&str>| {
+            program(&serde_json::json!({"raycl_version": "1", "git_revision": revision}))
+        };
+        assert_eq!(told(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
+        assert!(told(Some("abc-dirty")).contains("with uncommitted changes"));
+        assert_eq!(told(None), "raycl 1, built outside a git repository");
+    }
 }

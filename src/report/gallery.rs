@@ -279,4 +279,11 @@ mod tests {
         let small = image::load_from_memory(&bytes).unwrap();
         assert_eq!((small.width(), small.height()), (THUMBNAIL, THUMBNAIL / 4));
     }
+
+    #[test]
+    fn a_picture_of_tests_says_whether_rays_walk_a_tree() {
+        let of =
+            |strategy: &str| way(&Record { strategy: strategy.into(), ..measured("gpu", "naive", 8, 1.0) });
+        assert_eq!(["traversal=exhaustive", "traversal=bvh"].map(of), ["without a tree", "with a tree"]);
+    }
 }

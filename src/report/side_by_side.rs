@@ -140,7 +140,13 @@ mod tests {
             plots[1].svg
         );
         assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
-        assert!(plots[0].svg.contains("3.00× teapot: wide at 1 x 1"), "{}", plots[0].svg);
+        assert!(
+            plots[0].svg.contains(
+                "wide on gpu: at the best local size for each scene and image size&#10;3.00× teapot: wide"
+            ),
+            "{}",
+            plots[0].svg
+        );
         assert!(side_by_side(&groups[..1]).is_empty(), "one device");
     }
 

@@ -141,6 +141,7 @@ mod tests {
     #[test]
     fn the_recent_rate_is_that_of_the_frames_since_the_last_one() {
         let mut rate = Rate::new();
+        rate.count();
         assert_eq!(rate.recent(), ([0.0; 2], false), "too little time has passed");
         let mut after_a_period = |frames: &[(f64, f64)]| {
             for (rays, ms) in frames {

@@ -289,4 +289,14 @@ mod tests {
             [Verdict::NotHeld; 2]
         );
     }
+
+    #[test]
+    fn a_comparison_without_enough_samples_has_no_ratio() {
+        let of = |sure| Ratio { sure, n: 3, frame_ms: 1.0 };
+        assert_eq!(
+            of(Some((2.0, [1.9, 2.1]))).between("a", "b"),
+            "a takes 2.00 times (1.90 to 2.10, n = 3) as long as b"
+        );
+        assert_eq!(of(None).between("a", "b"), "a against b: not enough samples (n = 3)");
+    }
 }

@@ -72,3 +72,31 @@ fn shape(which: usize, [x, y]: [f64; 2]) -> String {
         ]),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn forty_two_series_look_different() {
+        let looks: std::collections::HashSet<_> = (0..42)
+            .map(|number| {
+                let mut svg = Svg::default();
+                Look::of(number).marker(&mut svg, [0.0, 0.0]);
+                svg.finish([1.0, 1.0], "", "")
+            })
+            .collect();
+        assert_eq!(looks.len(), 42);
+        assert_eq!(Look::of(42).colour(), Look::of(0).colour());
+    }
+
+    #[test]
+    fn only_published_values_have_empty_markers() {
+        let is_hollow = |look: Look| {
+            let mut svg = Svg::default();
+            look.marker(&mut svg, [0.0, 0.0]);
+            svg.finish([1.0, 1.0], "", "").contains("hollow")
+        };
+        assert!(!is_hollow(Look::of(3)) && is_hollow(Look { dashed: true, ..Look::of(3) }));
+    }
+}

@@ -162,4 +162,10 @@ mod tests {
         let expected = ["0", "5e-5", "0.0001", "0.25", "9999", "10k", "2.5M", "3G", "-20k"];
         assert_eq!(values.map(label), expected);
     }
+
+    #[test]
+    fn ticks_of_an_axis_far_from_zero_are_those_of_its_range() {
+        let scale = Scale::between(Kind::Linear, [100.0, 110.0], [0.0, 1.0]);
+        assert_eq!(scale.ticks(), [100.0, 102.0, 104.0, 106.0, 108.0, 110.0]);
+    }
 }

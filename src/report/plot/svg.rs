@@ -198,4 +198,9 @@ mod tests {
         assert_eq!(nodes("text")[0].attribute("text-anchor"), Some("end"));
         assert_eq!(nodes("g")[0].attribute("transform"), Some("translate(7 8) rotate(-90)"));
     }
+
+    #[test]
+    fn what_xml_cannot_hold_becomes_a_blank() {
+        assert_eq!(escape("a\u{1}b\nc\u{7f}'"), "a b&#10;c &#39;");
+    }
 }
