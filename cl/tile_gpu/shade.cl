@@ -200,7 +200,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
         const int row = (int)get_global_id(1) / LOCAL_Y - queue_rows;
         const int2 grid = GRID_OF(image_size);
         float4 sum[RAYS];
-        uint waiting = 0; // this lane's pixels that other groups store, since they are in the queue
+        uint waiting = 0; // one bit per pixel of this lane: set if it is in the queue, so that another group stores it
         int pixels = 0; // number of this lane's pixels that get samples
         EACH_RAY(ray) {
             sum[ray] = (float4)(0.0f);

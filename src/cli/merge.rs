@@ -16,7 +16,7 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if every point of the plan was measured or does not fit on its device, 1 if a point is missing or failed, 2 for a mistake in the arguments.")]
+Merging needs no device. Exit code: 0 if no point is missing or failed (points that do not fit on their device are not failures), 1 if one is, 2 for a mistake in the arguments.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]

@@ -51,7 +51,7 @@ const HANG_LIMIT: Duration = Duration::from_secs(600);
   raycl run configs/quick.toml --cl-dir base --cl-dir new --fail-on-regression 5
   raycl run configs/quick.toml --set image_sizes='[[800, 500]]' --set timing.time_limit_ms=2000
 
-Exit code: 0 if every point was measured or does not fit on its device, 1 if a point failed, 2 for a mistake in the arguments or files.")]
+Exit code: 0 if no point failed (points that do not fit on their device are not failures), 1 if a point failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
     /// The experiment: a TOML file
     config: PathBuf,
@@ -188,7 +188,7 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out)
 }
 
-/// Makes the run that the arguments describe. With `--spread`, the devices must be of one kind.
+/// Makes the run that the arguments describe. With `--spread`, the devices must be the same model.
 fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,

@@ -23,7 +23,7 @@ pub struct Job {
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
     pub device: Option<String>,
-    /// The device whose name is in records, if points are distributed over several devices of the same kind.
+    /// The device whose name is in records, if points are distributed over several devices of the same model.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
     /// The folder of kernels that replaces the built-in ones.

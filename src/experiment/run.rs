@@ -35,7 +35,7 @@ pub struct Run<'a> {
     pub retry_failed: bool,
     /// The locks of devices. While a group of points is timed, no other process measures on its device.
     pub locks: &'a Locks,
-    /// True if the points are distributed over several devices of the same kind. Otherwise, each device
+    /// True if the points are distributed over several devices of the same model. Otherwise, each device
     /// measures all points.
     pub spread: bool,
     /// The blocks to measure, if the plan is cut into blocks: those of a shard, or all blocks for `--spread`.

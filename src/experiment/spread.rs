@@ -1,4 +1,4 @@
-//! Runs an experiment on several devices of one kind. Each block of points is measured on the next free device.
+//! Runs an experiment on several devices of the same model. Each block of points is measured on the next free device.
 //! Each device has its own workers.
 
 use super::Run;

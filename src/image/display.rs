@@ -55,7 +55,7 @@ impl Shown {
     }
 
     /// Returns the two tables for devices. The first table has, for each 8-bit value, the smallest
-    /// radiance that is displayed brighter. The second table has, for the upper bits of a radiance,
+    /// radiance that is displayed as a greater value. The second table has, for the upper bits of a radiance,
     /// a lower bound of its 8-bit value.
     pub fn tables(&self) -> (&[f32], &[u8]) {
         (&self.0.smallest, &self.0.at_least)

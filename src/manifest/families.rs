@@ -363,8 +363,8 @@ const APPLY_KERNEL: Kernel = Kernel {
     parameters: &[HALF_LIGHT, RATIOS, SIZE, IMAGE],
 };
 
-const NO_TREE: &str = "uses no tree, so that only the default value is allowed";
-const NO_TILES: &str = "casts no tiles of rays, so that only the default value is allowed";
+const NO_TREE: &str = "uses no tree, so only the default value is allowed";
+const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
 const LEAF_ORDER: &str = "reads triangles in the order of its tree";
 const SHADES_ONCE: &str = "shades a tile's rays once";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";

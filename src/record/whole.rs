@@ -85,7 +85,7 @@ pub fn own_folder(path: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Fails if `path` is a link or a device, to which raycl must not append. A missing file is
+/// Fails if `path` is a link, a pipe or a device, to which raycl must not append. A missing file is
 /// accepted.
 pub fn own_file(path: &Path) -> std::io::Result<()> {
     match path.symlink_metadata() {

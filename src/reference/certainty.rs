@@ -242,7 +242,7 @@ mod tests {
     #[test]
     fn a_triangle_with_holes_is_neither_hit_nor_in_the_lights_way_for_sure() {
         let mut scene = fixtures::figure_4();
-        // The masks turn the whole triangle and its twin into holes; the ground is solid.
+        // The masks turn the triangle and its copy of opposite orientation into holes; the ground is solid.
         let clear = Texture {
             size: [1, 1],
             wrap: [Wrap::Repeat; 2],

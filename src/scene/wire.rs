@@ -26,7 +26,7 @@ pub(super) struct SceneWire {
     #[serde(default)]
     #[schemars(with = "Vec<ObjectWire>")]
     pub object: Vec<Spanned<ObjectWire>>,
-    /// Point lights [default: none, so that all surfaces are black].
+    /// Lights: points, or balls if they have a radius [default: none].
     pub light: Option<Vec<LightWire>>,
     /// Light from all directions, unless something occludes it [default: none].
     #[schemars(with = "Option<SkyWire>")]

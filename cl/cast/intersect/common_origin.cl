@@ -3,7 +3,7 @@
 // prepared_for: origin
 // exact_signs: no
 // operations: 9
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Tests rays with a common origin against planes that contain this origin and an edge. Operations: 3 for each of
 // three planes.

@@ -3,7 +3,7 @@
 // prepared_for: any-ray
 // exact_signs: yes
 // operations: 50
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
 // runs along +z from the origin. An edge function is then the difference of two products, each rounded separately. The

@@ -3,13 +3,13 @@
 // prepared_for: tile
 // exact_signs: no
 // operations: 9
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // Triangles are prepared once for all rays, eight at a time, each in one lane. Relative to the origin, the corners P
 // and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if its
 // dot product with this normal has the right sign. The neighbouring triangle has the same plane with the opposite sign,
 // to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through.
-// Neighbouring triangles therefore overlap a little. Planes are scaled so that this overlap is 1. With a = d.(e2 x e1),
+// Neighbouring triangles therefore overlap a little: by 1, after the planes are scaled. With a = d.(e2 x e1),
 // the product of `a` and t is the same for all rays: the height. A hit lies in front of the ray's origin if `a` and the
 // height have the same sign. The planes are multiplied by the height's sign once, so that the tests need not do it.
 

@@ -97,9 +97,9 @@ pub struct Report {
 #[derive(Debug, Serialize)]
 pub struct Verified {
     /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
-    /// pictures, this is the largest of two differences: that of the pictures from which the filter made the final one,
-    /// from the reference, over their certain pixels; and that of the final picture from the result of the same filter
-    /// on the host, over all pixels.
+    /// pictures, this is the larger of two differences. The pictures from which the filter made the final one are
+    /// compared with the reference, over their certain pixels. The final picture is compared with the result of the
+    /// same filter on the host, over all pixels.
     pub max_difference: f64,
     /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly. Those of half pictures
     /// are not included.

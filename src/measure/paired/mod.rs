@@ -13,8 +13,8 @@
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread (two
 //!    degrees of freedom). Therefore a pair's variance is averaged with the usual variance of all points (a moderated
-//!    variance, after Smyth 2004). The usual variance counts as at most six more degrees of freedom, and as fewer the
-//!    more the variances of points differ from each other ([`prior`]). Student's t gives the interval ([`spread`]).
+//!    variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if the variances
+//!    of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
 //!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one.
 //!

@@ -79,7 +79,7 @@ impl Pooled {
         self.error(variance, borrowed + self.columns.saturating_sub(1) as f64)
     }
 
-    /// Returns the degrees of freedom for which the spread of all rows counts. `own` rows are no others.
+    /// Returns the degrees of freedom for which the spread of all rows counts. The `own` rows that are judged add none.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)

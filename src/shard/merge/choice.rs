@@ -104,7 +104,7 @@ impl Chosen {
                 format!("{} points were", self.several.len())
             };
             notes.push(format!(
-                "{points} measured by several attempts ({}); one record of each is used.",
+                "{points} measured by several attempts ({}); one record per point is used.",
                 few(&who)
             ));
         }

@@ -5,7 +5,7 @@
 // exact_signs: no
 // operations: 12
 // contradicts: culling=back because the matrix keeps no sign of the normal
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 //
 // A matrix of three rows takes the corners to (0,0,0), (1,0,0) and (0,1,0), so that a point's first two coordinates are its
 // weights of the second and third corner, and the third is 0 in the triangle's plane:

@@ -2,7 +2,7 @@
 // record_floats: 9
 // prepared_for: any-ray
 // exact_signs: no
-// contradicts: epsilons=paper because they are numbers of the moller-trumbore test
+// contradicts: epsilons=paper because the paper's epsilons are numbers of the moller-trumbore test
 // contradicts: culling=back because it asks for no sign
 //
 // For tests: a record that is not 12 floats long is an array of numbers.
