@@ -76,9 +76,14 @@ pub(super) fn put(
     maker: impl Fn(&mut File) -> IoResult<Maker>,
     write: impl FnOnce(&mut File) -> IoResult<()>,
 ) -> Result<()> {
-    let failed = |error: std::io::Error| {
-        Error::run(format!("cannot write '{}': {error}", path.display()))
-            .with_help(format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere))
+    let failed = |error: std::io::Error| match error.kind() {
+        // The error itself names a temporary file.
+        ErrorKind::PermissionDenied => {
+            Error::input(format!("cannot write '{}': permission denied", path.display()))
+                .with_help(format!("write to another folder with `{}`", choice.elsewhere))
+        }
+        _ => Error::run(format!("cannot write '{}': {error}", path.display()))
+            .with_help(format!("free up space on the disk, or write elsewhere with `{}`", choice.elsewhere)),
     };
     let mut file = temporary_in(folder_of(path)?).map_err(failed)?;
     write(file.as_file_mut()).map_err(failed)?;

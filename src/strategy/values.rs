@@ -176,7 +176,18 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
     let places = format!("a value's file lies in {}", folders.join(", "));
-    let meant = nearest(file, built_in.iter().copied().chain(as_values.iter().map(String::as_str)));
+    // A file in a wrong folder is more likely than a misspelt name.
+    let is_named_so = |name: &&str| name.rsplit('/').next() == Some(stem);
+    let same: Vec<&str> = built_in.iter().copied().filter(is_named_so).collect();
+    let others =
+        built_in.iter().copied().chain(as_values.iter().map(String::as_str)).filter(|other| *other != file);
+    let meant =
+        nearest(file, same.iter().copied()).or(same.first().copied()).or_else(|| nearest(file, others));
+    if let Some((folder, _)) = path.split_once("/cl/").filter(|_| file.starts_with("cl/")) {
+        return Error::input(message).with_help(format!(
+            "{folder} contains a folder of kernels: name this one, with --cl-dir {folder}/cl, or remove it"
+        ));
+    }
     Error::input(message).with_help(match meant {
         Some(meant) => format!("did you mean {meant}? {places}"),
         None => places,
@@ -186,6 +197,18 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_kernel_file_in_a_wrong_folder_is_sent_to_the_right_one() {
+        let built_in = ["anchor/spheres.cl", "cast/intersect/moller_trumbore.cl", "cast/layout/soup.cl"];
+        let help = |path: &str, file: &str| format!("{:?}", unused(path, file, &built_in));
+        let moved = help("k/cast/moller_trumbore.cl", "cast/moller_trumbore.cl");
+        assert!(moved.contains("did you mean cast/intersect/moller_trumbore.cl?"), "{moved}");
+        let misspelt = help("k/cast/layout/suop.cl", "cast/layout/suop.cl");
+        assert!(misspelt.contains("did you mean cast/layout/soup.cl?"), "{misspelt}");
+        let nested = help("k/cl/cast/layout/soup.cl", "cl/cast/layout/soup.cl");
+        assert!(nested.contains("--cl-dir k/cl,"), "{nested}");
+    }
 
     #[test]
     fn every_built_in_value_has_a_header_that_can_be_read() {

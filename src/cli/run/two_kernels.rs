@@ -20,12 +20,31 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
         print_table(&comparison)?;
     }
     match limit_percent.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => {
-            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; ")))
-                .with_help("kernels of the second --cl-dir are slower than those of the first"))
-        }
+        Some(worse) if !worse.is_empty() => Err(regressed(&comparison.labels, &worse, folder)),
         _ => Ok(()),
     }
+}
+
+/// Returns the error that lists the regressions of the second folder of kernels.
+fn regressed([first, second]: &[String; 2], worse: &[String], folder: &Folder) -> Error {
+    let broken = worse.iter().filter(|line| Comparison::is_broken(line)).count();
+    let images = folder.path.join("images");
+    let help = match broken {
+        0 => format!("the kernels of {second} are slower than those of {first}"),
+        all if all == worse.len() => {
+            format!(
+                "the kernels of {second} fail or cast wrong pictures; pictures are in {}",
+                images.display()
+            )
+        }
+        _ => format!(
+            "the kernels of {second} are slower than those of {first}, and some fail or cast wrong pictures; pictures are in {}",
+            images.display()
+        ),
+    };
+    let count =
+        if worse.len() == 1 { "1 regression".to_owned() } else { format!("{} regressions", worse.len()) };
+    Error::run(format!("{count} with {second} instead of {first}: {}", worse.join("; "))).with_help(help)
 }
 
 /// Returns the kernels of each folder, or the built-in kernels if no folder is given. `spread` is true if several

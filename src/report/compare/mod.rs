@@ -117,6 +117,11 @@ impl Comparison {
             pair.change = ratio.map(|ratio| (ratio, Against::SameRounds));
             pair.verdict = ratio.map_or(Verdict::NotEnough, |ratio| Verdict::of(ratio, threshold));
         }
+        comparison.notes.push(
+            "Changes are computed from samples that were taken close together, so they differ somewhat from the ratio of the \
+             medians."
+                .to_owned(),
+        );
         comparison
     }
 
@@ -178,6 +183,14 @@ impl Comparison {
         }
         let of =
             |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
+        if of(Against::Anchor) || of(Against::Baselines) {
+            self.notes.push(
+                "Changes are relative to work that is the same in both runs (the anchor kernel or the baselines) and was measured in \
+                 the same rounds. They differ from the ratio of the medians if the machine's speed changed. With `--times`, the \
+                 medians are compared."
+                    .to_owned(),
+            );
+        }
         if of(Against::PointsInCommon) {
             self.notes.push(
                 "No baseline was measured in both folders in the same rounds as the points. Changes are therefore relative to the \
@@ -204,6 +217,11 @@ impl Comparison {
     /// reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
+    }
+
+    /// Returns whether a line of `others` or of the regressions says that a point was measured before and fails now.
+    pub fn is_broken(line: &str) -> bool {
+        line.contains(": was measured, is ")
     }
 
     /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The

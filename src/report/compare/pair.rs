@@ -93,5 +93,12 @@ pub(super) fn name(record: &Record) -> String {
     if record.is_baseline() {
         return format!("{} {}, {}", record.scene, by(record.image_size), title(record));
     }
-    format!("{} {}, {} {}", record.scene, by(record.image_size), record.name, size_name(record))
+    format!("{} {}, {} {}", record.scene, by(record.image_size), strategy(record), size_name(record))
+}
+
+/// Returns the name of a record's strategy, without the folder of kernels that the name may end with. A point that is
+/// compared has one name, whichever folder its kernels are from.
+pub(super) fn strategy(record: &Record) -> &str {
+    let folder = record.kernels_of.as_ref().map(|kernels| format!(" ({kernels})"));
+    folder.and_then(|folder| record.name.strip_suffix(&folder)).unwrap_or(&record.name)
 }

@@ -3,7 +3,7 @@
 //! significant, for example after a change to a file that all strategies share.
 
 use super::Comparison;
-use super::pair::{Against, Pair, percent};
+use super::pair::{Against, Pair, percent, strategy};
 use crate::measure::{Interval, quantile};
 use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
 
@@ -32,7 +32,7 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         .iter()
         .filter(|(pair, change)| change_of_fastest(pair, *change) > limit)
         .filter_map(|(pair, change)| slower(&format!("{} is", pair.point(several)), *change, judged.len()));
-    let broken = comparison.others.iter().filter(|line| line.contains(": was measured, is ")).cloned();
+    let broken = comparison.others.iter().filter(|line| Comparison::is_broken(line)).cloned();
     together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
 }
 
@@ -58,9 +58,10 @@ fn spread(record: &Record) -> Option<f64> {
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {
-        match strategies.iter_mut().find(|(name, _)| *name == pair.before.name) {
+        let own = strategy(&pair.before);
+        match strategies.iter_mut().find(|(name, _)| *name == own) {
             Some((_, pairs)) => pairs.push(pair),
-            None => strategies.push((&pair.before.name, vec![pair])),
+            None => strategies.push((own, vec![pair])),
         }
     }
     strategies.retain(|(_, pairs)| pairs.len() > 1);

@@ -244,6 +244,21 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 0 same, 0 unclear");
     let found = comparison.pairs[0].change_percent();
     assert!(found.is_some_and(|percent| percent > 90.0), "{found:?}");
+    assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
+}
+
+/// In a run, a point's name ends with its folder of kernels. The pair has no folder: it would be that of the first.
+#[test]
+fn a_regression_does_not_name_the_old_folder_of_kernels() {
+    let with = |kernels: &str, ms| Record {
+        name: format!("naive ({kernels})"),
+        kernels_of: Some(kernels.into()),
+        ..timed("a", "naive", ms)
+    };
+    let comparison = Comparison::of_kernels(&folder("run", vec![with("old", 10.0), with("new", 20.0)]), 0.02);
+    let regressions = comparison.regressions(5.0);
+    assert!(regressions[0].starts_with("all points together are 100.0% slower"), "{regressions:?}");
+    assert!(regressions[1].starts_with("teapot 800 x 500, naive 8x8 is 100.0% slower"), "{regressions:?}");
 }
 
 #[test]
