@@ -129,7 +129,7 @@ impl Error {
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \
-             the file to see the line",
+             the file to see the line, or name a scene's file in `raycl render`",
         )
     }
 

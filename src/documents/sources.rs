@@ -66,3 +66,19 @@ impl Sources {
         serde_json::from_str(&text).map(Source::Json).map_err(|error| format!("{}: {error}", file.display()))
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_source_may_lie_in_folders_within_its_folder() {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(root.path().join("docs/gpu/sweeps")).unwrap();
+        std::fs::write(root.path().join("docs/gpu/sweeps/one.json"), "{\"a\": 1}").unwrap();
+        let sources = Sources::new(root.path(), BTreeMap::from([("gpu".to_owned(), "docs/gpu".to_owned())]));
+        let Source::Json(found) = &*sources.get("gpu/sweeps/one").unwrap() else { panic!("no file") };
+        assert_eq!(found["a"], 1);
+    }
+}

@@ -54,3 +54,15 @@ pub(super) fn printable(text: String) -> String {
     let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
     text.chars().map(shown).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_a_line_belongs_to_this_line() {
+        let lines = [0, 1, 2, 3, 4].map(|offset| line_of("a\nb\n", offset));
+        assert_eq!(lines, [1, 1, 2, 2, 3]);
+    }
+}

@@ -28,6 +28,8 @@ pub enum Refused {
 /// The remedy if a point does not fit into the memory of a device or the host.
 const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
+/// The remedy if a work-group has more work-items than the device allows.
+const FEWER: &str = "choose a smaller --local-size";
 /// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
@@ -51,8 +53,9 @@ impl Refused {
     /// Returns the error that ends a command, for a command that casts nothing else on `device`.
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
+        let remedy = if reason.starts_with("work-group: ") { FEWER } else { SMALLER };
         let too_large =
-            |what: &str| Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(SMALLER);
+            |what: &str| Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(remedy);
         match self {
             Self::Mistake(error) => error,
             Self::Device(Infeasible { is_lacking: true, .. }) => {
@@ -93,5 +96,15 @@ mod tests {
         let (message, remedy) = told(Infeasible::beyond("global memory: 2 B > 1 B".to_owned()));
         assert_eq!(message, "the device cannot cast this frame: global memory: 2 B > 1 B");
         assert_eq!(remedy, SMALLER);
+        let (_, remedy) =
+            told(Infeasible::beyond("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
+        assert_eq!(remedy, FEWER);
+    }
+
+    #[test]
+    fn the_hosts_memory_is_not_blamed_on_the_device() {
+        let refused = Refused::Host(Infeasible::beyond("memory: 2 B > 1 B".to_owned()));
+        let message = refused.into_error("the device").to_string();
+        assert_eq!(message, "this machine cannot cast this frame: memory: 2 B > 1 B");
     }
 }

@@ -132,3 +132,20 @@ pub(super) fn folder_of(path: &Path) -> Result<&Path> {
     let message = format!("cannot write '{}': there is no folder '{}'", path.display(), folder.display());
     Err(Error::input(message).with_help(format!("create this folder first: mkdir -p '{}'", folder.display())))
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_taken_for_a_users_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::write(&path, "text").unwrap();
+        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let unreadable = |_: &mut File| Err(std::io::Error::from(ErrorKind::InvalidData));
+        assert!(permit(&path, choice, unreadable).is_err());
+        assert_eq!(permit(&path, choice, |_| Ok(Maker::Raycl)).unwrap(), Name::Replaceable);
+    }
+}

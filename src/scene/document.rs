@@ -125,11 +125,9 @@ impl Document {
             return toml_error(&self.name, &self.text, error, KEYS);
         }
         let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
-        Error::withheld(
-            &self.name,
-            line,
-            expectation(error).unwrap_or("a key or value that a scene may have there"),
-        )
+        let expected = expectation(error).unwrap_or("a key or value that a scene may have there");
+        let found = if error.message().starts_with("unknown field") { ", but found another key" } else { "" };
+        Error::withheld(&self.name, line, &format!("{expected}{found}"))
     }
 
     /// Adds a location in this document to an error that has none.
@@ -199,5 +197,12 @@ mod tests {
         std::fs::write(&path, b"# One.\n# Two.\n# \xff\n# Four.\n").unwrap();
         let message = read_text(&path, Opened::at(&path).unwrap()).unwrap_err().to_string();
         assert!(message.contains("scene.toml:3: not UTF-8"), "{message}");
+    }
+
+    #[test]
+    fn a_scene_is_named_like_its_file_without_endings() {
+        for path in ["a.b/teapot.obj", "teapot.obj.gz", "teapot.toml"] {
+            assert_eq!(stem(Path::new(path)), "teapot", "{path}");
+        }
     }
 }

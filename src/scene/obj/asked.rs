@@ -150,3 +150,20 @@ impl Asked {
         })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_keywords_are_listed_and_more_are_hinted_at() {
+        let told = |count: u8| {
+            let mut names = Count::default();
+            (0..count).for_each(|number| names.add(&format!("k{number}"), 1));
+            names.told()
+        };
+        assert_eq!(told(8), "k0 1, k1 1, k2 1, k3 1, k4 1, k5 1, k6 1, k7 1");
+        assert_eq!(told(9), told(8) + ", ...");
+    }
+}
