@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
 use crate::scene::{Loaded, Scene};
-use crate::strategy::Workload;
+use crate::strategy::{Strategy, Workload};
 use std::sync::Arc;
 
 /// The inputs of drafts.
@@ -77,7 +77,7 @@ impl Drafter<'_> {
                 // the code that builds trees.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
-                tree = if named.strategy.needs_tree() { accel::FINGERPRINT } else { "" };
+                tree = builder_of(&named.strategy);
             }
         }
         record.key = self.key(device, at, &record, tree);
@@ -106,6 +106,11 @@ impl Drafter<'_> {
             tree,
         })
     }
+}
+
+/// Returns the fingerprint of the code that builds a strategy's tree; empty if it uses none.
+fn builder_of(strategy: &Strategy) -> &'static str {
+    if strategy.needs_tree() { accel::FINGERPRINT } else { "" }
 }
 
 #[cfg(test)]
@@ -153,5 +158,12 @@ mod tests {
         keys.sort();
         keys.dedup();
         assert_eq!(keys.len(), 3, "{keys:?}");
+    }
+
+    #[test]
+    fn keys_follow_the_builder_of_trees_only_where_there_is_a_tree() {
+        let of = |name: &str| builder_of(&crate::strategy::preset(name).unwrap().strategy);
+        assert_eq!((of("naive"), of("bvh")), ("", accel::FINGERPRINT));
+        assert!(!accel::FINGERPRINT.is_empty());
     }
 }

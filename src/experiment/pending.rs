@@ -211,4 +211,19 @@ mod tests {
         let control = Some(&records[0].key);
         assert!(records.iter().all(|record| record.control.as_ref() == control), "{records:?}");
     }
+
+    #[test]
+    fn two_folders_of_kernels_double_the_kernels_points_and_not_the_baselines() {
+        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let experiment = fixtures::experiment("local_sizes = [4]\nbaselines = ['serial']");
+        let devices = [&device];
+        let run =
+            Run { other_sources: Some(&Sources::Embedded), ..fixtures::run(&experiment, &devices, &locks) };
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &run.pieces(&plan)).unwrap();
+        let mut names: Vec<&str> =
+            groups.iter().flatten().map(|pending| pending.record.name.as_str()).collect();
+        names.sort_unstable();
+        assert_eq!(names, ["naive (built in, A)", "naive (built in, B)", "serial"]);
+    }
 }

@@ -98,3 +98,27 @@ impl CurrentPlan {
         (picked, missing)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_gets_every_name_of_the_plan_and_keeps_its_measurements() {
+        let planned = Record {
+            key: "k".into(),
+            scene: "room".into(),
+            scene_file: Some("room.toml".into()),
+            scene_values: vec!["a = 1".into()],
+            device: "gpu, 1".into(),
+            name: "mine".into(),
+            preset: Some("naive".into()),
+            ..Record::default()
+        };
+        let plan = CurrentPlan::of([&planned]);
+        let mut record = Record { key: "k".into(), median_ms: Some(2.0), ..Record::default() };
+        plan.points[0].name(&mut record);
+        assert_eq!(record, Record { median_ms: Some(2.0), ..planned });
+    }
+}

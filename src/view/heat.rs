@@ -56,7 +56,7 @@ impl Heat {
         self.steps += 1;
         self.scene.camera = camera;
         let size = live.size();
-        let coarse = size.map(|side| side.div_ceil(block));
+        let coarse = blocks(size, block);
         let costs = if live.strategy().tests_every_triangle() {
             cost::exhaustive(&self.scene, coarse, Culling::None)
         } else {
@@ -64,6 +64,11 @@ impl Heat {
         };
         Some(map(&costs, coarse[0], size, block))
     }
+}
+
+/// Returns the number of blocks across and down that cover a picture.
+fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
+    size.map(|side| side.div_ceil(block))
 }
 
 /// Returns a picture in which each count is a block of pixels.
@@ -82,6 +87,7 @@ mod tests {
     #[test]
     fn a_count_is_a_block_and_the_most_is_the_lightest() {
         let costs = [0, 1, 2, 4, 3, 0].map(|tests| Cost { tests, nodes: 9 });
+        assert_eq!(blocks([5, 4], 2), [3, 2]);
         let Map { picture, most } = map(&costs, 3, [5, 4], 2);
         assert_eq!((most, picture.dimensions()), (4, (5, 4)));
         assert_eq!(picture.get_pixel(0, 2).0, viridis(1.0));

@@ -90,3 +90,20 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn animations_are_counted_in_either_way_of_reading() {
+        let count = |animations: &str| {
+            let json = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"animations\": {animations}}}");
+            read("a.gltf", json.as_bytes()).unwrap().animations
+        };
+        let valid = "{\"channels\": [], \"samplers\": []}";
+        // An animation without channels is only read without its contents.
+        assert_eq!([count("[]"), count(&format!("[{valid}, {valid}]")), count("[{}, {}, {}]")], [0, 2, 3]);
+    }
+}
