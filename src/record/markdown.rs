@@ -241,7 +241,7 @@ mod tests {
             // All samples of a point are equal, so the ranges contain only the assumed difference
             // between runs.
             "The fastest point is 42.0 times (39.6 to 44.5) as fast as serial-f32.",
-            "8.40 times (8.32 to 8.48) as fast as naive at 8 x 8.",
+            "8.40 times (8.31 to 8.49) as fast as naive at 8 x 8.",
             "- local-vectors at 32 x 32, infeasible: \\_\\_local: 108 B x 32 x 32 = 110592 B > 49152 B",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");

@@ -338,7 +338,7 @@ mod tests {
         let records = judged([
             measured("gpu", "naive", 8, 10.0),
             measured("gpu", "wide", 1, 10.09),
-            measured("gpu", "wide", 2, 10.2),
+            measured("gpu", "wide", 2, 10.3),
             few("gpu", "naive", 4, 1.0, 4),
         ]);
         let ranking = ranking(&records);
@@ -351,7 +351,7 @@ mod tests {
         let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
         assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
         let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-        assert_eq!(how_sure(&several), ["Differences below 2.0% cannot be detected here."]);
+        assert_eq!(how_sure(&several), ["Differences below 2.1% cannot be detected here."]);
         let on_processors = |name| Record { threads: Some(2), ..launches(name, 10.0, 0.0) };
         let several = judged([on_processors("naive"), on_processors("wide")]);
         assert_eq!(how_sure(&several), ["Differences below 4.1% cannot be detected here."]);

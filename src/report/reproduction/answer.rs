@@ -281,7 +281,7 @@ mod tests {
         );
         assert!(
             found.sure.contains(
-                "naive at its best local size takes 4.44 times (4.40 to 4.48, n = 10) as long as the fastest point, and no other"
+                "naive at its best local size takes 4.44 times (4.39 to 4.49, n = 10) as long as the fastest point, and no other"
             ),
             "{}",
             found.sure
