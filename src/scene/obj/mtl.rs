@@ -235,3 +235,44 @@ fn convert(material: &tobj::Material) -> Material {
     }
     Material::blinn_phong(lambertian, glossy, material.shininess.unwrap_or(PAPER_SHININESS))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse;
+    use super::*;
+
+    /// Returns the notes and the material of a triangle in a folder with the given material files.
+    fn read(library: &str, files: &[(&str, &str)], quotes: bool) -> (Vec<String>, Material) {
+        let folder = tempfile::tempdir().unwrap();
+        files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+        let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes } };
+        let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        let file = parse("a.obj", reach, text.as_bytes()).unwrap();
+        (file.notes, *file.mesh.material(&file.mesh.triangles[0]))
+    }
+
+    #[test]
+    fn names_of_missing_files_and_materials_are_quoted_only_where_that_is_permitted() {
+        let (told, _) = read("none.mtl", &[], true);
+        assert!(told[0].starts_with("material file `none.mtl` cannot be read ("), "{told:?}");
+        assert!(
+            told[1].starts_with("1 material named by `usemtl` is in no material file (`paint`): "),
+            "{told:?}"
+        );
+        let (told, _) = read("none.mtl", &[], false);
+        assert!(told[0].starts_with("material file cannot be read ("), "{told:?}");
+        assert!(told[1].starts_with("1 material named by `usemtl` is in no material file: "), "{told:?}");
+    }
+
+    #[test]
+    fn a_line_names_one_file_with_spaces_or_several_files() {
+        let (paint, other) = ("newmtl paint\nKd 0.25 0.25 0.25\n", "newmtl other\n");
+        for (library, files) in [
+            ("my paints.mtl", [("my paints.mtl", paint), ("paints.mtl", other)]),
+            ("other.mtl paints.mtl", [("other.mtl", other), ("paints.mtl", paint)]),
+        ] {
+            let (notes, material) = read(library, &files, true);
+            assert_eq!((notes, material.lambertian), (Vec::new(), Vec3::splat(0.25)), "{library}");
+        }
+    }
+}

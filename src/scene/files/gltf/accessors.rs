@@ -186,3 +186,28 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
         _ => Err("an element type that meshes do not use".to_owned()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The limit is 65,536 elements or, in a larger file, one element per byte.
+    #[test]
+    fn elements_without_data_are_zeros_and_a_small_file_has_not_too_many() {
+        let zeros = |count: usize, held: usize| {
+            let text = format!(
+                r#"{{"asset": {{"version": "2.0"}},
+"accessors": [{{"componentType": 5126, "count": {count}, "type": "SCALAR"}}]}}"#
+            );
+            let root: Root = serde_json::from_str(&text).unwrap();
+            let numbers = Numbers { root: &root, buffers: &[vec![7; held].into()] };
+            numbers
+                .of::<1>(Index::new(0))
+                .map(|values| values.iter().filter(|value| **value == [0.0]).count())
+        };
+        let refused = |count: usize| Err(format!("accessor 0: {count} elements without data in any buffer"));
+        assert_eq!([zeros(3, 4), zeros(65_536, 4)], [Ok(3), Ok(65_536)]);
+        assert_eq!([zeros(65_537, 4), zeros(70_001, 70_000)], [refused(65_537), refused(70_001)]);
+        assert_eq!(zeros(70_000, 70_000), Ok(70_000));
+    }
+}

@@ -111,4 +111,10 @@ mod tests {
         let older = [b"glTF\x01\0\0\0", &whole[8..]].concat();
         assert!(told(&older).contains("raycl does not read binary glTF of version 1; expected version 2"));
     }
+
+    #[test]
+    fn a_buffer_may_be_empty_and_end_the_file() {
+        let bytes = file(32, &[(b"JSON", b"{}  "), (b"BIN\0", b"")]);
+        assert_eq!(split("a", &bytes).unwrap().1.as_deref(), Some(&b""[..]));
+    }
 }

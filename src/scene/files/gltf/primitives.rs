@@ -183,6 +183,7 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use gltf::json::Root;
 
     #[test]
     fn strips_and_fans_keep_the_orientation_of_their_first_triangle() {
@@ -194,5 +195,19 @@ mod tests {
             [[0, 1, 2]],
             "two corners are too few for another one"
         );
+    }
+
+    #[test]
+    fn a_colour_is_clear_if_its_alpha_is_below_one_by_any_amount() {
+        let text = r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 8}],
+"bufferViews": [{"buffer": 0, "byteLength": 8}], "accessors": [
+{"bufferView": 0, "componentType": 5121, "normalized": true, "count": 2, "type": "VEC4"}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        for (alpha, expected) in [(255, false), (254, true), (128, true), (0, true)] {
+            let bytes = [255, 0, 0, 255, 0, 255, 0, alpha];
+            let numbers = Numbers { root: &root, buffers: &[bytes[..].into()] };
+            let (colours, is_clear) = colours(&numbers, Index::new(0)).unwrap();
+            assert_eq!((&colours[..], is_clear), (&[Vec3::X, Vec3::Y][..], expected), "{alpha}");
+        }
     }
 }

@@ -137,3 +137,30 @@ fn vertices_that_no_face_uses_may_be_nan() {
     let error = with([0, 1, 3]).err().unwrap().to_string();
     assert!(error.contains("vertex 3 is at [NaN, 0, 0]"), "{error}");
 }
+
+#[test]
+fn textures_of_a_file_are_noted_and_its_other_comments_are_not() {
+    let textured =
+        SQUARE.replacen("comment made by hand", "comment TextureFile a.png\ncomment TextureFile b.png", 1);
+    let is_noted = |text: &str| {
+        let notes = parse("a.ply", text.as_bytes()).unwrap().notes;
+        notes.iter().any(|note| note.starts_with("2 comments (TextureFile) name textures"))
+    };
+    assert_eq!([SQUARE, &textured].map(is_noted), [false, true]);
+}
+
+#[test]
+fn vertices_without_alpha_are_opaque() {
+    let notes = parse("a.ply", SQUARE.as_bytes()).unwrap().notes;
+    assert!(!notes.iter().any(|note| note.contains("alpha")), "{notes:?}");
+}
+
+#[test]
+fn the_number_of_vertices_is_not_the_number_of_a_vertex() {
+    for (corner, number) in [("4 0 1 2 4", "4"), ("4 0 1 2 -1", "-1")] {
+        let text = SQUARE.replacen("4 0 1 2 3", corner, 1);
+        let error = parse("a.ply", text.as_bytes()).err().unwrap().to_string();
+        let expected = format!("vertex {number} does not exist; the file has 4 vertices, numbered from 0");
+        assert!(error.contains(&expected), "{error}");
+    }
+}
