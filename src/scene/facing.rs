@@ -134,4 +134,24 @@ mod tests {
         let away = Camera { position: Vec3::NEG_Z * 3.0, ..camera };
         assert_eq!(averted_part(&mesh, &away, 1.6), None);
     }
+
+    #[test]
+    fn surfaces_count_by_their_part_of_the_picture() {
+        let rectangle = |[left, right]: [f32; 2], normal: Vec3| Mesh {
+            positions: [[left, -1.0], [right, -1.0], [right, 1.0], [left, 1.0]]
+                .map(|[x, y]| Vec3::new(x, y, -1.0))
+                .to_vec(),
+            normals: vec![normal],
+            triangles: [[0, 1, 2], [0, 2, 3]]
+                .map(|positions| Triangle { positions, normals: [0; 3], material: 0 })
+                .to_vec(),
+            ..generate(&Shape::Ground)
+        };
+        // At a distance of 1, the picture shows x from -1 to 1; three quarters of it face the camera.
+        let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
+        mesh.append(rectangle([0.5, 1.0], Vec3::NEG_Z));
+        for aspect in [1.6, 0.5] {
+            assert_eq!(averted_part(&mesh, &Camera::PAPER, aspect), Some(0.25), "{aspect}");
+        }
+    }
 }

@@ -164,4 +164,16 @@ mod tests {
     fn nothing_hides_a_mesh_that_is_seen_from_below() {
         assert!(studio(DVec3::Y, -30.0).1.ground.is_none());
     }
+
+    /// The sky provides the rest of the light.
+    #[test]
+    fn the_lights_of_a_studio_are_weaker_than_those_without_one_and_the_key_light_is_warm() {
+        let (mesh, studio) = studio(DVec3::Y, 25.0);
+        let (power, _) = framing::key_at(Ball::around(&mesh, DVec3::Y));
+        let [key, fill] = &studio.lights[..] else { panic!("{:?}", studio.lights) };
+        let part = |light: &Light| light.power / power as f32;
+        assert!(part(key).distance(Vec3::new(0.7696, 0.74, 0.6956)) < 1e-5, "{}", part(key));
+        // Without a studio, the fill light has 0.3 of the key light's power.
+        assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
+    }
 }

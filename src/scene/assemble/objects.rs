@@ -278,3 +278,23 @@ fn check_lengths(document: &Document, faces: &Faces, normals: &Faces) -> Result<
         None => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::MaterialKind;
+
+    #[test]
+    fn a_scene_changes_only_the_given_values_of_a_material_and_completes_its_highlight() {
+        let base = Material::blinn_phong(Vec3::splat(0.5), Vec3::splat(0.75), 30.0);
+        let painted = |text: &str| {
+            let painted = paint(&base, &toml::from_str::<MaterialWire>(text).unwrap());
+            assert_eq!(painted.kind, MaterialKind::BlinnPhong);
+            (painted.lambertian.x, painted.glossy.x, painted.shininess)
+        };
+        assert_eq!(painted("k_l = 0.25"), (0.25, 0.75, 30.0));
+        assert_eq!(painted("k_g = 0.125"), (0.5, 0.125, 100.0));
+        assert_eq!(painted("shininess = 8"), (0.5, 0.2, 8.0));
+        assert_eq!(painted("k_g = 0.125\nshininess = 8"), (0.5, 0.125, 8.0));
+    }
+}

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::scene::load_scene_with;
+use crate::scene::{Shot, load_scene_for, load_scene_with};
 use glam::Vec3;
 use std::path::Path;
 use toml::Value;
@@ -171,4 +171,42 @@ fn numbers_out_of_their_range_are_refused() {
         let error = told(bad).unwrap_err();
         assert!(error.contains(expected), "{bad}: {error}");
     }
+}
+
+#[test]
+fn a_dressed_mesh_stands_on_a_ground_unless_its_background_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+        .unwrap();
+    let shot = Shot { dressed: true, ..Shot::SQUARE };
+    let load = |values: &[(String, Value)]| {
+        let loaded = load_scene_for(&path, values, shot).unwrap();
+        assert!(loaded.dressed);
+        (loaded.object_starts, loaded.scene.mesh.triangles.len())
+    };
+    // The ground is a square of two triangles within three frames of eight triangles each.
+    assert_eq!(load(&[]), (vec![0, 4], 4 + 2 + 3 * 8));
+    assert_eq!(load(&[("background".to_owned(), Value::Float(0.5))]), (vec![0], 4));
+}
+
+#[test]
+fn the_shadow_bias_is_a_ten_thousandth_of_the_diagonal_unless_it_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, "v 7 0 0\nv 10 0 0\nv 7 4 0\nf 1 2 3\n").unwrap();
+    let bias = |values: &[(String, Value)]| load_scene_with(&path, values).unwrap().scene.shadow_bias;
+    assert!((bias(&[]) - 5e-4).abs() < 1e-9, "{}", bias(&[]));
+    assert_eq!(bias(&[("shadow_bias".to_owned(), Value::Float(0.25))]), 0.25);
+}
+
+#[test]
+fn a_mesh_far_from_the_origin_is_moved_there_alone_and_stays_in_its_place_in_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, scene] = ["a.obj", "a.toml"].map(|name| folder.path().join(name));
+    std::fs::write(&path, "v 4096 0 0\nv 4096.5 0 0\nv 4096 0.5 0\nf 1 2 3\n").unwrap();
+    std::fs::write(&scene, "[[object]]\nmesh = \"a.obj\"\n").unwrap();
+    let first = |path: &Path| load_scene_with(path, &[]).unwrap().scene.mesh.positions[0];
+    assert_eq!(first(&path), Vec3::new(-0.25, -0.25, 0.0));
+    assert_eq!(first(&scene), Vec3::new(4096.0, 0.0, 0.0));
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::scene::{Shape, generate};
+use crate::scene::{Shape, Triangle, generate};
 
 /// Returns a view from the default direction, for images of an aspect ratio.
 const fn three_quarter(aspect: f64) -> View {
@@ -167,4 +167,23 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
+}
+
+#[test]
+fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
+    let opening = |back: f32| {
+        let rectangle = |width: f32, z: f32| {
+            [[0.0, 0.0], [width, 0.0], [width, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z))
+        };
+        let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
+        let mesh = Mesh {
+            positions: [rectangle(1.0, 0.0), rectangle(back, -1.0)].concat(),
+            triangles: [[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]].map(triangle).to_vec(),
+            ..generate(&Shape::Ground)
+        };
+        Ball::around(&mesh, DVec3::Y).opening
+    };
+    // The front has an area of 1; the differences are 0.18 and 0.2 of 1.82 and 1.8.
+    assert_eq!([opening(0.82), opening(0.8)], [None, Some(DVec3::Z)]);
+    assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
