@@ -187,4 +187,14 @@ mod tests {
         assert!(tree.iter().any(|cost| cost.nodes > 1));
         assert!(10 * total(&tree) < total(&exhaustive(&scene, size, Culling::None)));
     }
+
+    #[test]
+    fn each_pixel_has_its_cost_in_the_order_of_rows() {
+        let costs = exhaustive(&fixtures::single_triangle(), [40, 25], Culling::None);
+        let tests = |[x, y]: [usize; 2]| costs[40 * y + x].tests;
+        assert_eq!(costs.len(), 40 * 25);
+        // A ray that hits the triangle is followed by a shadow ray, which is also tested against the triangle.
+        assert_eq!([[20, 12], [20, 3], [34, 17]].map(tests), [2; 3]);
+        assert_eq!([[0, 0], [39, 24], [20, 2], [36, 17], [12, 21]].map(tests), [1; 5]);
+    }
 }

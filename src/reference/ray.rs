@@ -62,3 +62,27 @@ impl<R: Real> Frame<R> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn the_width_of_a_cone_grows_with_the_depth_and_not_with_the_distance() {
+        let frame = PixelFrame {
+            eye: DVec3::ONE,
+            corner: DVec3::new(0.75, 0.0, -1.0),
+            step_x: DVec3::X,
+            step_y: DVec3::NEG_Y,
+            z_near: 0.0,
+            cone: DVec3::new(0.0, 0.0, -0.01),
+        };
+        let frame = Frame::<f64>::new(&frame);
+        // The rays' depths at a distance of 5 are 5 and 4, and the second ray's direction is (0.6, 0, -0.8).
+        for (x, expected) in [(-0.75, 0.05), (0.0, 0.04)] {
+            let width = frame.cone_width(&frame.primary(x, 0.0), 5.0);
+            assert!((width - expected).abs() < 1e-12, "{x}: {width}");
+        }
+    }
+}

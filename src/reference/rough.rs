@@ -52,4 +52,14 @@ mod tests {
             assert_eq!(rough, expected.concat(), "{at}: {steps:?}");
         }
     }
+
+    #[test]
+    fn pixels_that_are_all_displayed_as_white_do_not_differ() {
+        let mut means = Radiance::new(4, 4);
+        means.pixels.fill([1.0; 3]);
+        means.pixels[5] = [40.0, 2.0, 1.0];
+        assert_eq!(steps_of_blocks(&means, 1.0), [0.0]);
+        // With an exposure of 1/4, white pixels are at half the scale.
+        assert_eq!(steps_of_blocks(&means, 0.25), [127.5]);
+    }
 }

@@ -168,3 +168,23 @@ impl Strategy {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::strategy::preset;
+
+    #[test]
+    fn light_is_soft_if_the_scene_has_soft_light_and_the_kernels_sample_it() {
+        let is_soft = |name: &str, soft_lights: bool, sky: bool| {
+            let workload = Workload { soft_lights, sky, ..Workload::CUBE };
+            preset(name).unwrap().strategy.holds_of(Fact::Soft, &workload)
+        };
+        for name in ["bvh", "tile", "tile-group"] {
+            let found =
+                [[false, false], [true, false], [false, true]].map(|[lit, sky]| is_soft(name, lit, sky));
+            assert_eq!(found, [false, true, true], "{name}");
+        }
+        assert!(!is_soft("raster", true, true));
+    }
+}

@@ -357,4 +357,14 @@ mod tests {
         assert_eq!(widest(0), Width::W1);
         assert_eq!(widest(64), Width::W16);
     }
+
+    #[test]
+    fn the_class_of_a_device_follows_its_kind_its_vectors_and_its_lane_operations() {
+        use LaneOperations::{Barriers, Ptx, PtxShuffles};
+        let of = |is_cpu, width, lanes| Class::of(&limits(is_cpu, width, lanes));
+        assert_eq!([16, 32].map(|width| of(true, width, Barriers)), [Class::TilesInVectors; 2]);
+        assert_eq!([1, 4, 8].map(|width| of(true, width, Barriers)), [Class::TilesInNarrowVectors; 3]);
+        assert_eq!([PtxShuffles, Ptx].map(|lanes| of(false, 1, lanes)), [Class::SharedTiles; 2]);
+        assert_eq!(of(false, 1, Barriers), Class::SingleRays);
+    }
 }

@@ -219,4 +219,13 @@ mod tests {
         let rays = Workload { local_size: [16, 2], ..Workload::CUBE };
         assert_eq!(rays.group_height(&preset("deferred").unwrap().strategy), 2);
     }
+
+    #[test]
+    fn a_textured_triangle_has_eight_numbers_and_four_more_for_mip_levels() {
+        let of = |texture_words, mip_levels| {
+            let workload = Workload { texture_words, mip_levels, ..Workload::CUBE };
+            (workload.is_textured(), workload.texture_row_bytes())
+        };
+        assert_eq!([of(0, false), of(1, false), of(900, true)], [(false, 32), (true, 32), (true, 48)]);
+    }
 }
