@@ -211,3 +211,28 @@ impl fmt::Display for Timing {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_name_of_a_scene_with_other_values_ends_in_the_suffix() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dots.toml");
+        let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+        std::fs::write(&path, object).unwrap();
+        let choice = SceneChoice { suffix: "+crease=40".to_owned(), ..SceneChoice::file(&path) };
+        assert_eq!(choice.load().unwrap().scene.name, "dots+crease=40");
+        assert_eq!(choice.label(), "dots+crease=40");
+        assert_eq!(SceneChoice::file(&path).load().unwrap().scene.name, "dots");
+    }
+
+    /// The keys of records contain these settings. With other defaults, raycl would measure again what it measured with
+    /// these.
+    #[test]
+    fn the_default_timing_is_that_of_stored_records() {
+        let expected = "warmup=2 launches=4 min_samples=10 max_samples=100 time_limit_ms=5000 seed=1 relative_sigma=0.005";
+        assert_eq!(Timing::default().to_string(), expected);
+    }
+}

@@ -169,4 +169,12 @@ mod tests {
         assert_eq!(completed(frame), [Some(20e3), Some(140e3), Some(15e3)]);
         assert_eq!(completed(FrameTimes::whole(10.0, 10.1)), [Some(4e3), Some(28e3), None]);
     }
+
+    #[test]
+    fn a_device_that_did_not_throttle_is_not_warned_of() {
+        let frame = FrameTimes { sensed: Some(SensorReading::default()), ..FrameTimes::whole(5.0, 5.1) };
+        let mut record = Record { device: "gpu".into(), ..Record::default() };
+        complete(&mut record, &[taken(frame); 5], Some(StopReason::Precise));
+        assert_eq!((record.throttled_samples, record.warning), (Some(0), None));
+    }
 }

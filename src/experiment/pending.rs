@@ -213,17 +213,37 @@ mod tests {
     }
 
     #[test]
-    fn two_folders_of_kernels_double_the_kernels_points_and_not_the_baselines() {
+    fn only_kernels_are_meant_for_kinds_of_devices() {
+        // This device is a GPU.
         let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
-        let experiment = fixtures::experiment("local_sizes = [4]\nbaselines = ['serial']");
+        let entries = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
+        let experiment = fixtures::experiment(entries);
         let devices = [&device];
-        let run =
-            Run { other_sources: Some(&Sources::Embedded), ..fixtures::run(&experiment, &devices, &locks) };
+        let run = fixtures::run(&experiment, &devices, &locks);
         let plan = run.plan();
-        let groups = run.pending_points(&plan, &run.pieces(&plan)).unwrap();
-        let mut names: Vec<&str> =
-            groups.iter().flatten().map(|pending| pending.record.name.as_str()).collect();
-        names.sort_unstable();
-        assert_eq!(names, ["naive (built in, A)", "naive (built in, B)", "serial"]);
+        let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+        let told: Vec<_> =
+            groups.iter().flatten().map(|one| (one.record.name.as_str(), one.not_for.as_deref())).collect();
+        let reason = "meant for CPUs; set any_kind = true in its entry to measure it here too";
+        assert_eq!(told, [("serial", None), ("naive", None), ("wide", Some(reason))]);
+    }
+
+    #[test]
+    fn two_folders_of_kernels_are_measured_on_devices_and_not_on_the_host() {
+        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let experiment = fixtures::experiment("baselines = ['serial']\nlocal_sizes = [4]");
+        let devices = [&device];
+        let plain = fixtures::run(&experiment, &devices, &locks);
+        let names = |run: &Run<'_>| {
+            let plan = run.plan();
+            let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+            let name = |one: &PendingPoint| (one.record.name.clone(), one.device);
+            groups.iter().flatten().map(name).collect::<Vec<_>>()
+        };
+        let named = |name: &str, worker: usize| (name.to_owned(), worker);
+        assert_eq!(names(&plain), [named("serial", 0), named("naive", 0)]);
+        let both = Run { other_sources: Some(&Sources::Embedded), ..plain };
+        let expected = [named("serial", 0), named("naive (built in, A)", 0), named("naive (built in, B)", 1)];
+        assert_eq!(names(&both), expected);
     }
 }

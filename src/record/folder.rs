@@ -320,4 +320,22 @@ mod tests {
         let lines = |name: &str| lines_if_any::<Record>(&folder.path().join(name)).unwrap().lines.len();
         assert_eq!([lines(RECORDS), lines("missing.jsonl")], [1, 0]);
     }
+
+    #[test]
+    fn results_are_read_by_the_name_of_their_folder_or_of_their_journal() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let names = |path: &Path| -> Vec<String> {
+            Folder::read(path).unwrap().records.into_iter().map(|record| record.name).collect()
+        };
+        assert_eq!([names(folder.path()), names(&folder.path().join(RECORDS))], [["bvh"], ["bvh"]]);
+    }
+
+    #[test]
+    fn a_folder_of_something_else_is_said_to_hold_no_results() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("notes.txt"), "a").unwrap();
+        let error = Folder::read(folder.path()).expect_err("it has no journal").to_string();
+        let expected = format!("{} holds no results: records.jsonl is missing", folder.path().display());
+        assert_eq!(error, expected);
+    }
 }

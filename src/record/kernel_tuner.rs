@@ -163,4 +163,25 @@ mod tests {
             (&json!(2.0), &json!(3.0))
         );
     }
+
+    #[test]
+    fn each_value_of_a_parameter_is_listed_once() {
+        let of = |side: u32, vectors: &str| Record {
+            key: format!("{vectors} {side}"),
+            strategy: format!("vectors={vectors} width=4"),
+            ..measured("gpu", "naive", side, 2.0)
+        };
+        let caches = kernel_tuner_caches(&[of(8, "local"), of(16, "local"), of(8, "private")]);
+        let [(_, text)] = caches.as_slice() else { panic!("{caches:?}") };
+        let cache: Value = serde_json::from_str(text).expect("JSON");
+        assert_eq!(
+            cache["tune_params"],
+            json!({
+                "block_size_x": [8, 16],
+                "block_size_y": [8, 16],
+                "vectors": ["local", "private"],
+                "width": [4],
+            })
+        );
+    }
 }

@@ -272,4 +272,13 @@ mod tests {
         let given = words("raycl run a.toml --device gpu --device-list --device=cpu --devices 2");
         assert_eq!(without(&given, "--device"), words("raycl run a.toml --device-list --devices 2"));
     }
+
+    #[test]
+    fn nothing_is_missing_only_if_a_shard_has_begun_and_no_kind_lacks_a_point() {
+        let kinds = [kind(HOST, "amd", &[0]), kind("gpu", "1", &[1, 2])];
+        let of = |kinds: &[Kind], has: bool| lacks(kinds, &[], &|_| has).is_empty();
+        assert_eq!([of(&kinds, true), of(&kinds, false)], [true, false]);
+        let none = lacks(&[], &[], &|_| true);
+        assert!(none.kinds.is_empty() && !none.is_empty(), "without any shard, no kind is known");
+    }
 }

@@ -4,6 +4,7 @@
 use super::*;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
+use crate::experiment::rounds::Rounds as _;
 use crate::experiment::supervisor::{Death, Spawner, Wait, Worker};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, RoundLoad};
@@ -151,4 +152,38 @@ fn casters_on_the_host_take_a_lock_and_a_device_that_casts_nothing_does_not() {
     let mut points = group().points;
     points[0].record.device = crate::record::HOST.to_owned();
     assert_eq!(lock_names(&run, &points), [LockName::of(None)]);
+}
+
+#[test]
+fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
+    let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 1 }");
+    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+    let (group, start) = (group(), Instant::now());
+    let mut timed = Timed {
+        points: &group.points,
+        run: &run,
+        launch: 3,
+        number: 1,
+        start,
+        watch: Watch::start(),
+        losses: 0,
+        supervisor: &mut Supervisor::new(&mut workers, &off, run.limit),
+        sink: &mut sink,
+        taken: vec![Vec::new(); 2],
+        failed: HashSet::new(),
+        casts: HashMap::new(),
+    };
+    let ms = || start.elapsed().as_secs_f64() * 1e3;
+    let before = ms();
+    timed.sampled(1, 0, &FrameTimes::whole(1.0, 1.0)).unwrap();
+    let after = ms();
+    let [taken] = &timed.taken[1][..] else { panic!("one sample of the second point") };
+    assert_eq!((timed.taken[0].len(), taken.launch), (0, 3));
+    // Rounding changes the time by at most half a microsecond.
+    let possible = before - 5.1e-4..after + 5.1e-4;
+    assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
+    assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);
 }
