@@ -153,4 +153,29 @@ mod tests {
         assert_eq!(of(&whole, "a.json"), json);
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
+
+    /// Only the first bytes are read when a file is opened.
+    #[test]
+    fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes: Vec<u8> = (0..HEAD_BYTES + 999).map(|number| (number % 251) as u8).collect();
+        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut packer, &bytes).unwrap();
+        for (name, contents) in [("plain", bytes.clone()), ("packed.gz", packer.finish().unwrap())] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, contents).unwrap();
+            let opened = Opened::at(&path).unwrap();
+            assert_eq!(opened.length, bytes.len() as u64, "{name}");
+            assert!(opened.bytes(Kind::Mesh).unwrap() == bytes, "{name}");
+        }
+    }
+
+    #[test]
+    fn only_errors_of_the_packed_bytes_themselves_count_as_damage() {
+        let is_damage = |error: io::Error| Damaged::caused(&Damaged::mark(error));
+        assert!(is_damage(io::Error::new(io::ErrorKind::UnexpectedEof, "it ends")));
+        assert!(!is_damage(io::Error::new(io::ErrorKind::OutOfMemory, "it is large")));
+        // 5 is the system's number of an error of the disk (EIO).
+        assert!(!is_damage(io::Error::from_raw_os_error(5)));
+    }
 }

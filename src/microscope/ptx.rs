@@ -223,4 +223,14 @@ $L__BB0_1: // a loop
             assert_eq!(found.collect::<Vec<_>>(), expected);
         }
     }
+
+    #[test]
+    fn an_instruction_before_a_colon_is_no_label() {
+        for label in ["$L__BB0_1", "BB0_1", "loop"] {
+            assert!(is_label(label), "{label}");
+        }
+        for other in ["", "cp.async.bulk.shared", "@%p1 bra", "@p", "{", "[%rd1"] {
+            assert!(!is_label(other), "{other}");
+        }
+    }
 }

@@ -156,4 +156,11 @@ mod tests {
             "if no frame register is given, %rbp is like any other register"
         );
     }
+
+    #[test]
+    fn commas_within_brackets_separate_no_operands() {
+        assert_eq!(operands("%eax"), ["%eax"]);
+        assert_eq!(operands("-0x8(%rsp,%rax,4),%ymm1,(%rdx)"), ["-0x8(%rsp,%rax,4)", "%ymm1", "(%rdx)"]);
+        assert_eq!(operands("$0x20,%xmm0,0x4(,%rax,2)"), ["$0x20", "%xmm0", "0x4(,%rax,2)"]);
+    }
 }
