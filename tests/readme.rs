@@ -1,5 +1,5 @@
-//! All examples in README.md, docs/scenes.md and docs/kernels.md work: their TOML loads, their command lines
-//! parse, and their code lines are in the kernels.
+//! All examples in README.md, docs/scenes.md, docs/experiments.md and docs/kernels.md work: their TOML loads, their
+//! command lines parse, and their code lines are in the kernels.
 
 use clap::Parser as _;
 use raycl::cli::Cli;
@@ -7,7 +7,8 @@ use raycl::experiment::Plan;
 use std::fs;
 use std::path::Path;
 
-const PAGES: [&str; 2] = ["README.md", "docs/scenes.md"];
+const PAGES: [&str; 3] = ["README.md", "docs/scenes.md", EXPERIMENTS];
+const EXPERIMENTS: &str = "docs/experiments.md";
 
 fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -90,7 +91,7 @@ fn words(line: &str) -> Vec<String> {
 #[test]
 fn every_command_line_parses_and_names_files_that_are_there() {
     let mut seen = 0;
-    for block in blocks("README.md", &["sh"]) {
+    for block in ["README.md", EXPERIMENTS].into_iter().flat_map(|page| blocks(page, &["sh"])) {
         for line in block.lines().filter(|line| line.starts_with("raycl ")) {
             let words = words(line);
             Cli::try_parse_from(&words).unwrap_or_else(|error| panic!("{line}: {error}"));
@@ -102,6 +103,33 @@ fn every_command_line_parses_and_names_files_that_are_there() {
         }
     }
     assert!(seen >= 10, "only {seen} command lines");
+}
+
+#[test]
+fn the_experiments_page_sets_keys_that_its_configs_have() {
+    let mut seen = 0;
+    for line in blocks(EXPERIMENTS, &["sh"]).iter().flat_map(|block| block.lines()) {
+        let words = words(line);
+        let options = words.windows(2).filter(|pair| pair[0] == "--set");
+        let sets: Vec<_> = options.filter_map(|pair| pair[1].split_once('=')).collect();
+        if sets.is_empty() {
+            continue;
+        }
+        let owned: Vec<_> = sets.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+        let load = |sets: &[_]| {
+            let experiment = raycl::config::load(&repository().join(&words[2]), sets);
+            experiment.map(|experiment| raycl::config::Experiment { overrides: Vec::new(), ..experiment })
+        };
+        let changed = load(&owned).unwrap_or_else(|error| panic!("{line}: {error}"));
+        // Without one of the changes, the experiment is another one, or it is refused.
+        for place in 0..owned.len() {
+            let mut fewer = owned.clone();
+            let left_out = fewer.remove(place);
+            assert!(load(&fewer).ok().as_ref() != Some(&changed), "{line}: {left_out:?} changes nothing");
+        }
+        seen += sets.len();
+    }
+    assert!(seen >= 8, "only {seen} changes");
 }
 
 #[test]

@@ -10,7 +10,8 @@ use crate::error::{Error, Result, line_of, nearest};
 use crate::filetype::Wanted;
 
 /// The default remedy for a mistake.
-const KEYS: &str = "configs/quick.toml is an example of an experiment, and README.md explains its keys";
+const KEYS: &str =
+    "docs/experiments.md lists every key of an experiment, and configs/quick.toml is an example";
 /// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 

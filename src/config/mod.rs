@@ -46,7 +46,7 @@ pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let text = opened.text(Kind::Toml).map_err(unreadable)?;
     if text.trim().is_empty() {
         return Err(Error::input(format!("{} is empty", path.display())).with_help(
-            "an experiment has a question, scenes, image sizes and strategies: see configs/quick.toml",
+            "docs/experiments.md lists every key of an experiment, and configs/quick.toml is an example",
         ));
     }
     parse(path, text, overrides)
