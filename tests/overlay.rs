@@ -5,6 +5,8 @@ use crate::binary::{Place, TRIANGLE, config, device, has, repository};
 use crate::common::{COMMON_LOCAL_SIZE, Stand, scene};
 use raycl::strategy::{Records, Strategy, preset};
 use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs::{read_dir, read_to_string};
 
 /// Returns the folder of the example of docs/own-kernels.md, which has one file,
 /// `cast/intersect/baldwin_weber.cl`.
@@ -223,6 +225,81 @@ fn records_once_and_at_each_test_give_the_same_certain_pixels() {
             let strategy = Strategy { records, ..strategy };
             let verdict = stand.check(&strategy, COMMON_LOCAL_SIZE).expect("it fits");
             assert!(verdict.ok, "{strategy}: {:?}", verdict.reason);
+        }
+    }
+}
+
+/// Returns the text of a kernel file without comments, with the files that it includes.
+fn code(name: &str) -> String {
+    let text = read_to_string(repository("cl").join(name)).expect("a kernel file");
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
+    let lines =
+        lines.map(|line| match line.strip_prefix("#include \"").and_then(|rest| rest.strip_suffix('"')) {
+            Some(inner) if !inner.contains('{') => code(inner),
+            _ => line.to_owned(),
+        });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+fn words(code: &str) -> BTreeSet<String> {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).map(str::to_owned).collect()
+}
+
+/// Returns the macros, types and functions that a file defines.
+fn defined(code: &str) -> BTreeSet<String> {
+    let name = |line: &str| {
+        let start = match (line.strip_prefix("#define "), line.strip_prefix("} ")) {
+            (Some(rest), _) | (_, Some(rest)) => rest,
+            // A function: a type, a name and parameters.
+            _ if line.starts_with(char::is_alphabetic) => line.split_once('(')?.0.rsplit(' ').next()?,
+            _ => return None,
+        };
+        Some(start.split(|c: char| !(c.is_alphanumeric() || c == '_')).next()?.to_owned())
+    };
+    code.lines().filter_map(name).collect()
+}
+
+fn kernel_files(folder: &str) -> Vec<String> {
+    let entries = read_dir(repository("cl").join(folder)).expect("a folder");
+    let names = entries.map(|entry| entry.expect("an entry").file_name().into_string().expect("UTF-8"));
+    names.filter(|name| name.ends_with(".cl")).map(|name| format!("{folder}/{name}")).collect()
+}
+
+/// For each axis whose files have no example on the page, docs/own-kernels.md lists exactly the names that all files of
+/// the axis define and that files outside the axis use. It also names only files that use them.
+#[test]
+fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
+    let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");
+    let quoted =
+        |cell: &str| -> Vec<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
+    let axes = ["vectors", "triangles", "layout", "shading"];
+    for axis in axes {
+        let files: Vec<_> = kernel_files(&format!("cast/{axis}")).iter().map(|name| code(name)).collect();
+        let own = |name: &String| files.iter().all(|file| defined(file).contains(name));
+        let included = ["cast/indexed.cl", "cast/working_in_memory.cl"].map(str::to_owned);
+        let others = axes.iter().filter(|other| **other != axis).map(|other| format!("cast/{other}"));
+        let outside: Vec<_> = others.chain(["cast".to_owned(), "raster".to_owned()]).collect();
+        let outside: Vec<_> = outside.iter().flat_map(|folder| kernel_files(folder)).collect();
+        let is_included = |name: &&String| included.contains(name);
+        let users: BTreeSet<_> =
+            outside.iter().filter(|name| !is_included(name)).flat_map(|name| words(&code(name))).collect();
+        let expected: BTreeSet<_> = defined(&files[0]).into_iter().filter(own).collect();
+        let expected: BTreeSet<_> = expected.intersection(&users).cloned().collect();
+
+        let section = page.split_once(&format!("\n### `{axis}`\n")).expect("the heading").1;
+        let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
+        let rows: Vec<Vec<_>> = table
+            .take_while(|line| line.starts_with('|'))
+            .map(|row| row.trim_matches('|').split('|').collect())
+            .collect();
+        let name = |row: &Vec<&str>| quoted(row[0])[0].split('(').next().unwrap_or_default().to_owned();
+        assert_eq!(rows.iter().map(name).collect::<BTreeSet<_>>(), expected, "{axis}");
+        for row in &rows {
+            for user in quoted(row[2]).iter().filter(|user| user.ends_with(".cl")) {
+                let file = outside.iter().find(|file| file.ends_with(&format!("/{user}")) || *file == user);
+                let file = file.unwrap_or_else(|| panic!("{axis}: there is no {user}"));
+                assert!(words(&code(file)).contains(&name(row)), "{file} does not use {}", name(row));
+            }
         }
     }
 }
