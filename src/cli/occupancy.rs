@@ -217,6 +217,7 @@ mod tests {
         let json = question_json(&question, &LOCAL_SIZES);
         assert_eq!(json["rows"][7]["limited_by"], "local memory");
         assert_eq!(json["rows"][8]["limited_by"], "cannot launch");
-        assert!(question_text(&question, &LOCAL_SIZES).contains("111592 B > 49152 B"));
+        let text = question_text(&question, &LOCAL_SIZES);
+        assert!(text.contains("111592 B > 49152 B") && text.contains("48 KiB of __local memory"), "{text}");
     }
 }

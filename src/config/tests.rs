@@ -330,3 +330,11 @@ fn a_bad_override_is_shown_in_its_own_words() {
     let with_one = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n");
     assert!(refusal(&with_one, &[("strategy.1.width", "8")]).contains("expected a list"));
 }
+
+#[test]
+fn a_file_of_blank_lines_is_empty() {
+    for text in ["", " \n\t\n"] {
+        let report = refusal(text, &[]);
+        assert!(report.contains(" is empty"), "{report}");
+    }
+}

@@ -170,4 +170,18 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn a_colour_of_eight_bits_is_displayed_unchanged() {
+        for display in [Display::default(), Display { exposure: 1.0, gamma: 1.0 }] {
+            for value in 0..=255 {
+                let radiance = display.radiance_of([value; 3]).to_array();
+                assert_eq!(
+                    radiance.map(|one| transform(one, display)),
+                    [value; 3],
+                    "{value} with {display:?}"
+                );
+            }
+        }
+    }
 }

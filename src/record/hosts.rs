@@ -194,4 +194,25 @@ mod tests {
         let hosts: Vec<_> = controls[0].hosts.iter().map(|at| at.host.as_str()).collect();
         assert_eq!(hosts, ["n1", "n2"]);
     }
+
+    #[test]
+    fn the_point_with_the_largest_ratio_is_named() {
+        let with = |name: &str, host: &str, ms: f64, launch: u32| {
+            let record = Record { name: name.into(), key: name.into(), ..on(host, ms, launch) };
+            Record { control: Some(name.into()), ..record }
+        };
+        // The control points are in the order of their names.
+        let ratios = |a: f64, b: f64| {
+            let records = [
+                with("a", "n1", 10.0, 0),
+                with("a", "n2", a, 1),
+                with("b", "n1", 10.0, 2),
+                with("b", "n2", b, 3),
+            ];
+            hosts_that_differ(&judged(records), &[]).concat()
+        };
+        let [growing, falling] = [ratios(12.0, 15.0), ratios(15.0, 12.0)];
+        assert!(growing.contains("gpu: b "), "{growing}");
+        assert!(falling.contains("gpu: a "), "{falling}");
+    }
 }

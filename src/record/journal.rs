@@ -220,4 +220,10 @@ mod tests {
         assert!(one.starts_with("1 damaged line is left out of a.jsonl; the first is line 7."), "{one}");
         assert!(!Lines::<Sample>::default().torn);
     }
+
+    #[test]
+    fn only_whole_lines_are_kept() {
+        let kept = ["", "torn", "a\n", "a\ntorn", "a\nb\n"].map(|text| whole_lines(text.as_bytes()));
+        assert_eq!(kept, [0, 0, 2, 2, 4]);
+    }
 }

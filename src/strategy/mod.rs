@@ -190,4 +190,16 @@ mod tests {
         let block = |name| preset(name).unwrap_or_else(|error| panic!("{error}")).strategy.block();
         assert_eq!([block("wide"), block("wide-pixel-linear")], [(4, 4), (8, 2)]);
     }
+
+    /// One bit of a word of 32 is kept free.
+    #[test]
+    fn the_lights_of_a_round_and_a_lanes_rays_fit_into_31_bits() {
+        let lights = |tile: &str| {
+            let mut strategy = preset("tile-group").unwrap_or_else(|error| panic!("{error}")).strategy;
+            strategy.set("tile", tile).unwrap_or_else(|error| panic!("{error}"));
+            strategy.lights_of_round()
+        };
+        // Tiles of 32, 64, 128, 256 and 512 pixels have 1, 2, 4, 8 and 16 rays for each of 32 lanes.
+        assert_eq!(["8x4", "8x8", "16x8", "16x16", "32x16"].map(lights), [31, 15, 7, 3, 1]);
+    }
 }

@@ -117,4 +117,14 @@ mod tests {
         assert!(predicted(&record(None), Some("9.0")).is_none());
         assert!(predicted(&Record::default(), None).is_none());
     }
+
+    /// Drivers other than NVIDIA's may report registers without a compute capability.
+    #[test]
+    fn points_of_unknown_occupancy_are_left_out() {
+        let resources = Resources { registers: Some(32), ..Resources::default() };
+        let kernel = CompiledKernel { name: "cast_frame".into(), resources, ..CompiledKernel::default() };
+        let record = Record { local_size: Some([16, 16]), kernels: vec![kernel], ..Record::default() };
+        assert!(predicted(&record, None).is_none());
+        assert!(predicted(&record, Some("9.0")).is_some());
+    }
 }

@@ -210,3 +210,19 @@ fn a_mesh_far_from_the_origin_is_moved_there_alone_and_stays_in_its_place_in_a_s
     assert_eq!(first(&path), Vec3::new(-0.25, -0.25, 0.0));
     assert_eq!(first(&scene), Vec3::new(4096.0, 0.0, 0.0));
 }
+
+#[test]
+fn a_sky_without_a_horizon_has_one_colour() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    std::fs::write(&path, SEEN).unwrap();
+    let sky = |keys: &[(&str, f64)]| {
+        let values: Vec<_> =
+            keys.iter().map(|(key, value)| ((*key).to_owned(), Value::Float(*value))).collect();
+        load_scene_with(&path, &values).unwrap().scene.sky.clone().unwrap()
+    };
+    let plain = sky(&[("sky.zenith", 0.5)]);
+    assert_eq!((plain.zenith, plain.horizon), (Vec3::splat(0.5), Vec3::splat(0.5)));
+    let graded = sky(&[("sky.zenith", 0.5), ("sky.horizon", 0.25)]);
+    assert_eq!((graded.zenith, graded.horizon), (Vec3::splat(0.5), Vec3::splat(0.25)));
+}
