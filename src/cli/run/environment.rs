@@ -40,3 +40,25 @@ fn of_kernels(kernels: &Sources) -> Source {
     };
     Source { what: "kernels".to_owned(), path, hash: kernels.hash(), git }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn the_hash_of_a_config_depends_on_its_overrides() {
+        let hash = |seed: Option<&str>| {
+            let text = "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nlocal_sizes = [4]\n\
+                        strategies = ['naive']\nimage_sizes = [[8, 5]]\n";
+            let overrides: Vec<_> =
+                seed.iter().map(|seed| ("timing.seed".to_owned(), seed.parse().unwrap())).collect();
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
+            let experiment = crate::config::parse(&path, text.to_owned(), &overrides).unwrap();
+            environment(&experiment, &[], &[]).config_hash
+        };
+        assert_eq!(hash(None), hash(None));
+        assert!(hash(Some("3")) != hash(None) && hash(Some("3")) != hash(Some("4")));
+    }
+}

@@ -224,4 +224,15 @@ mod tests {
         };
         assert_eq!([2, 20].map(slanted), [false, true]);
     }
+
+    /// A fitted line has no entry in the legend. It belongs to the series before it.
+    #[test]
+    fn series_have_the_numbers_of_their_entries_in_the_legend() {
+        let series = |name: &str| chart(name).series.remove(0);
+        let all = Chart { series: vec![series("naive"), series(""), series("wide")], ..chart("both") };
+        let text = all.svg();
+        let numbers: Vec<&str> =
+            text.split("data-series=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+        assert_eq!(numbers[..3], ["0", "0", "1"], "{numbers:?}");
+    }
 }
