@@ -153,7 +153,7 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
     let both = ["--cl-dir", old.to_str().expect("UTF-8"), "--cl-dir", &new, "--fail-on-regression", "9999"];
     let device = device();
     let said = place.output(&arguments(&device, &both));
-    has(&said, &["local-vectors (cl) 4x4", "verdict"]);
+    has(&said, &["local-vectors 4x4", "kernels, ms", "verdict"]);
     let records = place.json_lines("out/records.jsonl");
     let of = |kernels: Value| records.iter().filter(move |record| record["kernels_of"] == kernels).count();
     // A point whose program is the same with both folders is measured once.
