@@ -138,6 +138,8 @@ mod tests {
         let found = ["1. one", "   more", "2. two", "73. three", "3. of 5"]
             .map(|line| unrecorded(line, &[], &mut fences));
         assert_eq!(found, [vec![], vec![], vec![], vec!["73".to_owned()], vec!["5".to_owned()]]);
+        let second = ["1. one", "2. two"].map(|line| unrecorded(line, &[], &mut fences));
+        assert!(second.iter().all(Vec::is_empty), "a second list begins at 1: {second:?}");
     }
 
     #[test]

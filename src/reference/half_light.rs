@@ -30,17 +30,21 @@ pub fn with_half_light(
     let ratios = filtered(halves);
     let unoccluded = halves.unoccluded;
     let [across, down] = [(unoccluded.width, whole.width), (unoccluded.height, whole.height)];
-    let place =
-        |at: usize, (half, whole): (u32, u32)| (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5;
     let pixel = |index: usize| {
         let own = at(whole, index);
         let behind = background * (1.0 - f64::from(hit_shares[index]));
         let [x, y] = [index % whole.width as usize, index / whole.width as usize];
-        let ratio = interpolated(own, [place(x, across), place(y, down)], halves, &ratios);
+        let ratio = interpolated(own, [place_in_half(x, across), place_in_half(y, down)], halves, &ratios);
         (behind + (own - behind) * ratio).as_vec3().to_array()
     };
     let pixels = (0..whole.pixels.len()).into_par_iter().map(pixel).collect();
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
+}
+
+/// Returns where the centre of pixel `at` lies in the half picture, whose own pixel centres are whole numbers. The two
+/// numbers of pixels are those of the half and of the whole picture.
+fn place_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
+    (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
 
 /// Returns which part of the light arrives at each pixel of the half pictures.
@@ -190,5 +194,12 @@ mod tests {
         let halves = HalfPictures { lit: &lit, unoccluded: &unoccluded, hit_shares: &[1.0; 4] };
         let found = with_half_light(&whole, &[1.0; 16], &halves, BACKGROUND);
         assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
+    }
+
+    /// Two whole pixels lie around the centre of each half pixel, a quarter of its side away.
+    #[test]
+    fn pixels_lie_beside_the_centres_of_half_pixels() {
+        assert_eq!([0, 1, 2, 3].map(|at| place_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);
+        assert_eq!(place_in_half(2, (3, 5)), 1.0, "the middle stays the middle");
     }
 }

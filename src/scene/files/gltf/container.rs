@@ -117,4 +117,10 @@ mod tests {
         let bytes = file(32, &[(b"JSON", b"{}  "), (b"BIN\0", b"")]);
         assert_eq!(split("a", &bytes).unwrap().1.as_deref(), Some(&b""[..]));
     }
+
+    #[test]
+    fn a_byte_order_mark_before_the_text_is_skipped() {
+        assert_eq!(split("a", b"\xef\xbb\xbf{}").unwrap(), (&b"{}"[..], None));
+        assert_eq!(split("a", b"{}").unwrap(), (&b"{}"[..], None));
+    }
 }
