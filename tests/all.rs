@@ -17,6 +17,7 @@ mod device_lock;
 mod edits;
 mod environment;
 mod examples;
+mod experiments;
 #[cfg(unix)]
 mod faults;
 mod figures;

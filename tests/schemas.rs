@@ -12,7 +12,7 @@ const KINDS: [(&str, &str); 2] = [("config", "configs"), ("scene", "scenes")];
 /// The name of the schema of a line of records.jsonl.
 const RECORD: &str = "record";
 
-fn schema(kind: &str) -> Value {
+pub fn schema(kind: &str) -> Value {
     serde_json::from_str(&Place::new().output(&["schema", kind])).expect("JSON")
 }
 
@@ -24,14 +24,14 @@ fn tomls(folder: &str) -> Vec<PathBuf> {
     files
 }
 
-fn read(text: &str) -> Value {
+pub fn read(text: &str) -> Value {
     let table: toml::Table = text.parse().expect("TOML");
     serde_json::to_value(table).expect("JSON")
 }
 
 /// Returns the reasons why a value does not conform to a schema. Supports only the keywords that these
 /// schemas use.
-fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
+pub fn mistakes(value: &Value, schema: &Value, place: &str) -> Vec<String> {
     // Any value conforms to this schema.
     if *schema == Value::Bool(true) {
         return Vec::new();
@@ -217,7 +217,7 @@ fn axes_and_presets_are_completed_and_numbers_may_be_numbers() {
 }
 
 /// Returns the rows of the first table after a text (a heading, or the table's own first line) of a page.
-fn table(page: &str, after: &str) -> Vec<Vec<String>> {
+pub fn table(page: &str, after: &str) -> Vec<Vec<String>> {
     let text = read_to_string(repository(page)).expect("the page");
     let section = text.split_once(after).expect("the heading").1;
     let table = section.lines().skip_while(|line| !line.starts_with("|---")).skip(1);
@@ -226,7 +226,7 @@ fn table(page: &str, after: &str) -> Vec<Vec<String>> {
 }
 
 /// Returns the names that are in backticks in a table's cell.
-fn names(cell: &str) -> Vec<String> {
+pub fn names(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
@@ -234,103 +234,6 @@ fn names(cell: &str) -> Vec<String> {
 /// first column.
 fn documented(heading: &str) -> BTreeSet<String> {
     table("docs/format.md", heading).iter().flat_map(|row| names(&row[0])).collect()
-}
-
-const EXPERIMENTS: &str = "docs/experiments.md";
-
-/// Returns the tables of an experiment: each table's heading in docs/experiments.md, and its schema.
-fn tables_of_experiment(config: &Value) -> [(&'static str, &Value); 5] {
-    let keys = &config["properties"];
-    [
-        ("\n## Top level\n", config),
-        ("\n## `[[scene]]`\n", &keys["scene"]["items"]),
-        ("\n## `[[strategy]]`\n", &keys["strategy"]["items"]),
-        ("\n## `[emulate]`\n", &keys["emulate"]),
-        ("\n## `[timing]`\n", &keys["timing"]),
-    ]
-}
-
-/// Returns the keys of a table's schema without the axes, which have a table of their own.
-fn keys_of(schema: &Value) -> BTreeSet<String> {
-    let is_axis = |key: &&String| raycl::strategy::AXES.iter().any(|axis| axis.name == key.as_str());
-    schema["properties"].as_object().expect("keys").keys().filter(|key| !is_axis(key)).cloned().collect()
-}
-
-#[test]
-fn the_experiments_page_has_every_key_with_its_default() {
-    let config = schema("config");
-    let mut defaults = 0;
-    for (heading, schema) in tables_of_experiment(&config) {
-        let rows = table(EXPERIMENTS, heading);
-        let name = |row: &Vec<String>| names(&row[0]).first().map(|name| name.replace(['[', ']'], ""));
-        let listed: Vec<_> = rows.iter().filter_map(name).collect();
-        assert_eq!(listed.iter().cloned().collect::<BTreeSet<_>>(), keys_of(schema), "{heading}");
-        assert_eq!(listed.len(), keys_of(schema).len(), "{heading}: a key is listed twice");
-        for row in &rows {
-            let Some(key) = name(row) else { continue };
-            let required = schema["required"].as_array().is_some_and(|keys| keys.contains(&json!(key)));
-            assert_eq!(row[2] == "required", required, "{heading} {key}");
-            let about = schema["properties"][&key]["description"].as_str().unwrap_or_default();
-            let about = about.split_whitespace().collect::<Vec<_>>().join(" ");
-            let default = about.split_once("[default: ").and_then(|(_, rest)| rest.split_once(']'));
-            // A default that is words is explained in the table's own words.
-            if let Some((default, _)) =
-                default.filter(|(text, _)| text.parse::<f64>().is_ok() || *text == "false")
-            {
-                assert_eq!(row[2], default, "{heading} {key}");
-                defaults += 1;
-            }
-        }
-    }
-    assert_eq!(defaults, 10, "defaults that are numbers or booleans");
-}
-
-#[test]
-fn the_experiments_page_has_every_axis_with_its_values() {
-    let rows = table(EXPERIMENTS, "\n| axis | values |");
-    let listed: Vec<_> = rows.iter().map(|row| (names(&row[0]), names(&row[1]))).collect();
-    let values = |axis: &raycl::strategy::AxisInfo| -> Vec<String> {
-        axis.values().into_iter().map(|(value, _)| value.to_owned()).collect()
-    };
-    let axes: Vec<_> =
-        raycl::strategy::AXES.iter().map(|axis| (vec![axis.name.to_owned()], values(axis))).collect();
-    assert_eq!(listed, axes);
-    // The page also has every baseline.
-    let baselines: Vec<_> = table(EXPERIMENTS, "\n## Baselines\n")
-        .iter()
-        .map(|row| [names(&row[0]), names(&row[1])].concat())
-        .collect();
-    let known: Vec<_> = raycl::config::Baseline::ALL
-        .iter()
-        .map(|baseline| vec![baseline.name().to_owned(), baseline.strategy().to_owned()])
-        .collect();
-    assert_eq!(baselines, known);
-}
-
-/// `tests/readme.rs` loads the example; here, it conforms to the schema and has every key.
-#[test]
-fn the_complete_example_of_the_experiments_page_uses_every_key() {
-    let page = read_to_string(repository(EXPERIMENTS)).expect("the page");
-    let rest = page.split_once("\n## A complete example\n").expect("the heading").1;
-    let block = rest.split("\n```").nth(1).and_then(|block| block.strip_prefix("toml\n")).expect("TOML");
-    let (example, config) = (read(block), schema("config"));
-    let found = mistakes(&example, &config, "");
-    assert!(found.is_empty(), "{found:#?}");
-    let [_, (_, scene), (_, strategy), (_, emulate), (_, timing)] = tables_of_experiment(&config);
-    let of = |place: &Value| -> BTreeSet<String> {
-        let tables = place.as_array().cloned().unwrap_or_else(|| vec![place.clone()]);
-        tables.iter().flat_map(|table| table.as_object().expect("a table").keys().cloned()).collect()
-    };
-    for (used, schema) in [
-        (&example, &config),
-        (&example["scene"], scene),
-        (&example["strategy"], strategy),
-        (&example["emulate"], emulate),
-        (&example["timing"], timing),
-    ] {
-        let missing: Vec<_> = keys_of(schema).difference(&of(used)).cloned().collect();
-        assert!(missing.is_empty(), "the example lacks {missing:?}");
-    }
 }
 
 /// The stored records were written by several versions; all of them conform to the present schema.

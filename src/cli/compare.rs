@@ -5,6 +5,7 @@ use crate::measure::Verdict;
 use crate::output::{Choice, OutFolder};
 use crate::record::Folder;
 use crate::report::{self, Comparison};
+use crate::words::counted;
 use std::path::PathBuf;
 
 /// Arguments of `raycl compare`.
@@ -83,10 +84,11 @@ pub fn run(args: Args) -> Result<()> {
     }
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
         Some(worse) if !worse.is_empty() => {
-            Err(Error::run(format!("{} regressions: {}", worse.len(), worse.join("; "))).with_help(
-                "measure both programs again, one after the other, to find out whether the programs \
+            Err(Error::run(format!("{}: {}", counted(worse.len(), "regression"), worse.join("; ")))
+                .with_help(
+                    "measure both programs again, one after the other, to find out whether the programs \
                  differ or the machine was busy",
-            ))
+                ))
         }
         _ => Ok(()),
     }

@@ -3,7 +3,7 @@
 use super::LaunchError;
 use crate::error::Error;
 use crate::program::BuildError;
-use crate::strategy::Infeasible;
+use crate::strategy::{Cause, Infeasible};
 
 /// The obstacle that prevents a strategy from being cast.
 #[derive(Debug)]
@@ -28,8 +28,8 @@ pub enum Refused {
 /// The remedy if a point does not fit into the memory of a device or the host.
 const SMALLER: &str =
     "a smaller image or scene needs less memory; `raycl strategies` lists other layouts and traversals";
-/// The remedy if a work-group has more work-items than the device allows.
-const FEWER: &str = "choose a smaller --local-size";
+/// The remedy if a work-group has a shape that the device or the strategy does not support.
+const ANOTHER_SIZE: &str = "choose another --local-size";
 /// The remedy if the strategy does not support something that the scene has.
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
@@ -53,16 +53,19 @@ impl Refused {
     /// Returns the error that ends a command, for a command that casts nothing else on `device`.
     pub fn into_error(self, device: &str) -> Error {
         let reason = self.reason();
-        let remedy = if reason.starts_with("work-group: ") { FEWER } else { SMALLER };
-        let too_large =
-            |what: &str| Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(remedy);
+        let cannot = |what: &str, remedy: &str| {
+            Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(remedy)
+        };
         match self {
             Self::Mistake(error) => error,
-            Self::Device(Infeasible { is_lacking: true, .. }) => {
-                Error::input(format!("this strategy cannot cast the scene: {reason}")).with_help(ANOTHER)
-            }
-            Self::Device(_) => too_large(device),
-            Self::Host(_) => too_large("this machine"),
+            Self::Device(refused) => match refused.cause {
+                Cause::Lacking => {
+                    Error::input(format!("this strategy cannot cast the scene: {reason}")).with_help(ANOTHER)
+                }
+                Cause::WorkGroup => cannot(device, ANOTHER_SIZE),
+                Cause::Size => cannot(device, SMALLER),
+            },
+            Self::Host(_) => cannot("this machine", SMALLER),
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
@@ -97,8 +100,8 @@ mod tests {
         assert_eq!(message, "the device cannot cast this frame: global memory: 2 B > 1 B");
         assert_eq!(remedy, SMALLER);
         let (_, remedy) =
-            told(Infeasible::beyond("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
-        assert_eq!(remedy, FEWER);
+            told(Infeasible::work_group("work-group: 9 x 9 = 81 work-items > the device's 64".to_owned()));
+        assert_eq!(remedy, ANOTHER_SIZE);
     }
 
     #[test]

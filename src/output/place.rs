@@ -79,7 +79,7 @@ pub(super) fn put(
     let failed = |error: std::io::Error| match error.kind() {
         // The error itself names a temporary file.
         ErrorKind::PermissionDenied => {
-            Error::input(format!("cannot write '{}': permission denied", path.display()))
+            Error::run(format!("cannot write '{}': permission denied", path.display()))
                 .with_help(format!("write to another folder with `{}`", choice.elsewhere))
         }
         _ => Error::run(format!("cannot write '{}': {error}", path.display()))

@@ -6,19 +6,35 @@
 pub struct Infeasible {
     /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".
     pub reason: String,
-    /// True if the strategy does not support something that the scene contains; neither the device
-    /// nor a size is the cause.
-    pub is_lacking: bool,
+    /// What must change so that the point can be cast.
+    pub cause: Cause,
+}
+
+/// What must change so that a point can be cast.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// A size: the point exceeds a limit of a device or of the host.
+    Size,
+    /// The local size.
+    WorkGroup,
+    /// The strategy, which does not support something that the scene contains; neither the device nor a size is the
+    /// cause.
+    Lacking,
 }
 
 impl Infeasible {
     /// Returns the reason why a point exceeds a limit of a device or of the host.
     pub fn beyond(reason: String) -> Self {
-        Self { reason, is_lacking: false }
+        Self { reason, cause: Cause::Size }
+    }
+
+    /// Returns the reason why a work-group has a shape that the device or the strategy does not support.
+    pub fn work_group(reason: String) -> Self {
+        Self { reason, cause: Cause::WorkGroup }
     }
 
     /// Returns the reason why a strategy cannot cast a scene on any device.
     pub fn lacking(reason: String) -> Self {
-        Self { reason, is_lacking: true }
+        Self { reason, cause: Cause::Lacking }
     }
 }

@@ -23,7 +23,7 @@ pub use facts::{Copied, WorkingMemory};
 pub use fastest::{Class, Constants, Task, Way, fastest};
 pub use header::{Contradiction, Header};
 pub use host::HostNeeds;
-pub use infeasible::Infeasible;
+pub use infeasible::{Cause, Infeasible};
 pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
 pub use values::{FOLDERS, values_of};

@@ -172,6 +172,11 @@ fn includes(name: &str, text: &str, included: &str) -> bool {
 fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
     let message =
         format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
+    if let Some(folder) = path.strip_suffix(file).filter(|_| file.starts_with("cl/")) {
+        return Error::input(message).with_help(format!(
+            "{folder}cl is a folder of kernels inside the given one: name it with --cl-dir {folder}cl, or remove it"
+        ));
+    }
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
@@ -183,11 +188,6 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
         built_in.iter().copied().chain(as_values.iter().map(String::as_str)).filter(|other| *other != file);
     let meant =
         nearest(file, same.iter().copied()).or(same.first().copied()).or_else(|| nearest(file, others));
-    if let Some((folder, _)) = path.split_once("/cl/").filter(|_| file.starts_with("cl/")) {
-        return Error::input(message).with_help(format!(
-            "{folder} contains a folder of kernels: name this one, with --cl-dir {folder}/cl, or remove it"
-        ));
-    }
     Error::input(message).with_help(match meant {
         Some(meant) => format!("did you mean {meant}? {places}"),
         None => places,

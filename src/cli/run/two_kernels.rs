@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Folder;
 use crate::report::Comparison;
+use crate::words::counted;
 
 /// A change counts as "same" if its whole 95% interval is within this fraction.
 const THRESHOLD: f64 = 0.02;
@@ -20,30 +21,25 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
         print_table(&comparison)?;
     }
     match limit_percent.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => Err(regressed(&comparison.labels, &worse, folder)),
+        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, folder)),
         _ => Ok(()),
     }
 }
 
 /// Returns the error that lists the regressions of the second folder of kernels.
-fn regressed([first, second]: &[String; 2], worse: &[String], folder: &Folder) -> Error {
-    let broken = worse.iter().filter(|line| Comparison::is_broken(line)).count();
-    let images = folder.path.join("images");
-    let help = match broken {
-        0 => format!("the kernels of {second} are slower than those of {first}"),
-        all if all == worse.len() => {
+fn regressed(comparison: &Comparison, worse: &[String], folder: &Folder) -> Error {
+    let [first, second] = &comparison.labels;
+    let help = match comparison.broken.is_empty() {
+        true => format!("the kernels of {second} are slower than those of {first}"),
+        false => {
+            let images = folder.path.join("images");
             format!(
-                "the kernels of {second} fail or cast wrong pictures; pictures are in {}",
+                "points with the kernels of {second} fail or have wrong pictures; pictures are in {}",
                 images.display()
             )
         }
-        _ => format!(
-            "the kernels of {second} are slower than those of {first}, and some fail or cast wrong pictures; pictures are in {}",
-            images.display()
-        ),
     };
-    let count =
-        if worse.len() == 1 { "1 regression".to_owned() } else { format!("{} regressions", worse.len()) };
+    let count = counted(worse.len(), "regression");
     Error::run(format!("{count} with {second} instead of {first}: {}", worse.join("; "))).with_help(help)
 }
 

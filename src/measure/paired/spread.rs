@@ -3,7 +3,6 @@
 use super::error::Error;
 use super::prior::Prior;
 use crate::measure::mean_and_sigma;
-use crate::measure::summary::median_of;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
@@ -109,18 +108,28 @@ fn interaction(table: &[&[f64]]) -> Prior {
         return Prior::of(&[], 0);
     }
     let centred: Vec<Vec<f64>> = table.iter().map(|row| around_mean(row)).collect();
-    let effect = |own: usize, column: usize| {
-        let others: Vec<f64> = (0..rows).filter(|row| *row != own).map(|row| centred[row][column]).collect();
-        median_of(&others).unwrap_or(0.0)
+    let sorted = |column: usize| {
+        let mut values: Vec<f64> = centred.iter().map(|row| row[column]).collect();
+        values.sort_by(f64::total_cmp);
+        values
     };
+    let sorted: Vec<Vec<f64>> = (0..columns).map(sorted).collect();
     // An effect has an error of its own. Here its variance is that of a mean; the median's is up to a half larger.
     let both = 1.0 + 1.0 / (rows - 1) as f64;
     let of_row = |row: usize| {
-        let residuals: Vec<f64> =
-            centred[row].iter().enumerate().map(|(column, value)| value - effect(row, column)).collect();
-        variance(&residuals) / both
+        let cells = centred[row].iter().zip(&sorted);
+        variance(&cells.map(|(value, column)| value - median_of_others(column, *value)).collect::<Vec<_>>())
+            / both
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
+}
+
+/// Returns the median of at least two sorted values without one of them, `own`.
+fn median_of_others(sorted: &[f64], own: f64) -> f64 {
+    let place = sorted.partition_point(|value| value.total_cmp(&own).is_lt());
+    let other = |number: usize| sorted[number + usize::from(number >= place)];
+    let last = sorted.len() - 2;
+    0.5 * (other(last / 2) + other(last.div_ceil(2)))
 }
 
 fn around_mean(row: &[f64]) -> Vec<f64> {
@@ -154,6 +163,15 @@ mod tests {
         assert!(of(0, 1) < 0.05 && of(1, 2) < 0.05, "{} {}", of(0, 1), of(1, 2));
         assert!(of(0, 3) > 0.2, "{}", of(0, 3));
         assert!(pooled.of_level(rows[0]).error < 0.1 * pooled.of_level(rows[3]).error);
+    }
+
+    #[test]
+    fn a_value_is_no_part_of_the_median_of_the_others() {
+        let sorted = [1.0, 2.0, 4.0, 4.0, 8.0];
+        assert_eq!(sorted.map(|own| median_of_others(&sorted, own)), [4.0, 4.0, 3.0, 3.0, 3.0]);
+        let sorted = [1.0, 2.0, 4.0, 8.0];
+        assert_eq!(sorted.map(|own| median_of_others(&sorted, own)), [4.0, 4.0, 2.0, 2.0]);
+        assert_eq!(median_of_others(&[1.0, 2.0], 1.0), 2.0);
     }
 
     #[test]

@@ -40,6 +40,8 @@ pub struct Comparison {
     pub pairs: Vec<Pair>,
     /// One line for each point that only one folder measured, or whose outcome changed.
     pub others: Vec<String>,
+    /// Those of these lines whose point was measured before and fails now.
+    pub broken: Vec<String>,
     /// The notes of the folders, each with its folder's name.
     pub notes: Vec<String>,
     /// Changes below this fraction count as equal.
@@ -117,11 +119,13 @@ impl Comparison {
             pair.change = ratio.map(|ratio| (ratio, Against::SameRounds));
             pair.verdict = ratio.map_or(Verdict::NotEnough, |ratio| Verdict::of(ratio, threshold));
         }
-        comparison.notes.push(
+        if comparison.pairs.iter().any(|pair| pair.change.is_some()) {
+            comparison.notes.push(
             "Changes are computed from samples that were taken close together, so they differ somewhat from the ratio of the \
              medians."
                 .to_owned(),
         );
+        }
         comparison
     }
 
@@ -132,7 +136,7 @@ impl Comparison {
         };
         let notes = folders.iter().zip(&labels).flat_map(notes_of).collect();
         let labels = labels.try_into().unwrap_or_default();
-        Self { labels, pairs: Vec::new(), others: Vec::new(), notes, threshold }
+        Self { labels, pairs: Vec::new(), others: Vec::new(), broken: Vec::new(), notes, threshold }
     }
 
     /// Adds a line for each point that only one folder has. If both folders have a scene of the same name
@@ -161,7 +165,11 @@ impl Comparison {
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
-            self.others.push(format!("{}: was {a}, is {b}", name(&before)));
+            let line = format!("{}: was {a}, is {b}", name(&before));
+            if before.outcome == Outcome::Measured {
+                self.broken.push(line.clone());
+            }
+            self.others.push(line);
         }
     }
 
@@ -217,11 +225,6 @@ impl Comparison {
     /// reports a regression.
     pub fn regressions(&self, limit_percent: f64) -> Vec<String> {
         regressions::regressions(self, limit_percent)
-    }
-
-    /// Returns whether a line of `others` or of the regressions says that a point was measured before and fails now.
-    pub fn is_broken(line: &str) -> bool {
-        line.contains(": was measured, is ")
     }
 
     /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The

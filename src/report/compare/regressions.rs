@@ -32,8 +32,12 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         .iter()
         .filter(|(pair, change)| change_of_fastest(pair, *change) > limit)
         .filter_map(|(pair, change)| slower(&format!("{} is", pair.point(several)), *change, judged.len()));
-    let broken = comparison.others.iter().filter(|line| Comparison::is_broken(line)).cloned();
-    together.into_iter().chain(of_strategies).chain(of_points).chain(broken).collect()
+    together
+        .into_iter()
+        .chain(of_strategies)
+        .chain(of_points)
+        .chain(comparison.broken.iter().cloned())
+        .collect()
 }
 
 /// Returns the ratio of the 10% quantiles of a point's samples, divided by the same reference time

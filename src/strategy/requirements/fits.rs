@@ -12,12 +12,12 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     if items > limits.work_group_size as u64 {
         let reason =
             format!("work-group: {x} x {y} = {items} work-items > the device's {}", limits.work_group_size);
-        return Err(Infeasible::beyond(reason));
+        return Err(Infeasible::work_group(reason));
     }
     let sizes = limits.work_item_sizes;
     if x as usize > sizes[0] || y as usize > sizes[1] {
         let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
-        return Err(Infeasible::beyond(reason));
+        return Err(Infeasible::work_group(reason));
     }
     Ok(())
 }
@@ -32,13 +32,13 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
         let reason = format!(
             "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among the {GROUP_LANES} work-items of a row: use 32 x 1 to 32 x 8"
         );
-        return Err(Infeasible::beyond(reason));
+        return Err(Infeasible::work_group(reason));
     }
     if y > 1 && limits.lane_operations == LaneOperations::Barriers {
         let reason = format!(
             "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: 32 x 1"
         );
-        return Err(Infeasible::beyond(reason));
+        return Err(Infeasible::work_group(reason));
     }
     Ok(())
 }

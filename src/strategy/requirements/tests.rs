@@ -1,6 +1,6 @@
 //! Tests with the paper's device, and of the arithmetic at arbitrary sizes.
 
-use super::super::{AXES, PRESETS, Strategy, preset};
+use super::super::{AXES, Cause, PRESETS, Strategy, preset};
 use super::*;
 use crate::device::LaneOperations;
 use proptest::prelude::*;
@@ -123,8 +123,9 @@ fn tiles_need_no_copy_of_the_mesh_and_trees_no_more_triangles_than_they_can_name
 #[test]
 fn what_a_strategy_lacks_is_told_apart_from_what_a_device_cannot_hold() {
     let strategy = preset("raster").unwrap().strategy;
-    let is_lacking =
-        |workload: Workload| Requirements::check(&strategy, &workload, &PAPER_DEVICE).unwrap_err().is_lacking;
+    let is_lacking = |workload: Workload| {
+        Requirements::check(&strategy, &workload, &PAPER_DEVICE).unwrap_err().cause == Cause::Lacking
+    };
     let plain = workload(4, 8);
     assert!(is_lacking(Workload { sky: true, ..plain }));
     assert!(is_lacking(Workload { soft_lights: true, ..plain }));

@@ -1,5 +1,7 @@
 //! Tests with small valid and invalid files.
 
+mod textures;
+
 use super::*;
 use crate::scene::files::FileLight;
 use crate::scene::mesh::Mesh;
@@ -204,58 +206,6 @@ fn alpha_of_vertex_colours_is_noted_where_the_material_would_use_it() {
     }
 }
 
-/// Returns the file with a material and with texture coordinates, which are the positions' first six numbers.
-/// Texture 0 is one texel with an alpha of 0.7.
-fn textured(material: &str) -> String {
-    let mut png = Vec::new();
-    let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
-    picture.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
-    let png = STANDARD.encode(png);
-    let lists = format!(
-        r#"{{"materials": [{material}],
-"textures": [{{"source": 0}}], "images": [{{"uri": "data:image/png;base64,{png}"}}], "#
-    );
-    triangle()
-        .replace(
-            r#"{"POSITION": 0}, "indices": 1"#,
-            r#"{"POSITION": 0, "TEXCOORD_0": 2}, "indices": 1, "material": 0"#,
-        )
-        .replace(
-            r#""type": "SCALAR"}"#,
-            r#""type": "SCALAR"}, {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2"}"#,
-        )
-        .replacen('{', &lists, 1)
-}
-
-#[test]
-fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
-    // A cutoff that is not given is 0.5.
-    for (factor, cutoff, has_holes) in [
-        (0.8, r#""alphaCutoff": 0.5,"#, false),
-        (0.6, r#""alphaCutoff": 0.5,"#, true),
-        (0.8, "", false),
-        (0.6, "", true),
-        (0.8, r#""alphaCutoff": 0.6,"#, true),
-    ] {
-        let material = format!(
-            r#"{{"alphaMode": "MASK", {cutoff} "pbrMetallicRoughness":
-{{"baseColorFactor": [1, 1, 1, {factor}], "baseColorTexture": {{"index": 0}}}}}}"#
-        );
-        let file = read(&textured(&material)).unwrap();
-        assert_eq!(file.mesh.textures.list.len(), 1, "{:?}", file.notes);
-        assert_eq!(file.mesh.textures.have_holes(), has_holes, "{factor} {cutoff}");
-    }
-}
-
-#[test]
-fn corners_of_a_mirrored_triangle_keep_their_texture_coordinates() {
-    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
-    let mesh = read(&text.replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "scale": [-1, 1, 1],"#)).unwrap().mesh;
-    // The second and the third corner change places.
-    assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(0.0, 1.0, 5.0), Vec3::new(-1.0, 0.0, 5.0)]);
-    assert_eq!(mesh.textures.mapped[0].corners, [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]);
-}
-
 #[test]
 fn what_is_required_and_lacking_is_named_and_what_is_known_is_not() {
     let required =
@@ -403,20 +353,4 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         let version = to.contains("1.0");
         assert!(version || found.contains(message), "{from} -> {to}: {found}");
     }
-}
-
-#[test]
-fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
-    use crate::scene::Wrap;
-    let material = r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#;
-    let wrap = |sampler: &str| {
-        let text = textured(material).replace(
-            r#""textures": [{"source": 0}]"#,
-            &format!(r#""samplers": [{sampler}], "textures": [{{"source": 0, "sampler": 0}}]"#),
-        );
-        read(&text).unwrap().mesh.textures.list[0].wrap
-    };
-    assert_eq!(wrap(r#"{"wrapS": 33071, "wrapT": 33648}"#), [Wrap::Clamp, Wrap::Mirror]);
-    assert_eq!(wrap(r#"{"wrapS": 33648, "wrapT": 10497}"#), [Wrap::Mirror, Wrap::Repeat]);
-    assert_eq!(wrap("{}"), [Wrap::Repeat; 2]);
 }

@@ -1,0 +1,122 @@
+//! Tests of comparisons of records that were measured together.
+
+use super::super::summary::tests::{few, judged, measured, sampled};
+use super::*;
+
+/// Returns a record with ten samples near `ms`; those of the second launch take longer by the
+/// fraction `slower`.
+fn launches(name: &str, ms: f64, slower: f64) -> Record {
+    let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
+    sampled(name, (0..10).map(|place| (place / 5, at(place))))
+}
+
+#[test]
+fn what_slows_all_is_in_the_interval_and_not_in_the_ratio() {
+    let records = judged([launches("naive", 10.0, 0.5), launches("wide", 5.0, 0.5)]);
+    let found = ratio(&records[0], &records[1]).expect("enough samples");
+    let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
+    assert!((found.high / found.low - (2.0 * only_runs).exp()).abs() < 1e-5, "{found:?}");
+    let [low, high] = interval(&records[0]).expect("enough samples");
+    assert!(low < 5.0 && high > 20.0, "{low} {high}");
+}
+
+#[test]
+fn a_ratio_of_two_kinds_of_devices_has_the_differences_between_runs_of_both() {
+    let on_cpu = Record { threads: Some(2), ..launches("naive", 10.0, 0.0) };
+    let records = judged([on_cpu, launches("wide", 5.0, 0.0)]);
+    let variance = |of: BetweenRuns| of.shared.powi(2) + of.own.powi(2);
+    let both = variance(BetweenRuns::ON_PROCESSORS) + variance(BetweenRuns::ON_OTHER_DEVICES);
+    for [one, other] in [[0, 1], [1, 0]] {
+        let found = ratio(&records[one], &records[other]).expect("enough samples");
+        assert!(((found.high / found.low).ln() - 2.0 * 1.96 * both.sqrt()).abs() < 1e-4, "{found:?}");
+    }
+}
+
+#[test]
+fn what_was_measured_apart_is_not_paired() {
+    let mut records = judged([launches("naive", 10.0, 0.1), launches("wide", 5.0, 0.1)]);
+    let paired = ratio(&records[0], &records[1]).expect("enough samples");
+    records[1].sample_launches.iter_mut().for_each(|launch| *launch += 7);
+    let records = judged(records);
+    let apart = ratio(&records[0], &records[1]).expect("enough samples");
+    assert!(apart.high / apart.low > 1.4 * paired.high / paired.low, "{apart:?} {paired:?}");
+}
+
+#[test]
+fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
+    let records = judged([
+        measured("gpu", "naive", 8, 10.0),
+        measured("gpu", "wide", 1, 10.09),
+        measured("gpu", "wide", 2, 10.3),
+        few("gpu", "naive", 4, 1.0, 4),
+    ]);
+    let ranking = ranking(&records);
+    let names = |of: &[&Record]| of.iter().map(|record| record.samples_ms[0]).collect::<Vec<_>>();
+    assert_eq!((names(&ranking.winners), names(&ranking.unranked)), (vec![10.0, 10.09], vec![1.0]));
+}
+
+#[test]
+fn one_launch_is_said_to_be_a_look() {
+    let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
+    assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
+    let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+    assert_eq!(how_sure(&several), ["Differences below 2.1% cannot be detected here."]);
+    let on_processors = |name| Record { threads: Some(2), ..launches(name, 10.0, 0.0) };
+    let several = judged([on_processors("naive"), on_processors("wide")]);
+    assert_eq!(how_sure(&several), ["Differences below 4.1% cannot be detected here."]);
+    assert!(how_sure(&[]).is_empty());
+}
+
+#[test]
+fn a_tie_is_decided_by_the_intervals_end() {
+    // In one launch, this point is as fast as the other point; in the other launch, it is 6%
+    // slower. The mean difference is 3%, and it is uncertain.
+    let wavers = sampled("wide", (0..10).map(|place| (place / 5, if place < 5 { 10.0 } else { 10.6 })));
+    let records = judged([launches("naive", 10.0, 0.0), wavers]);
+    assert!(ratio(&records[1], &records[0]).expect("enough samples").middle > 1.02);
+    assert_eq!(ranking(&records).winners.len(), 2);
+}
+
+#[test]
+fn what_can_be_told_apart_is_beyond_a_tie() {
+    let records = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+    let [low, high] = resolution(&records).expect("two points");
+    let only_runs = 1.96 * BetweenRuns::ON_OTHER_DEVICES.own * 2.0_f64.sqrt();
+    let expected = only_runs.exp() * (1.0 + TIE) - 1.0;
+    assert!((low - expected).abs() < 1e-5 && (high - expected).abs() < 1e-5, "{low} {high}");
+}
+
+#[test]
+fn samples_are_paired_in_the_order_they_were_taken() {
+    let mut one = launches("naive", 10.0, 0.0);
+    one.samples_at_ms = (0..10).map(|place| f64::from(2 * place)).collect();
+    let mut other = launches("wide", 5.0, 0.0);
+    other.samples_at_ms = (0..10).map(|place| f64::from(2 * place + 1)).collect();
+    let order: Vec<usize> =
+        in_order([one, other].iter(), &[]).into_iter().map(|sample| sample.point).collect();
+    assert_eq!(order, [0, 1].repeat(10));
+}
+
+#[test]
+fn records_without_enough_samples_were_measured_with_no_other() {
+    let records = judged([measured("gpu", "naive", 8, 10.0), few("gpu", "wide", 1, 5.0, 2)]);
+    assert!(are_together(&records[0], &records[0]));
+    assert!(!are_together(&records[0], &records[1]) && !are_together(&records[1], &records[1]));
+}
+
+#[test]
+fn if_some_points_have_one_launch_they_are_counted_and_one_is_named() {
+    let look = Record { image_size: [80, 50], ..few("gpu", "naive", 8, 10.0, 5) };
+    let records = judged([look, launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
+    let said = how_sure(&records);
+    assert!(said[0].contains("program: 1 of 3 points, such as teapot 80 x 50."), "{said:?}");
+}
+
+#[test]
+fn equal_times_of_other_launches_were_not_measured_together() {
+    let one = launches("naive", 10.0, 0.0);
+    let mut other = Record { key: "other".into(), ..one.clone() };
+    other.sample_launches.iter_mut().for_each(|launch| *launch += 7);
+    let records = judged([one, other]);
+    assert!(!are_together(&records[0], &records[1]));
+}

@@ -1,0 +1,96 @@
+//! Tests of material files: where they may lie, and what a material is.
+
+use super::*;
+
+/// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
+/// Returns whether the outer file was read, and the notes.
+#[cfg(unix)]
+fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
+    let outer = tempfile::tempdir().unwrap();
+    let inner = outer.path().join("mesh");
+    std::fs::create_dir(&inner).unwrap();
+    std::fs::write(outer.path().join("outer.mtl"), "newmtl x\nKd 0.25 0.5 1\n").unwrap();
+    std::os::unix::fs::symlink("../outer.mtl", inner.join("link.mtl")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", inner.join("endless.mtl")).unwrap();
+    let path = inner.join("test.obj");
+    std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
+    let opened = Opened::at(&path).unwrap();
+    let permitted = Permitted { beyond, quotes: true };
+    let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
+    let material = *file.mesh.material(&file.mesh.triangles[0]);
+    (material != crate::scene::Material::default(), file.notes)
+}
+
+#[test]
+#[cfg(unix)]
+fn a_material_file_outside_the_folder_is_read_only_where_that_is_allowed() {
+    for library in ["../outer.mtl", "link.mtl", "..\\outer.mtl", "../mesh/../outer.mtl"] {
+        let (read, notes) = through(library, false);
+        assert!(!read && notes[0].contains("outside_materials"), "{library}: {notes:?}");
+        assert_eq!(through(library, true), (true, Vec::new()), "{library}");
+    }
+    let (read, notes) = through("endless.mtl", true);
+    assert!(!read && notes[0].contains("not an ordinary file"), "{notes:?}");
+}
+
+#[test]
+fn a_material_file_outside_the_folder_or_missing_is_a_note() {
+    for library in ["../../etc/passwd", "/etc/passwd", "none.mtl", "a b.mtl", "."] {
+        let file = read(&format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
+        assert!(file.notes.len() >= 2, "{library}: {:?}", file.notes);
+        assert_eq!(*file.mesh.material(&file.mesh.triangles[0]), crate::scene::Material::default());
+    }
+}
+
+#[test]
+fn a_material_may_have_the_empty_name() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.mtl"), "newmtl b\nKd 1 0 0\nnewmtl \nKd 0 1 0\n").unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, format!("mtllib a.mtl\nusemtl \n{CORNERS}f 1 2 3\n")).unwrap();
+    let opened = Opened::at(&path).unwrap();
+    let permitted = Permitted { beyond: false, quotes: true };
+    let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
+    assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::Y);
+    assert_eq!(file.notes, Vec::<String>::new());
+}
+
+#[test]
+fn a_material_file_that_is_something_else_is_named() {
+    let notes = notes_of("usemtl a", "\u{89}not a PNG");
+    assert!(!notes.is_empty());
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("m.mtl"), b"\x89PNG\r\n\x1a\n").unwrap();
+    let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
+    let notes = parse(
+        "test.obj",
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } },
+        text.as_bytes(),
+    )
+    .unwrap()
+    .notes;
+    assert!(notes[0].contains("`m.mtl` is a PNG picture and is not read"), "{notes:?}");
+}
+
+#[test]
+fn a_highlight_without_strength_is_none_and_a_grey_is_three_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let material = |mtl: &str| {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{mtl}")).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
+        let mesh = parse("test.obj", reach(), text.as_bytes()).unwrap().mesh;
+        *mesh.material(&mesh.triangles[0])
+    };
+    let half = Vec3::splat(0.5);
+    assert_eq!(material("Kd 0.5\nKs 0 0 0\nNs 7\n"), Material::lambertian(half));
+    assert_eq!(material("Kd 0.5\nNs 7\n"), Material::lambertian(half));
+    assert_eq!(material("Kd 0.5\nKs 0.25\nNs 7\n"), Material::blinn_phong(half, Vec3::splat(0.25), 7.0));
+}
+
+#[test]
+fn a_material_file_that_is_missing_is_noted_once() {
+    let text = format!("mtllib no.mtl\nmtllib no.mtl\n{CORNERS}f 1 2 3\n");
+    let notes = parse("test.obj", nowhere(), text.as_bytes()).unwrap().notes;
+    assert_eq!(notes.iter().filter(|note| note.contains("no.mtl")).count(), 1, "{notes:?}");
+}
