@@ -199,4 +199,18 @@ mod tests {
         assert!(program_for(&order, &device).is_none());
         assert!(program_for(&order_for(&device, None), &device).is_none());
     }
+
+    #[test]
+    fn work_is_begun_again_only_after_its_process_must_have_died() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cache = Cache::at(&folder.path().join("cache"), 1 << 20);
+        assert!(begin(&cache, "a") && !begin(&cache, "a") && begin(&cache, "b"));
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).expect("a clock").as_secs();
+        let began_s_ago = |ago: u64| {
+            cache.put(KIND, "a", &(now - ago).to_le_bytes());
+            begin(&cache, "a")
+        };
+        // The limit is two minutes; the test itself takes less than half of one.
+        assert!(began_s_ago(LONGEST.as_secs() + 1) && !began_s_ago(LONGEST.as_secs() - 60));
+    }
 }
