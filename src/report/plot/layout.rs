@@ -36,13 +36,11 @@ impl Layout {
         self.left + self.width + if self.legend_below { 12.0 } else { 18.0 + LEGEND }
     }
 
-    /// Splits a text into as many lines as needed; on a screen, one line is enough.
+    /// Splits a title or an axis's label into as many lines as needed; on a screen, one line is usually enough. A title
+    /// on a screen ends where the x axis does, since not every plot has a legend on the right.
     pub fn lines(&self, text: &str) -> Vec<String> {
-        let most = if self.legend_below {
-            ((self.whole_width() - 2.0 * MARGIN) / BOLD_LETTER) as usize
-        } else {
-            usize::MAX
-        };
+        let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
+        let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;
         let mut lines = vec![String::new()];
         for word in text.split(' ') {
             let line = lines.last().map_or(0, |line| line.chars().count());
@@ -66,6 +64,7 @@ mod tests {
     fn a_long_title_is_one_line_on_a_screen_and_several_on_a_phone() {
         let title = "Figure 8 as shapes: cpu-skylake-avx512-AMD EPYC 9B45 128-Core Processor";
         assert_eq!(WIDE.lines(title), [title]);
+        assert_eq!(WIDE.lines(&[title; 2].join(", ")).len(), 2, "a title of two devices is cut nowhere");
         let lines = NARROW.lines(title);
         assert_eq!((lines.len(), lines.join(" ").as_str()), (2, title));
         assert!(lines.iter().all(|line| line.chars().count() as f64 * LETTER <= NARROW.whole_width()));

@@ -48,6 +48,10 @@ const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }
 /// The layout for phones, with names above the dots.
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
 /// The largest number of dots in a row. If a row has more samples, only every second, third, ...
+/// The margin on the right of a plot on a screen.
+const BESIDE_MARGIN: f64 = 24.0;
+/// The label of the x axis. It is centred below the axis, and must not be much longer than the axis.
+const LABEL: &str = "time of a frame, in % from the point's median; earlier samples are further up";
 /// sample is shown.
 const DOTS: usize = 120;
 
@@ -82,12 +86,11 @@ impl Strip {
         for (place, one) in self.rows.iter().enumerate() {
             draw_row(&mut svg, one, top + place as f64 * row, (&across, reach), form);
         }
-        let label = "a frame's device time, in % above or below the point's median; within a row, earlier samples are drawn further up";
-        let lines = layout.lines(label);
+        let lines = layout.lines(LABEL);
         svg.lines("label", [layout.left + layout.width / 2.0, bottom + 38.0], Anchor::Middle, &lines);
         let end = bottom + 50.0 + LINE * (lines.len() - 1) as f64;
-        let margin = if layout.legend_below { 12.0 } else { 24.0 };
-        svg.finish([right + margin, end], &self.title, label)
+        let margin = if layout.legend_below { 12.0 } else { BESIDE_MARGIN };
+        svg.finish([right + margin, end], &self.title, LABEL)
     }
 
     /// Returns how far the axis extends on both sides of 0, in percent. Nearly all samples are
@@ -172,6 +175,7 @@ fn bar(svg: &mut Svg, class: &str, [left, right]: [f64; 2], [top, height]: [f64;
 
 #[cfg(test)]
 mod tests {
+    use super::super::layout::LETTER;
     use super::*;
 
     fn reach(deviations: Vec<f64>) -> f64 {
@@ -196,5 +200,11 @@ mod tests {
         assert!(close(reach(vec![0.01, -0.02]), 0.5), "not less than half a per cent");
         assert!(close(reach(vec![900.0; 9]), 400.0));
         assert!(close(reach(Vec::new()), 1.15));
+    }
+
+    #[test]
+    fn the_axis_is_long_enough_for_its_label() {
+        let beyond = LETTER * LABEL.chars().count() as f64 - BESIDE.layout.width;
+        assert!(beyond / 2.0 <= BESIDE_MARGIN, "{beyond}");
     }
 }
