@@ -131,7 +131,7 @@ impl<'a> ClaimData<'a> {
 
 /// Formats a point with its time, as one side of a comparison. If the point means the fastest of
 /// several records, the text says so and names this record.
-fn side(point: &Point, record: &Record) -> String {
+pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);
     format!("{} on {} ({best}{time})", title(record), point.scene)

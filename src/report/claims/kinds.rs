@@ -1,10 +1,10 @@
 //! Evaluates each kind of test with the data of one device.
 
-use super::claim_data::ClaimData;
+use super::claim_data::{ClaimData, side};
 use super::point::Point;
-use super::sure::{Fastest, Ratio};
-use super::table::{LocalSize, Memory, Pass, Preset, Test};
-use super::verdict::Line;
+use super::sure::Ratio;
+use super::table::{FastestTest, LocalSize, Memory, Pass, Preset, Test};
+use super::verdict::{Line, Verdict};
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
@@ -21,7 +21,7 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
             let pairs = over.windows(2);
             pairs.map(|pair| found.ratio(&pair[1], &pair[0], *at_least..=f64::INFINITY)).collect()
         }
-        Test::Fastest { of, is } => vec![fastest(found, of, is)],
+        Test::Fastest(test) => vec![fastest(found, test)],
         Test::Runs { points, runs } => points.iter().map(|point| found.runs(point, *runs)).collect(),
         Test::Passes { point, of, to, at_least } => vec![passes(found, point, (*of, *to), *at_least)],
         Test::Fits { strategy, local_size, triangles, local_bytes, fits } => {
@@ -35,18 +35,31 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
     }
 }
 
-fn fastest(found: &ClaimData<'_>, of: &[Point], is: &Point) -> Line {
-    let names = of.iter().map(Point::to_string).collect::<Vec<_>>().join(", ");
+/// Tests whether each other point takes at least `by` times as long as the fastest. The line shows the ratio that decides
+/// this: of those with the verdict of the whole test, the smallest.
+fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
+    let best = match found.measured(&test.is) {
+        Ok(best) => best,
+        Err(line) => return line,
+    };
     // Every point must have a measured record; a point that stands for several local sizes needs
     // only one such record.
-    if let Some(missing) = of.iter().find_map(|point| found.measured(point).err()) {
+    if let Some(missing) = test.of.iter().find_map(|point| found.measured(point).err()) {
         return missing;
     }
-    let records: Vec<&Record> = of.iter().flat_map(|point| found.records(point)).collect();
-    let Some(fastest) = Fastest::of(&records) else {
-        return found.missing(&format!("three or more of {names}"));
+    let left_out =
+        |record: &Record| test.except.iter().chain([&test.is]).any(|point| point.is(record, found.device));
+    let others = test.of.iter().flat_map(|point| found.records(point)).filter(|record| !left_out(record));
+    let ratios: Vec<(&Record, Ratio)> =
+        others.filter_map(|other| Some((other, Ratio::of(other, best)?))).collect();
+    let verdict = |(_, ratio): &&(&Record, Ratio)| ratio.verdict(&(test.by..=f64::INFINITY));
+    let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
+    let deciding = ratios.iter().filter(|one| verdict(one) == whole);
+    let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
+        return found.missing(&format!("another point than {}", test.is));
     };
-    fastest.line(&names, |record| is.is(record, found.device))
+    let name = format!("{}, the nearest of {} others,", side(&test.is, other), ratios.len());
+    ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY)
 }
 
 fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least: f64) -> Line {

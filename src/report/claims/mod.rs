@@ -157,7 +157,8 @@ mod tests {
             measured("gpu", "naive", 4, 10.0),
             measured("gpu", "naive", 8, 5.5),
         ];
-        let fastest = "kind = 'fastest', of = ['naive square on teapot'], is = 'naive 8x8 on teapot'";
+        let fastest =
+            "kind = 'fastest', is = 'naive 8x8 on teapot', of = ['naive square on teapot'], by = 1.05";
         assert_eq!(verdict(fastest, &records), Verdict::Unclear);
         let told = claim(FALLS, &[&records]);
         assert_eq!(told.verdict, Verdict::Unclear);
@@ -168,15 +169,60 @@ mod tests {
         assert_eq!(verdict(serial, &[baseline, records[2].clone()]), Verdict::Unclear);
     }
 
+    /// Returns a test that naive at this size is the fastest square size, with more keys.
+    fn fastest(size: &str, more: &str) -> String {
+        format!("kind = 'fastest', is = 'naive {size} on teapot', of = ['naive square on teapot'], {more}")
+    }
+
+    fn sizes(times: &[(u32, f64)]) -> Vec<Record> {
+        times.iter().map(|(side, ms)| measured("gpu", "naive", *side, *ms)).collect()
+    }
+
     #[test]
-    fn a_tie_is_no_fastest() {
-        let tie = [(4, 10.0), (8, 10.05), (16, 20.5)].map(|(side, ms)| measured("gpu", "naive", side, ms));
-        let fastest = |size: &str| {
-            format!("kind = 'fastest', of = ['naive square on teapot'], is = 'naive {size} on teapot'")
-        };
-        assert_eq!(verdict(&fastest("8x8"), &tie), Verdict::Unclear);
-        assert_eq!(verdict(&fastest("16x16"), &tie), Verdict::NotHeld);
-        assert!(claim(&fastest("8x8"), &[&tie]).lines[0].text.contains("tie"));
+    fn the_fastest_point_is_ahead_of_each_other_by_the_stated_factor() {
+        let records = sizes(&[(4, 10.0), (8, 11.0), (16, 20.5)]);
+        let told = |size: &str, more: &str| claim(&fastest(size, more), &[&records]);
+        assert_eq!(told("4x4", "by = 1.05").verdict, Verdict::Held);
+        assert_eq!(told("4x4", "by = 1.2").verdict, Verdict::NotHeld);
+        assert_eq!(told("8x8", "by = 1.05").verdict, Verdict::NotHeld);
+        assert_eq!(told("4x4", "by = 1.2, except = ['naive 8x8 on teapot']").verdict, Verdict::Held);
+        let text = &told("4x4", "by = 1.05").lines[0].text;
+        assert!(
+            text.starts_with(
+                "naive at 8 x 8 on teapot (11.00 ms), the nearest of 2 others, takes 1.10 times"
+            ) && text.contains("as long as naive at 4 x 4 on teapot (10.00 ms)")
+                && text.ends_with("required: at least 1.05"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_point_in_a_narrow_tie_is_not_the_fastest() {
+        let tie = sizes(&[(4, 10.0), (8, 10.05), (16, 20.5)]);
+        for size in ["4x4", "8x8", "16x16"] {
+            assert_eq!(verdict(&fastest(size, "by = 1.05"), &tie), Verdict::NotHeld, "{size}");
+        }
+    }
+
+    #[test]
+    fn a_point_in_a_wide_tie_may_be_the_fastest() {
+        let mut wide = sizes(&[(4, 10.0), (8, 10.5), (16, 20.5)]);
+        wide[1].samples_ms = [[9.5; 5], [11.5; 5]].concat();
+        let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
+        assert_eq!(told.verdict, Verdict::Unclear, "{told:?}");
+        assert!(told.lines[0].text.starts_with("naive at 8 x 8"), "the ratio that is unclear: {told:?}");
+        assert!(told.decides()[0].contains("contains the bound 1.05"), "{told:?}");
+        wide.push(measured("gpu", "naive", 2, 10.05));
+        let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
+        assert_eq!(told.verdict, Verdict::NotHeld, "one sure ratio is enough: {told:?}");
+        assert!(told.lines[0].text.starts_with("naive at 2 x 2"), "the ratio that decides: {told:?}");
+    }
+
+    #[test]
+    fn a_point_without_others_is_not_the_fastest_of_any() {
+        let told = claim(&fastest("4x4", "by = 1.05"), &[&sizes(&[(4, 10.0)])]);
+        assert_eq!(told.verdict, Verdict::Cannot);
+        assert_eq!(told.lines[0].text, "no record of another point than naive at 4 x 4 on teapot");
     }
 
     #[test]

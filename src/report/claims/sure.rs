@@ -2,7 +2,7 @@
 
 use super::verdict::{Line, Verdict};
 use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
-use crate::record::{Record, duration, few_names, fewest, median, ranking, ratio, significant};
+use crate::record::{Record, fewest, median, ratio, significant};
 use std::ops::RangeInclusive;
 
 /// The ratio of two times.
@@ -35,6 +35,11 @@ impl Ratio {
         let found = Paired::of(&samples, 1).median_ms(0);
         let sure = found.map(|found| (found.middle, [found.low, found.high]));
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
+    }
+
+    /// Returns the ratio; infinite if there are too few samples.
+    pub(super) fn middle(&self) -> f64 {
+        self.sure.map_or(f64::INFINITY, |(middle, _)| middle)
     }
 
     /// Returns whether the ratio's 95% interval lies inside the range `held` or outside it. Otherwise the verdict is
@@ -100,77 +105,10 @@ fn asked(held: &RangeInclusive<f64>) -> String {
     }
 }
 
-/// The fastest of some records.
-pub(super) struct Fastest<'a> {
-    /// The fastest record and those that tie with it, fastest first.
-    level: Vec<&'a Record>,
-    /// Records with too few samples. Each such record may be the fastest.
-    few: Vec<&'a Record>,
-}
-
-impl<'a> Fastest<'a> {
-    /// Returns the fastest of some records; `None` if fewer than three were measured, since being
-    /// the fastest of two means little.
-    pub(super) fn of(records: &[&'a Record]) -> Option<Self> {
-        let ranking = ranking(records.iter().copied());
-        (ranking.all().len() > 2).then_some(Self { level: ranking.winners, few: ranking.unranked })
-    }
-
-    /// Judges a claim about the fastest point. The claim holds if it is true of the fastest point and of every point
-    /// that ties with it, and if no point has too few samples. The claim does not hold if it is true of no point that
-    /// may be the fastest.
-    fn verdict(&self, claimed: &dyn Fn(&Record) -> bool) -> Verdict {
-        let all: Vec<bool> = self.level.iter().chain(&self.few).map(|record| claimed(record)).collect();
-        match all.iter().filter(|claimed| **claimed).count() {
-            0 if !self.level.is_empty() => Verdict::NotHeld,
-            some if some == all.len() && self.few.is_empty() => Verdict::Held,
-            _ => Verdict::Unclear,
-        }
-    }
-
-    /// Returns the line for a claim about the fastest point.
-    pub(super) fn line(&self, of: &str, claimed: impl Fn(&Record) -> bool) -> Line {
-        let text = format!("fastest of {of}: {}", self.text());
-        match self.verdict(&claimed) {
-            Verdict::Unclear => Line::unclear(text, self.decides()),
-            sure => Line::decided(text, sure == Verdict::Held),
-        }
-    }
-
-    fn decides(&self) -> String {
-        let slowest = self.few.iter().filter_map(|record| median(record)).fold(0.0, f64::max);
-        match self.few.is_empty() {
-            true => {
-                "narrower intervals of the points that tie, from more launches or samples; if the difference is too small for this machine to show, the tie remains"
-                    .to_owned()
-            }
-            false => more_samples(slowest),
-        }
-    }
-
-    /// Formats as "8 x 8, n = 12, 5.494 ms". For a tie, names up to four points. Points with too
-    /// few samples follow.
-    fn text(&self) -> String {
-        let name = |record: &Record| crate::report::words::title(record);
-        let few = few_names(&self.few, name);
-        let few = if few.is_empty() { few } else { format!("not enough samples: {few}") };
-        let Some(best) = self.level.first() else { return few };
-        let n = self.level.iter().map(|record| record.samples_ms.len()).min().unwrap_or(0);
-        let time = median(best).map_or(String::new(), duration);
-        let shown = self.level.iter().take(4).map(|record| name(record));
-        let more =
-            self.level.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
-        let names = shown.chain(more).collect::<Vec<_>>().join(", ");
-        let tie = if self.level.len() > 1 { " (a tie)" } else { "" };
-        let few = if few.is_empty() { few } else { format!("; {few}") };
-        format!("{names}{tie}, n = {n}, {time}{few}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{few, judged, measured, sampled};
+    use crate::record::fixtures::{judged, sampled};
 
     /// Returns the ratio of two records with three launches of `n` samples each. From launch to
     /// launch, each record's time changes in equal steps from its first given time to its second.
@@ -211,46 +149,6 @@ mod tests {
                 && near.decides.contains(", which contains the bound 1:"),
             "{near:?}"
         );
-    }
-
-    #[test]
-    fn the_fastest_is_not_known_beside_few_samples() {
-        /// Represents a claim that is true of every record.
-        const EVERY: u32 = 0;
-        let of = |n: u32| sampled("naive", (0..2).flat_map(move |launch| (0..n).map(move |_| (launch, 9.0))));
-        let of = |n| Record { local_size: Some([4; 2]), ..of(n) };
-        let verdict = |n: u32, side: u32| {
-            let records =
-                judged([of(n), measured("gpu", "naive", 8, 5.05), measured("gpu", "naive", 2, 9.5)]);
-            let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
-            found.verdict(&|record| side == EVERY || record.local_size == Some([side; 2]))
-        };
-        assert_eq!([verdict(5, 8), verdict(5, 4)], [Verdict::Held, Verdict::NotHeld]);
-        assert_eq!([verdict(4, 8), verdict(4, 4)], [Verdict::Unclear, Verdict::Unclear]);
-        assert_eq!([verdict(5, EVERY), verdict(4, EVERY)], [Verdict::Held, Verdict::Unclear]);
-        assert_eq!(verdict(4, 16), Verdict::NotHeld, "no point that may be the fastest has this size");
-        let three = judged([2, 4, 8].map(|side| measured("gpu", "naive", side, f64::from(side))));
-        let few = |count: usize| Fastest::of(&three.iter().take(count).collect::<Vec<_>>()).is_none();
-        assert_eq!([0, 1, 2, 3].map(few), [true, true, true, false], "the fastest of two means little");
-    }
-
-    #[test]
-    fn where_all_have_few_samples_no_claim_about_the_fastest_is_decided() {
-        let records = judged([2, 4, 8].map(|side| few("gpu", "naive", side, f64::from(side), 4)));
-        let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
-        assert_eq!([true, false].map(|claimed| found.verdict(&|_| claimed)), [Verdict::Unclear; 2]);
-    }
-
-    #[test]
-    fn points_with_few_samples_are_named_after_the_fastest() {
-        let names_few = |first: Record| {
-            let others = [8, 2].map(|side| measured("gpu", "naive", side, 4.0 + f64::from(side)));
-            let records = judged([vec![first], others.into()].concat());
-            let found = Fastest::of(&records.iter().collect::<Vec<_>>()).expect("three are measured");
-            found.text().contains("; not enough samples: ")
-        };
-        let [few, enough] = [few("gpu", "naive", 4, 9.0, 4), measured("gpu", "naive", 4, 9.0)];
-        assert_eq!([few, enough].map(names_few), [true, false]);
     }
 
     #[test]

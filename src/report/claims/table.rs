@@ -38,13 +38,28 @@ pub struct Row {
 pub enum Test {
     Ratio { of: Vec<Point>, to: Point, at_least: Option<f64>, at_most: Option<f64> },
     Rises { over: Vec<Point>, at_least: f64 },
-    Fastest { of: Vec<Point>, is: Point },
+    Fastest(FastestTest),
     Runs { points: Vec<Point>, runs: bool },
     Passes { point: Point, of: Pass, to: Pass, at_least: f64 },
     Fits { strategy: Preset, local_size: LocalSize, triangles: usize, local_bytes: u64, fits: bool },
     Occupancy { compute_capability: Capability, registers: u32, local_size: LocalSize, threads: u64 },
     Latency { memory: Memory, cycles: f64, within: f64 },
     Judgement { reason: String, decides: String },
+}
+
+/// A test of which point is the fastest, and by how much.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FastestTest {
+    /// The point that is claimed to be the fastest.
+    pub is: Point,
+    /// The points beside it.
+    pub of: Vec<Point>,
+    /// The least ratio of each other point's time to that of the fastest.
+    pub by: f64,
+    /// The points in `of` to which this does not apply.
+    #[serde(default)]
+    pub except: Vec<Point>,
 }
 
 /// A pass of a frame whose passes are separate.
@@ -182,7 +197,7 @@ mod tests {
         match test {
             Test::Ratio { of, to, .. } => of.iter().chain([to]).collect(),
             Test::Rises { over, .. } => over.iter().collect(),
-            Test::Fastest { of, is } => of.iter().chain([is]).collect(),
+            Test::Fastest(test) => test.of.iter().chain([&test.is]).chain(&test.except).collect(),
             Test::Runs { points, .. } => points.iter().collect(),
             Test::Passes { point, .. } => vec![point],
             _ => Vec::new(),
