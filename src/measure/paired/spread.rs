@@ -3,6 +3,7 @@
 use super::error::Error;
 use super::prior::Prior;
 use crate::measure::mean_and_sigma;
+use crate::measure::summary::quantile;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
@@ -124,7 +125,7 @@ fn interaction(table: &[&[f64]]) -> Prior {
     let of_row = |row: usize| {
         let own = steady.contains(&row);
         let effect = |column: &[f64], value: f64| {
-            if own { median_of_others(column, value) } else { median_of_sorted(column) }
+            if own { median_of_others(column, value) } else { quantile(column, 0.5) }
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
@@ -150,12 +151,6 @@ fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let all = centred.iter().map(nearest);
     let rows = all.min_by(|a, b| farthest(a).total_cmp(&farthest(b)));
     rows.unwrap_or_default().into_iter().map(|(_, row)| row).collect()
-}
-
-/// Returns the median of sorted values; there is at least one.
-fn median_of_sorted(sorted: &[f64]) -> f64 {
-    let last = sorted.len() - 1;
-    0.5 * (sorted[last / 2] + sorted[last.div_ceil(2)])
 }
 
 /// Returns the median of at least two sorted values without one of them, `own`.
