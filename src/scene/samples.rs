@@ -25,9 +25,9 @@ const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 pub struct Sample {
     /// The sample's offset from a pixel's centre, in pixels.
     pub offset: [f32; 2],
-    /// The sample's number, from 0.
+    /// The sample's number in its round of samples, from 0.
     pub number: u32,
-    /// The number of samples per pixel.
+    /// The number of samples per pixel in this round.
     pub count: u32,
     /// The number of samples that are cast before this sample.
     pub earlier: u32,
