@@ -1,6 +1,6 @@
 //! The anchor: a fixed kernel that is timed between the points of a device, once per six frames, if a run has several
-//! launches (worker processes). `--cl-dir` cannot replace this kernel. Two runs can therefore be compared by their
-//! ratios to the anchor, even if the machine's speed changed between them.
+//! launches (worker processes). `--cl-dir` cannot replace this kernel. Two runs can therefore be compared by the
+//! ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};

@@ -125,7 +125,7 @@ impl Error {
     }
 
     /// Returns an error for a mistake in a file whose text must not be shown. The command line does not name this
-    /// file, and the file that names it is in another folder, so it may belong to anybody.
+    /// file, and the file that names it is in another folder, so this file may belong to another user.
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \

@@ -1,4 +1,4 @@
-//! Casts rays through triangle scenes with OpenCL and finds out, by experiment, how best to do it.
+//! Casts rays through scenes of triangles with OpenCL, and finds by experiment the fastest way to do so.
 //!
 //! # The stable API
 //!
@@ -8,9 +8,9 @@
 //! | | |
 //! |---|---|
 //! | [`load_scene`] | reads a scene or a mesh |
-//! | [`Raycaster`] | casts it on a device: a [`Picture`] |
+//! | [`Raycaster`] | casts a [`Picture`] of a scene on a device |
 //! | [`hits`] | finds the hit of each pixel's ray: [`Layers`] |
-//! | [`run_experiment`], [`serve_if_worker`] | measures the points of a config: [`Record`]s |
+//! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config: [`Record`]s |
 //!
 //! ```no_run
 //! # fn main() -> raycl::Result<()> {
@@ -33,8 +33,8 @@
 //! of other formats. `memory` measures the host's free memory, and `load` measures the processor time that other
 //! processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes files for the
 //! user and never replaces a file that raycl did not make. [`shard`] splits an experiment among machines and merges
-//! their results. [`cli`] holds one file per subcommand; [`documents`] makes the figures of this repository's documents
-//! from its stored records. `cache` stores data that raycl can recompute, from one run to the next.
+//! their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in this repository's
+//! documents from stored records. `cache` stores data that raycl can recompute, from one run to the next.
 
 mod accel;
 mod anchor;

@@ -1,6 +1,7 @@
 //! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and Markdown. All
-//! text from others must pass through this module. Control characters could move a terminal's cursor, rename its window
-//! or forge lines of a log; they are printed as escapes such as `\u001b`, which are also valid JSON.
+//! text that raycl did not write itself must pass through this module. Control characters could move a terminal's
+//! cursor, rename its window or forge lines of a log; they are printed as escapes such as `\u001b`, which are also
+//! valid JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;

@@ -117,7 +117,7 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }
 
-/// Checks bytes that did not come from a file against the limit of their kind.
+/// Checks bytes that are already in memory (from standard input or an unpacked file) against the limit of their kind.
 ///
 /// # Errors
 ///

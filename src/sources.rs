@@ -124,8 +124,8 @@ pub struct Chain(Vec<String>);
 
 impl Chain {
     /// Enters an included file; `length` is the length of the program so far, in bytes. Returns an error if a
-    /// file includes itself, or if the program becomes too long, for example because files include others
-    /// several times.
+    /// file includes itself, or if the program becomes too long, for example because files include other
+    /// files several times.
     pub fn enter(&mut self, name: &str, length: usize) -> Result<()> {
         if self.0.iter().any(|open| open == name) {
             let chain = [self.0.join(" includes "), name.to_owned()].join(" includes ");

@@ -21,7 +21,8 @@ pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
 /// A scene's values over time. These values determine the scene of each frame. A frame reuses data
-/// of the previous frame: no file is read twice, and a mesh that stays the same is shared.
+/// of the previous frame: files that the previous frame used are not read again, and a mesh that stays the same is
+/// shared.
 pub struct Animation {
     /// The number of frames; the first is 1.
     pub frames: u32,

@@ -8,8 +8,8 @@ use super::Scene;
 const LOOKED_AT: usize = 4096;
 
 impl Scene {
-    /// Returns whether there are triangles in every direction from the eye: in front and behind, left and
-    /// right, above and below.
+    /// Returns whether triangles have corners in each of the eight octants around the eye. The planes between the
+    /// octants are perpendicular to the scene's axes.
     pub fn encloses_eye(&self) -> bool {
         let (mesh, eye) = (&self.mesh, self.camera.position);
         let step = mesh.triangles.len().div_ceil(LOOKED_AT).max(1);

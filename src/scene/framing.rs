@@ -111,7 +111,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
     // Four planes through the centre are parallel to the sides of the view. Returns how far a corner is beyond each
-    // of these planes, measured to the right, left, up or down.
+    // of these planes, measured to the right, left, up or down, and then how much nearer to the eye than the centre the
+    // corner is.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -156,7 +157,7 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
 }
 
 /// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both
-/// lights is proportional to the square of the mesh's size. So the display does not depend on the scale: a
+/// lights is proportional to the square of the mesh's size. So the picture does not depend on the scale: a
 /// surface with a k_L of 0.8 that faces the key light is displayed as 80 to 88% grey.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());

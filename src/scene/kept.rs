@@ -1,5 +1,5 @@
-//! The parts of a frame that the next frame of an animation reuses, so that no file is read twice and no mesh
-//! is built twice.
+//! The parts of a frame that the next frame of an animation reuses. The next frame need not read their files or build
+//! their meshes again.
 
 use super::Mesh;
 use super::assemble::Joined;

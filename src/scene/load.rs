@@ -60,7 +60,7 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 }
 
 /// Loads a scene after changing values, each named by a dotted path in the file, such as `camera.position` or
-/// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only entry.
+/// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only object.
 ///
 /// # Errors
 ///

@@ -116,7 +116,7 @@ pub struct Scene {
     /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. The
     /// background is then black.
     pub transparent: bool,
-    /// The distance from its surface at which a shadow ray starts, in the scene's units.
+    /// The distance from the surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
     /// The display transform.
     pub display: Display,

@@ -95,7 +95,8 @@ fn generate(mesh: &mut Mesh) {
     mesh.normals.par_extend(sums.into_par_iter().map(|sum| sum.normalize_or_zero().as_vec3()));
 }
 
-/// Returns the normal, or the normal scaled to length 1 if its square would leave the range of f32.
+/// Returns the normal, scaled to length 1 if its squared length is so small or so large that later products could
+/// leave the range of f32.
 fn tame(normal: Vec3) -> Vec3 {
     if (1e-12..1e12).contains(&normal.length_squared()) {
         return normal;
@@ -103,7 +104,7 @@ fn tame(normal: Vec3) -> Vec3 {
     normal.as_dvec3().normalize_or_zero().as_vec3()
 }
 
-/// Gives triangles with a zero normal their face's normal.
+/// Replaces each zero normal at a triangle's corner by the normal of the triangle's plane.
 fn replace_zero(mesh: &mut Mesh) {
     if !mesh.normals.contains(&Vec3::ZERO) {
         return;

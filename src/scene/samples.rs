@@ -25,9 +25,9 @@ const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 pub struct Sample {
     /// The sample's offset from a pixel's centre, in pixels.
     pub offset: [f32; 2],
-    /// The sample's number, from 0.
+    /// The sample's number in its round of samples, from 0.
     pub number: u32,
-    /// The number of samples per pixel.
+    /// The number of samples per pixel in this round.
     pub count: u32,
     /// The number of samples that are cast before this sample.
     pub earlier: u32,
@@ -170,9 +170,9 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
 /// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
-/// sample comes first, since with adaptive sampling it may be a pixel's only one. The exclusive or of each index with
-/// the most central sample's index brings that sample to the front. Aligned blocks of the sequence stay together, which
-/// matters because only aligned blocks are evenly distributed.
+/// sample comes first, since with adaptive sampling a pixel may get only this sample. The exclusive or of each index
+/// with the most central sample's index brings that sample to the front. Aligned blocks of the sequence stay together,
+/// which matters because only aligned blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];

@@ -43,7 +43,7 @@ pub(super) struct SceneWire {
     /// Degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle [default:
     /// all are smooth].
     pub crease: Option<Number<Crease>>,
-    /// The distance from its surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
+    /// The distance from the surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
     pub shadow_bias: Option<Number<NonNegative>>,
     /// How radiance is converted to 8-bit colours.
     #[serde(default)]
@@ -126,7 +126,7 @@ pub(super) struct ObjectWire {
     pub crease: Option<Spanned<Number<Crease>>>,
     /// Values that replace those in every material of the object.
     pub material: Option<MaterialWire>,
-    /// With a mesh: also read MTL files and glTF buffers outside of its folder [default: false].
+    /// With a mesh: also read MTL files, pictures and glTF buffers outside the mesh's folder [default: false].
     #[schemars(with = "Option<bool>")]
     pub outside_materials: Option<Spanned<bool>>,
 }
@@ -158,7 +158,7 @@ pub(super) struct LightWire {
     pub radius: Option<Number<NonNegative>>,
 }
 
-/// Light from all directions: a horizontal surface under the whole sky, with a k_L of 1, has the sky's
+/// Light from all directions: under a uniform sky that nothing occludes, a surface with a k_L of 1 has the sky's
 /// radiance.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -177,7 +177,7 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
 }
 
 /// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as triangles.
-/// Joining the rest of the scene to the mesh takes half as much memory again.
+/// Joining the rest of the scene to the mesh takes at least half as much memory again.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

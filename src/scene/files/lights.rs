@@ -9,7 +9,7 @@ const DIRECTIONAL_RADII: f64 = 50.0;
 /// brightness at the centre. A nearer light counts as if it were at this distance.
 const NEAREST_RADII: f64 = 0.25;
 
-/// Where the light comes from.
+/// The position or the direction from which the light comes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Source {
     Point(DVec3),

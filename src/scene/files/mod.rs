@@ -103,7 +103,8 @@ fn invisible(mesh: &Mesh) -> Option<String> {
     (!mesh.triangles.iter().any(has_area)).then(note)
 }
 
-/// Removes quotations of the file from errors and notes, if raycl may not show its text.
+/// Removes all notes, and replaces an error by one that does not quote the file. This applies to a file whose text must
+/// not be shown.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
     let outside =

@@ -16,7 +16,7 @@ const MOST_ACROSS: u32 = 1 << 14;
 const MOST_TEXELS: usize = 1 << 28;
 /// Largest memory for decoding a picture, in bytes: texels with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
-/// Formats that are recognised by a file's first bytes. TGA is recognised by the file's extension.
+/// The supported formats. TGA is recognised by the file's extension, the others by the file's first bytes.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
 
 /// A result; in a message, the error's text follows the picture's name.

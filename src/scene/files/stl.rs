@@ -17,7 +17,8 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
-/// Number of bytes at the start of a file that are searched for a zero byte; a file with a zero byte there is not text.
+/// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file with a zero byte
+/// and without `vertex` there is not text.
 const HEAD_BYTES: usize = 1 << 10;
 /// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
 const COLOUR: &[u8] = b"COLOR=";
@@ -37,8 +38,8 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
 }
 
-/// Returns whether this is a binary file: its length matches its count of triangles, or it has bytes that text
-/// does not have. A binary file may also begin with `solid`.
+/// Returns whether this is a binary file: its length matches its count of triangles, or its first bytes are not
+/// text. A binary file may also begin with `solid`.
 fn is_binary(bytes: &[u8]) -> bool {
     let Some(count) = count(bytes) else { return false };
     let head = &bytes[..bytes.len().min(HEAD_BYTES)];

@@ -22,9 +22,9 @@ impl Face {
     }
 }
 
-/// Replaces smooth normals at corners whose faces meet at more than the given angle. There, each
-/// face's corner gets a mean of face normals: those that differ from the face's own normal by less
-/// than this angle.
+/// Replaces smooth normals at positions where faces meet at more than the given angle. There, each
+/// face's corner gets a mean of face normals: those that differ from the face's own normal by at
+/// most this angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
     let corners = sharp_corners(mesh, triangles, (crease / 2.0).cos());

@@ -49,7 +49,7 @@ pub(super) struct FaceContext<'a> {
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
-    /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if the file has none.
+    /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if none were read.
     pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
     /// The first face that has normals at some corners only.
@@ -230,7 +230,8 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
     format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
 }
 
-/// Parses an integer; one beyond i64 becomes the nearest i64, which is out of bounds too.
+/// Parses an integer. An integer beyond half the range of i64 becomes the nearest end of this half, which is out of
+/// bounds too.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),

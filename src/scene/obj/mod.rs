@@ -7,7 +7,8 @@
 //! ([`mtl`]), and tests compare raycl's meshes with those of the OBJ reader of `tobj`.
 //!
 //! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
-//! vertices and normals. The second pass reads faces, and can check every index.
+//! vertices and normals. The second pass reads faces, and can check every index. If a material has a
+//! texture, another pass between these two reads texture coordinates.
 
 mod asked;
 mod faces;

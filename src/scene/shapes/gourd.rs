@@ -1,5 +1,5 @@
-//! A gourd that replaces the gourd in the paper's Figure 9, since the paper's data is not
-//! published.
+//! Two gourds that replace those of the paper's Figures 6 and 9, since the paper does not publish
+//! their data.
 
 use super::grid::{revolve, split};
 use crate::scene::Mesh;

@@ -39,7 +39,7 @@ fn other_version(name: &str, version: u32) -> Error {
 
 /// Returns the contents of the first chunk of the type `BIN` at or after the offset `at`, if there is one.
 fn buffer(bytes: &[u8], mut at: usize) -> std::result::Result<Option<&[u8]>, String> {
-    // The last bytes are padding if they are fewer than a chunk's header.
+    // If fewer bytes remain than a chunk's header has, they are padding.
     while bytes.len() >= at.saturating_add(CHUNK_HEADER_BYTES) {
         let (found, next) = chunk(bytes, at)?;
         if found.kind == b"BIN\0" {

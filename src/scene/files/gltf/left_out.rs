@@ -5,7 +5,7 @@ use super::primitives::Part;
 use crate::words::counted;
 use gltf::json::Root;
 
-/// Counts of such parts.
+/// The number of parts of each kind that the picture leaves out or shows differently.
 #[derive(Default)]
 pub(super) struct LeftOut {
     pub orthographic: usize,

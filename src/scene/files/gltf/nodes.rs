@@ -47,7 +47,7 @@ pub(super) struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Traverses the file's scene, or, if it has none, all nodes without a parent.
+    /// Traverses the file's scene or, if the file has none, all nodes without a parent.
     pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
         let mut walk = Self {
             numbers: Numbers { root, buffers },

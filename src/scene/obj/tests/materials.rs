@@ -1,4 +1,4 @@
-//! Tests of material files: where they may lie, and what a material is.
+//! Tests of material files: the folders from which they are read, and the materials that they define.
 
 use super::*;
 
