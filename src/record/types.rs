@@ -315,7 +315,7 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// Axes that strategies in old records do not name, and the values that these strategies have.
+/// Axes that strategies in old records do not name, and the values that these axes had when the records were written.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
 /// Returns the axes in a strategy's text and their values, and then the axes that did not exist when the text was
