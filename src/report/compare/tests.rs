@@ -6,7 +6,7 @@ fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
 }
 
-/// Returns a record whose samples vary by half a per cent.
+/// Returns a record whose samples differ by up to one per cent.
 fn timed(device: &str, name: &str, around: f64) -> Record {
     let mut record = measured(device, name, 8, around);
     record.samples_ms = (0..10).map(|n| around * (1.0 + 0.005 * f64::from(n % 3))).collect();
