@@ -28,7 +28,7 @@ pub enum Told {
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The median of the frame's time: the figure of a query that does not name one.
+/// The median of the frame's time: the figure of a query that names no figure.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [

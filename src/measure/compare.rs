@@ -11,7 +11,7 @@ pub enum Verdict {
     Slower,
     /// The difference is at most the threshold, over the whole 95% interval.
     Same,
-    /// Some ratios in the 95% interval count as equal, others as different.
+    /// Some ratios in the 95% interval are within the threshold, others beyond it.
     Unclear,
     /// There is no earlier result to compare with.
     CannotTell,

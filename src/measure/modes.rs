@@ -1,15 +1,15 @@
 //! Detects times that cluster around two values, for example because a machine changes between two speeds.
 
-/// A sample of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
-/// sqrt(n). For a uniform distribution, which is the worst case of a single mode, 99.9% of samples of 10 to 200 times
-/// stay below this threshold (simulated; Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of Statistics 13,
-/// 1985). Therefore at most one point in a thousand is a false alarm. In practice there are fewer, since distributions
-/// of times have tails.
+/// A set of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
+/// sqrt(n). The uniform distribution is the worst case among distributions with one mode: of its sets of 10 to 200
+/// times, 99.9% stay below this threshold (simulated; Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of
+/// Statistics 13, 1985). Therefore at most one point in a thousand is a false alarm. In practice there are fewer, since
+/// distributions of times have tails.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
-/// Samples with fewer times than this are not tested.
+/// Sets of fewer times than this are not tested.
 const FEWEST: usize = 10;
-/// Modes closer to each other than this relative distance count as one, since a timer's steps would
+/// Modes closer to each other than this relative distance are treated as one mode, since a timer's steps would
 /// otherwise look like modes.
 const LEAST_DISTANCE: f64 = 0.05;
 
@@ -65,7 +65,7 @@ fn cut(sorted: &[f64]) -> usize {
     best.0
 }
 
-/// Returns the dip: the largest distance between the sample's distribution function and the nearest unimodal one. The
+/// Returns the dip: the largest distance between the values' distribution function and the nearest unimodal one. The
 /// algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for Unimodality*, Applied Statistics 34,
 /// 1985). The algorithm narrows a modal interval. The narrowing ends when the distance between the greatest convex
 /// minorant and the least concave majorant is less within the interval than outside.

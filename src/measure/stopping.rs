@@ -60,7 +60,7 @@ impl StoppingRule {
         }
     }
 
-    /// Returns the minimum number of rounds in a launch; a launch with fewer rounds does not count.
+    /// Returns the minimum number of rounds in a launch; a launch with fewer rounds is not used.
     pub fn least(&self) -> usize {
         MIN_SAMPLES.min(self.max_samples)
     }
@@ -101,7 +101,7 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
         squares += distance * (sample - mean);
         if before > 0 {
             let sigma = (squares / before as f64).sqrt();
-            // Samples below the clock's resolution are all 0 and count as equal.
+            // Samples below the clock's resolution are all 0, so they are equal.
             noise.push(if sigma == 0.0 { 0.0 } else { sigma / mean });
         }
     }

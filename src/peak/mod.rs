@@ -58,11 +58,11 @@ pub struct Peak {
     pub copy_bytes_per_s: Figure,
     /// Bytes of `__local` memory read per second by all units together.
     pub local_bytes_per_s: Figure,
-    /// Device time of an empty kernel, in microseconds.
+    /// Device time of a kernel that only stores one number, in microseconds.
     pub launch_device_us: Figure,
-    /// Host time of an empty kernel from enqueueing to its end.
+    /// Host time of this kernel from enqueueing to its end.
     pub launch_host_us: Figure,
-    /// Host time per launch of many empty kernels that are enqueued one after another.
+    /// Host time per kernel if many of these kernels are enqueued one after another.
     pub launch_batched_us: Figure,
     /// Latency of a multiply-add on private values, in nanoseconds.
     pub private_ns: Figure,

@@ -1,4 +1,4 @@
-//! `anchors.jsonl`: times of the anchor, the fixed kernel that is timed in every round. These times
+//! `anchors.jsonl`: times of the anchor, a fixed kernel that is timed after every sixth frame of a device. These times
 //! make runs comparable even if the machine's speed changed between the runs.
 
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use super::control::Control;
 use crate::measure::Standing;
 
-/// A record's position: its times relative to the records, anchor and control point that were
+/// A record's position: its times relative to those of the records, the anchor and the control point that were
 /// measured with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {

@@ -22,7 +22,8 @@ pub struct RoundLoad {
     pub others: f64,
     /// Mean number of processors that other virtual machines on the same hardware used.
     pub stolen: f64,
-    /// Mean number of processes that ran or waited to run in the last minute.
+    /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
+    /// a disk.
     pub load_1m: Option<f64>,
     /// Time in which a cache line moved from one processor to another, measured after these rounds,
     /// in nanoseconds.

@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 const TIE: f64 = 0.01;
 
 /// Computes the position of each measured record among the records that were measured with it. Records of the same
-/// launches were measured together. Records of earlier versions have no launch numbers; they count as measured together
-/// if their scene, image size and device are equal.
+/// launches were measured together. Records of earlier versions have no launch numbers; they are treated as measured
+/// together if their scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }

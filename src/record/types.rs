@@ -161,9 +161,9 @@ pub struct Record {
     pub shade_ms: Option<f64>,
     /// The median time of the same frames on the host's clock.
     pub host_median_ms: Option<f64>,
-    /// Time for building the program. If the program was built before its point was measured, this time includes the
-    /// driver's compilation at the first launch of a kernel. If an earlier point had the same program, this is the time
-    /// for taking it from the cache.
+    /// Time for building the program. For the point for which the program was built, this time includes running a
+    /// kernel once, because drivers may compile a kernel when it first runs. For other points with the same program,
+    /// this is the time for taking the program from the cache.
     pub build_ms: Option<f64>,
     /// True if the program came from the cache and nothing was compiled; null in records of earlier versions.
     #[serde(default)]
@@ -177,7 +177,8 @@ pub struct Record {
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since the two rates are
-    /// different quantities, no view shows this field. See [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
+    /// different quantities, only CSV files contain this field. See [`Self::primary_rays_per_s`] and
+    /// [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
     /// pixel if the scene has a sky.
@@ -315,7 +316,7 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// Axes that strategies in old records do not name, and the values that these strategies have.
+/// Axes that strategies in old records do not name, and the values that these axes had when the records were written.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
 /// Returns the axes in a strategy's text and their values, and then the axes that did not exist when the text was

@@ -28,7 +28,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
         title: format!("Time against the number of triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", place),
-        besides: " The scenes also differ in other properties than the number of triangles, which the fit ignores.",
+        besides: " The scenes differ in more than the number of triangles; the fit ignores these other differences.",
     };
     plot(&same, looks, labels, |group| {
         group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64

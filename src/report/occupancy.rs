@@ -173,7 +173,7 @@ mod tests {
         }
     }
 
-    /// A work-group of 16 x 16 work-items with 63 registers each: of 1536 resident threads, 512 fit.
+    /// Uses a work-group of 16 x 16 work-items with 63 registers each: 512 of at most 1536 threads are resident.
     #[test]
     fn a_mark_has_the_predicted_occupancy_and_the_speed_relative_to_the_best() {
         use crate::record::fixtures::measured;

@@ -18,8 +18,8 @@ impl BetweenRuns {
     /// For points on CPUs, cast by an OpenCL driver or by a caster on the host. Measured with two experiments, each run
     /// several times on quiet virtual machines of two cores (docs/log.md, 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// For points on other devices. Measured with one experiment in four sittings on GPUs (docs/log.md, 2026-11-23 and
-    /// 2026-11-25), and with records of three days.
+    /// For points on other devices. Measured with one experiment, run several times on each of four occasions on GPUs
+    /// (docs/log.md, 2026-11-23 and 2026-11-25), and with records of three days.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that these differences add to the mean time of `points` points.

@@ -30,7 +30,7 @@ impl Interval {
     }
 
     /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by the
-    /// inverse of its variance, so that an uncertain value counts for little. The variances are only estimates, which
+    /// inverse of its variance, so that an uncertain value has little weight. The variances are only estimates, which
     /// makes the mean less certain than these variances suggest: Meier, "Variance of a weighted mean" (Biometrics 9,
     /// 1953), equation 1.
     pub fn mean(all: &[Self]) -> Option<Self> {
@@ -88,7 +88,7 @@ mod tests {
         let found = Interval::mean(&[one, known(3.0, 0.3)]).unwrap();
         assert!((found.middle.ln() - 2.1).abs() < 1e-12, "{found:?}");
         assert!((found.error - 0.1 * 0.9_f64.sqrt()).abs() < 1e-12, "{found:?}");
-        // Two values without any error count equally.
+        // Two values without any error have equal weights.
         assert!(
             (Interval::mean(&[known(2.0, 0.0), known(3.0, 0.0)]).unwrap().middle.ln() - 2.5).abs() < 1e-12
         );

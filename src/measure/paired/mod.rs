@@ -16,8 +16,8 @@
 //!    variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if the variances
 //!    of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
-//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one.
-//!
+//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one. Other
+//!    tables of the same run add up to six.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -78,7 +78,7 @@ struct Point {
 pub struct Standing {
     launches: usize,
     point: Point,
-    /// Number of points that are averaged; 1 for a single point.
+    /// Number of points whose mean this is; 1 for a single point.
     points: usize,
     between: BetweenRuns,
     pooled: Pooled,

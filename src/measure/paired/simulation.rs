@@ -49,8 +49,8 @@ const MACHINE: Machine = Machine {
 /// begins at one sample in a hundred, and makes 30 samples take 1.7 times as long.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
-/// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose rays all
-/// fetch their next work-groups from one counter (docs/log.md, 2026-11-24).
+/// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose work-items
+/// all take their working vectors from one heap (docs/log.md, 2026-11-24).
 const BIMODAL: Machine = Machine { slow_mode: 0.25, ..MACHINE };
 /// The logarithm of the time in the slow mode over that in the fast mode.
 const SLOW_MODE: f64 = 0.4;
@@ -198,8 +198,9 @@ fn they_do_of_few_points_and_of_many() {
     holds(MACHINE, 30, [0.04, 0.08]);
 }
 
-/// Points of one speed are compared almost as exactly beside points of two speeds as without them. Of the points of two
-/// speeds, two in five show only their fast mode in three launches, so their intervals hold less often.
+/// Tests that points with one speed are compared almost as exactly beside points with two speeds as without them. Of
+/// the points with two speeds, two in five show only their fast mode in three launches, so their intervals contain the
+/// results of other runs less often.
 #[test]
 fn steady_points_are_told_apart_beside_bimodal_ones() {
     let found = |machine, of: &dyn Fn(usize) -> bool| {
@@ -229,7 +230,7 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0 }
 }
 
-/// Shows why launches are repeated: the bootstrap's interval from samples within launches contains far fewer
+/// Shows why launches are repeated: the bootstrap, which ignores launches, yields intervals that contain far fewer
 /// results of other runs.
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {

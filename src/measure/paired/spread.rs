@@ -7,10 +7,10 @@ use crate::measure::summary::quantile;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// The effect that a column has on all rows is estimated from one in this many rows, the steadiest. In one run of Figure
-/// 8 on a processor, 19 of 37 points took 1.4 times as long in one of four launches.
+/// The effect that a column has on all rows is estimated from the steadiest rows: one of this many. In one run of
+/// Figure 8 on a processor, 19 of 37 points took 1.4 times as long in one of four launches.
 const STEADY_PART: usize = 3;
-/// The least number of rows from which this effect is estimated, if there are as many: of few rows, some are alike by
+/// This effect is estimated from at least this many rows, if the table has as many. Fewer rows might be alike only by
 /// chance.
 const LEAST_STEADY: usize = 6;
 
@@ -85,7 +85,7 @@ impl Pooled {
         self.error(variance, borrowed + self.columns.saturating_sub(1) as f64)
     }
 
-    /// Returns the degrees of freedom for which the spread of all rows counts. The `own` rows that are judged add none.
+    /// Returns the degrees of freedom that the spread of all rows adds. The `own` rows that are judged add none.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
@@ -107,8 +107,9 @@ fn variance(values: &[f64]) -> f64 {
 }
 
 /// Returns the variances of the rows' residuals in a two-way table after subtracting the effects of rows and columns; 0
-/// for a single row or column. For each row, the effect of a column is the median of the steady rows but itself, so that
-/// unsteady rows do not disturb the residuals of the others, even if they are more than half of all.
+/// for a single row or column. For each row, the effect of a column is the median over all steady rows except the row
+/// itself. Unsteady rows therefore do not disturb the residuals of others, even if more than half of the rows are
+/// unsteady.
 fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
@@ -129,14 +130,15 @@ fn interaction(table: &[&[f64]]) -> Prior {
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
-        // An effect has an error of its own. Here its variance is that of a mean; the median's is up to a half larger.
+        // The effect has an error, too. Its variance is taken to be that of a mean; that of a median is up to a half
+        // larger.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
-/// Returns the third of the rows, but at least [`LEAST_STEADY`], that change most alike from column to column: the row
-/// whose nearest rows are nearest, and these.
+/// Returns the third of the rows, but at least [`LEAST_STEADY`], that change most alike from column to column. Each row
+/// forms a set with its nearest rows; the set whose farthest row is nearest is returned.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);
@@ -194,7 +196,7 @@ mod tests {
         assert!(pooled.of_level(rows[0]).error < 0.1 * pooled.of_level(rows[3]).error);
     }
 
-    /// Twenty of 37 rows take a half more in the second column, as in a run of Figure 8 on a processor.
+    /// Twenty of 37 rows take 1.5 to 1.7 times as long in the second column, as in a run of Figure 8 on a processor.
     #[test]
     fn steady_rows_are_known_though_they_are_fewer_than_half() {
         let cell = |row: usize, column: usize| {

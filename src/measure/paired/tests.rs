@@ -6,7 +6,7 @@ use crate::measure::Ranking;
 /// Methods for a whole table, which identify points by their indices in the table; the program compares pairs of
 /// records instead (`record::together`).
 impl Paired {
-    /// Returns the number of launches that count.
+    /// Returns the number of launches that are not ignored.
     fn launches(&self) -> usize {
         self.launches
     }

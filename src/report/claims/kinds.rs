@@ -36,13 +36,13 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 }
 
 /// Tests whether each other point takes at least `by` times as long as the fastest. The line shows the ratio that decides
-/// this: of those with the verdict of the whole test, the smallest.
+/// the test: the smallest of the ratios that have the same verdict as the whole test.
 fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match found.measured(&test.is) {
         Ok(best) => best,
         Err(line) => return line,
     };
-    // Every point must have a measured record; a point that stands for several local sizes needs
+    // Every point must have a measured record; a point that names several local sizes (`best`, `square`) needs
     // only one such record.
     if let Some(missing) = test.of.iter().find_map(|point| found.measured(point).err()) {
         return missing;

@@ -53,11 +53,11 @@ pub enum Test {
 pub struct FastestTest {
     /// The point that is claimed to be the fastest.
     pub is: Point,
-    /// The points beside it.
+    /// The points with which it is compared.
     pub of: Vec<Point>,
     /// The least ratio of each other point's time to that of the fastest.
     pub by: f64,
-    /// The points in `of` to which this does not apply.
+    /// The points in `of` that are left out of the comparison.
     #[serde(default)]
     pub except: Vec<Point>,
 }

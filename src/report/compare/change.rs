@@ -6,7 +6,7 @@ use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// Returns the ratio of the second time of `pair` to the first time, and the reference time by
+/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by
 /// which both are divided. The reference is the time of the device's anchor. Without an anchor, the
 /// reference is the mean time of the baselines that both runs measured in the same rounds as the
 /// point, with the same program. Without such baselines, the reference is the mean time of those

@@ -40,7 +40,7 @@ pub struct Comparison {
     pub pairs: Vec<Pair>,
     /// One line for each point that only one folder measured, or whose outcome changed.
     pub others: Vec<String>,
-    /// Those of these lines whose point was measured before and fails now.
+    /// The lines of `others` for points that were measured before and fail now.
     pub broken: Vec<String>,
     /// The notes of the folders, each with its folder's name.
     pub notes: Vec<String>,

@@ -47,12 +47,11 @@ struct Form {
 const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }, row: 34.0, head: 0.0 };
 /// The layout for phones, with names above the dots.
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
-/// The largest number of dots in a row. If a row has more samples, only every second, third, ...
 /// The margin on the right of a plot on a screen.
 const BESIDE_MARGIN: f64 = 24.0;
 /// The label of the x axis. It is centred below the axis, and must not be much longer than the axis.
 const LABEL: &str = "time of a frame, in % from the point's median; earlier samples are further up";
-/// sample is shown.
+/// The largest number of dots in a row. If a row has more samples, only every second, third, ... sample is shown.
 const DOTS: usize = 120;
 
 impl Strip {
