@@ -112,8 +112,8 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
 
 /// Returns a file's type. A file whose first bytes match no type is STL if its name ends in `.stl`, or if it begins
 /// with triangles and is cut off; the STL reader then reports the error. A complete binary STL file is recognised
-/// by its length, which matches its count of triangles. If a JSON file is longer than the bytes that were read, it is
-/// glTF if its name ends in `.gltf`, even if these bytes contain no key of glTF.
+/// by its length, which matches its count of triangles. A JSON file whose name ends in `.gltf` is glTF if it is
+/// longer than the bytes that were read, even if these bytes contain no key of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
