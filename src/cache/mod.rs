@@ -1,6 +1,6 @@
-//! Stores data for later runs: compiled programs and lists of devices, which raycl can recompute. Each entry is one
-//! file in a folder that belongs to the user. raycl ignores an entry that is corrupt, that belongs to another user, or
-//! whose key is not the requested key.
+//! Stores data that later runs would otherwise recompute, such as compiled programs and lists of devices. Each entry is
+//! one file in a folder that belongs to the user. raycl ignores an entry that is corrupt, that belongs to another user,
+//! or whose key is not the requested key.
 
 mod entry;
 mod folder;

@@ -22,7 +22,7 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with counts by kind and memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
+Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
 
 The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) of ptxas, which may differ from the driver's. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
 pub struct Args {

@@ -21,7 +21,7 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of devices whose name, platform or driver contains this. Results of the baselines on the
+    /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
     /// host are always merged. If no device with results matches, NAME counts as a missing device
     /// [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]

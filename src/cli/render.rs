@@ -313,8 +313,8 @@ fn load(args: &Args) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices` it does only with `--samples`,
-/// since several devices cannot cast the default samples: their number differs between pixels.
+/// Returns whether a bare mesh gets a ground, soft light and a sky. With `--devices`, a bare mesh gets these only if
+/// `--samples` is given, since several devices cannot cast the default samples, whose number differs between pixels.
 fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }

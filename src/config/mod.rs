@@ -30,7 +30,7 @@ pub fn schema() -> serde_json::Value {
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
-/// A value that is valid TOML is read as such, any other value as a string. Arrays are replaced, tables are
+/// A value that is valid TOML is read as TOML, any other value as a string. Arrays are replaced, tables are
 /// merged. A key may contain the index of an element of an array: `strategy.0.width`. Paths of scenes are relative to
 /// the file. Any mistake is an input error that names the file or `--set`, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {

@@ -23,7 +23,7 @@ pub struct Experiment {
     pub scenes: Vec<SceneChoice>,
     /// True if scenes are compared with each other. In this case all scenes are measured in the same rounds.
     pub compare_scenes: bool,
-    /// Words that select devices; "all" selects every usable one. Empty if the config names none.
+    /// Words that select devices; "all" selects every usable device. Empty if the config names none.
     pub devices: Vec<String>,
     /// Image sizes in pixels: across, down.
     pub image_sizes: Vec<[u32; 2]>,
@@ -228,8 +228,8 @@ mod tests {
         assert_eq!(SceneChoice::file(&path).load().unwrap().scene.name, "dots");
     }
 
-    /// The keys of records contain these settings. With other defaults, raycl would measure again what it measured with
-    /// these.
+    /// The keys of records contain these settings. If the defaults changed, raycl would measure points again whose
+    /// records were stored with the old defaults.
     #[test]
     fn the_default_timing_is_that_of_stored_records() {
         let expected = "warmup=2 launches=4 min_samples=10 max_samples=100 time_limit_ms=5000 seed=1 relative_sigma=0.005";

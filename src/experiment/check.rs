@@ -32,7 +32,7 @@ pub struct Checker<'a> {
 /// A point's image, and the caster that made it.
 struct Cast {
     image: Radiance,
-    /// Number of pixels that hit something, if it was counted.
+    /// Number of pixels whose rays hit something, if the caster counted these pixels.
     hits: Option<usize>,
     culling: Culling,
     ready: Ready,

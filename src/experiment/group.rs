@@ -149,8 +149,8 @@ impl OpenGroup {
     ) -> Result<()> {
         let left = run.experiment.timing.launches as usize - self.whole;
         let devices = lock_names(run, &self.points);
-        // Starting drivers and building programs would disturb another process's measurement, as checks would. Both
-        // wait until the devices are free.
+        // Drivers start and programs are built only when the devices are free, since this work, like checks, would
+        // disturb another process's measurement.
         let interrupted = supervisor.interrupted();
         drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
         supervisor.start_ahead(self.tasks())?;
@@ -171,7 +171,8 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
-                    // The record of a later launch adds nothing, since its picture has the same hash.
+                    // Only the first launch's record is used. A later launch casts the same picture, or its picture has
+                    // been compared with the reference too.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -237,7 +238,7 @@ impl OpenGroup {
         Ok(end)
     }
 
-    /// Completes the records of the group's points. Measuring stopped for the same reason at all of them.
+    /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
     fn finish(&mut self, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let completed = |mut pending: PendingPoint| {

@@ -8,8 +8,8 @@ pub struct KeyParts<'a> {
     pub scene_hash: &'a str,
     /// Platform, version, device and driver; "host" and the processor's model for a baseline.
     pub device: &'a str,
-    /// The numbers of compute units and of usable cores, and the driver's variables; for a baseline, the numbers of
-    /// usable cores and of threads.
+    /// The number of compute units, the numbers of usable cores and of threads if they are known, and the driver's
+    /// variables; for a baseline, the numbers of usable cores and of threads.
     pub state: &'a str,
     /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), as displayed.
     pub emulate: &'a str,

@@ -26,7 +26,7 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Makes workers; `jobs[i]` is the job of the worker for device `i`.
+    /// Makes a value that starts workers; `jobs[i]` is the job of the worker for device `i`.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
         Self { jobs, driver_cache: false }

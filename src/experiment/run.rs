@@ -75,7 +75,7 @@ impl Run<'_> {
         self.all_sources().flat_map(|sources| self.jobs_of(sources, folder, fault)).collect()
     }
 
-    /// Returns the run's kernels. If they are compared with other kernels, those follow.
+    /// Returns the run's kernels. If they are compared with other kernels, the other kernels follow.
     pub(super) fn all_sources(&self) -> impl Iterator<Item = &Sources> {
         std::iter::once(self.sources).chain(self.other_sources)
     }

@@ -13,8 +13,8 @@ use std::cell::LazyCell;
 
 /// The colour of uncertain pixels, which stands out from any grey, also for colour-blind readers.
 const UNCERTAIN: [u8; 3] = [255, 128, 0];
-/// Images with more pixels get no pictures of costs. These would show nothing more, and would take minutes on the
-/// host.
+/// Images with more pixels get no pictures of costs. Such pictures would take minutes on the host, and would show no
+/// more than those of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
 /// Saves an image's pictures, unless those of an identical image exist. Adds the pictures' names to the image's
@@ -57,8 +57,8 @@ fn certainty(expected: &Reference, display: Display) -> RgbImage {
 }
 
 /// Saves pictures of the cost of each pixel's rays: the number of triangles that they test (all triangles, or those
-/// that a tree finds) and, with a tree, the number of nodes. A rasteriser casts no primary rays and has no such
-/// picture.
+/// that a tree finds) and, with a tree, the number of nodes. A rasteriser casts no primary rays, so it gets no
+/// pictures of costs.
 fn keep_costs(
     pictures: &Pictures,
     record: &mut Record,

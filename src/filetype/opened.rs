@@ -15,8 +15,8 @@ const GZIP: &[u8] = b"\x1f\x8b";
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// An open file. Only the first bytes of an ordinary file have been read. A packed file or standard input has been
-/// read completely.
+/// An open file. A packed file or standard input has been read completely. Of any other file, only the first bytes have
+/// been read.
 #[derive(Debug)]
 pub struct Opened {
     /// The part that has not been read yet.
@@ -112,8 +112,8 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
 
 /// Returns a file's type. A file whose first bytes match no type is STL if its name ends in `.stl`, or if it begins
 /// with triangles and is cut off; the STL reader then reports the error. A complete binary STL file is recognised
-/// by its length, which matches its count of triangles. A JSON file whose name ends in `.gltf` is glTF even without
-/// a key of glTF, if it is longer than the bytes that were read.
+/// by its length, which matches its count of triangles. A JSON file whose name ends in `.gltf` is glTF if it is
+/// longer than the bytes that were read, even if these bytes contain no key of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };

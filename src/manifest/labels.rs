@@ -1,5 +1,5 @@
-//! Tests, without a device, that every label stands for its own code. A change to a file must change the hashes of the
-//! programs that include it, and no other hashes. Two values of an axis must never result in the same program.
+//! Tests the labels of programs (hashes and values of axes) without a device. A change to a file must change the hashes
+//! of the programs that include it, and no other hashes. Two values of an axis must never result in the same program.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};

@@ -28,8 +28,8 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
     Err(Error::input(message).with_help(help))
 }
 
-/// Returns whether an entry is one of the files that a run writes before its first record. A folder `images` with
-/// pictures in it counts only if there is a `.lock` beside it.
+/// Returns whether an entry is one of the files that a run writes before its first record. For a folder `images` with
+/// pictures in it, returns true only if there is a `.lock` beside it.
 fn is_begun(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let empty = || std::fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_none());

@@ -49,8 +49,8 @@ pub struct SensorReading {
 }
 
 impl SensorReading {
-    /// Returns the means of several readings; `None` without readings. The result counts as throttled if at least one
-    /// reading does.
+    /// Returns the means of several readings; `None` without readings. The result is throttled if at least one
+    /// reading is.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
         all.clone().next()?;
         let mean = |of: fn(&Self) -> Option<f64>| {

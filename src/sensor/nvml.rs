@@ -16,7 +16,7 @@ pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     if hardware.pci_bus.is_none() && hardware.uuid.is_none() {
         return None;
     }
-    // Loaded once and never unloaded, since handles live as long as the process.
+    // The library is loaded once and never unloaded, since its handles live as long as the process.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
     let library = LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref()?;
     let by_bus = || library.device_by_pci_bus_id(hardware.pci_bus.clone()?).ok();

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 const PERIOD: Duration = Duration::from_millis(20);
 /// Number of readings that are stored, which cover more than a minute.
 const KEPT: usize = 4096;
-/// Shortest interval over which the energy counter is used, since it is updated ten times per second.
+/// Shortest interval over which the energy counter is used: the device updates the counter only ten times per second.
 const COUNTER_SPAN: Duration = Duration::from_millis(500);
 
 type Readings = VecDeque<(Instant, Reading)>;

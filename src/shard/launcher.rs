@@ -161,10 +161,10 @@ impl Told {
         let of = of.or(self.count).ok_or_else(|| no_count(launcher))?;
         let number = self.number.unwrap_or(self.place.saturating_add(1));
         let error = |_| {
-            Error::input(format!("by {launcher}, this task is shard {number}, but the shards are 1 to {of}"))
-                .with_help(format!(
-                    "number the tasks so that each of them matches one of the shards 1 to {of}"
-                ))
+            Error::input(format!(
+                "according to {launcher}, this task is shard {number}, but the shards are 1 to {of}"
+            ))
+            .with_help(format!("number the tasks so that each of them matches one of the shards 1 to {of}"))
         };
         Shard::new(number, of).map_err(error)
     }

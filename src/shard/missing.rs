@@ -50,14 +50,14 @@ impl Missing {
 pub struct Wanted<'a> {
     /// All kinds that took part.
     pub all: &'a [Kind],
-    /// The selected kinds among them; the host's kinds always are.
+    /// The selected kinds among them. The host's kinds are always selected.
     pub kinds: &'a [Kind],
     /// The words that select kinds that have not begun.
     pub not_begun: &'a [String],
 }
 
-/// Returns the points of the plan that have no record, for each kind, and all points of the selected kinds that have
-/// not begun, except those of casters on the host. A caster on the host is not missing if a host of any kind measured
+/// Returns, for each kind, the points of the plan that have no record. For a selected kind that has not begun, returns
+/// all points except casters on the host. A caster on the host is not missing if a host of any kind measured
 /// it. If no shard with casters on the host has begun, all of these casters are missing.
 pub fn missing(
     plan: &ShardPlan,

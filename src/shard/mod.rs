@@ -2,12 +2,12 @@
 //! processes. This module splits the plan among the processes, lets each process write to its own folder, and merges
 //! the results.
 //!
-//! `number` and `launcher`: which shard a process measures. `block`: cuts the plan into blocks and assigns
-//! them to shards. `plan`: the file that all shards share, written by the first; `kind`: the points of one
-//! kind of device. `attempt`: the folder of one process, with `pulse`, which shows others that the process is
-//! alive, and `watch`, which checks that its launcher is alive. `merge`: merges attempts into one folder of
-//! results; `missing`: finds what still has to be measured, and the command for it; `status`: the state of
-//! attempts. `sbatch`: scripts for Slurm.
+//! `number` and `launcher` find out which shard a process measures. `block` cuts the plan into blocks and assigns
+//! them to shards. `plan` has the file that all shards share, which the first shard writes. `kind` has the points of
+//! one kind of device. `attempt` has the folder of one process. With `pulse`, other processes can see that the process
+//! is alive, and `watch` checks that the process's launcher is alive. `merge` merges attempts into one folder of
+//! results. `missing` finds the points that still have to be measured, and the command that measures them. `status`
+//! finds the state of each attempt. `sbatch` makes scripts for Slurm.
 
 mod attempt;
 mod block;

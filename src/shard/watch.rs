@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
 //! the step's processes again. A process of a lost step would measure at the same time as the process that replaces it,
-//! and its results would not be used.
+//! although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use std::time::Duration;

@@ -14,7 +14,7 @@ pub struct SourceLine<'a> {
     pub includes: Option<&'a str>,
 }
 
-/// What a position in a file is within.
+/// The kind of text at a position in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Within {
     Code,
@@ -44,7 +44,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
         if includes.is_none() && is_reading(&begun) {
             return Err(other_form(name, number));
         }
-        // Most lines are no directives, and need no memory of their own.
+        // Most lines are not directives; for these, nothing is allocated.
         let directive = if continued || !is_directive(&begun) { String::new() } else { begun.clone() };
         if !continued {
             begun.clear();
@@ -57,7 +57,8 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
             .with_help("close the comment with */ in the same file"));
     }
     if continues {
-        // A backslash ends the file. The empty line keeps it away from the next file.
+        // The file ends in a backslash, which joins the last line to the line after it. Because of the empty line, the
+        // line after it is not the first line of the next file.
         lines.push(SourceLine { text: "", directive: begun, includes: None });
     }
     Ok(lines)
@@ -85,7 +86,8 @@ fn other_form(name: &str, number: usize) -> Error {
 }
 
 impl Within {
-    /// Adds a line's code to `code`, with a blank for each comment, and goes on to the line's end.
+    /// Adds a line's code to `code`, with a blank for each block comment. Afterwards, `self` is the kind of text at the
+    /// line's end.
     fn add_code(&mut self, line: &str, code: &mut String) {
         let mut rest = line;
         while !rest.is_empty() {
@@ -116,7 +118,7 @@ impl Within {
         }
     }
 
-    /// Adds the code up to the next comment or literal, and returns the text after that.
+    /// Adds the code up to the start of the next comment or literal, and returns the text after that start.
     fn leave_code<'a>(&mut self, text: &'a str, code: &mut String) -> &'a str {
         let Some(at) = text.find(['/', '"', '\'']) else {
             code.push_str(text);

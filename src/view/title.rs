@@ -5,7 +5,7 @@ use crate::printer;
 use crate::strategy::preset_of;
 use crate::words::rate;
 
-/// Returns the line: the scene, the device, the strategy, the speeds, the samples, and `more`.
+/// Returns the line: the scene, the strategy, the local size, the speeds, the samples, `more`, and the device.
 pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], more: impl Iterator<Item = String>) -> String {
     let [across, down] = live.local_size();
     let [cast, samples] = live.progress();

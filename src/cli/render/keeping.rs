@@ -41,7 +41,8 @@ struct Source {
 }
 
 /// Prepares the next start: lets background processes store the program, or compile the faster program of `later` and
-/// the program for the display transform, and remembers which program the scene needs. Returns notes on this.
+/// the program for the display transform. Also remembers which program the scene needs. Returns notes for the user on
+/// these processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,

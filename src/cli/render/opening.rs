@@ -48,7 +48,7 @@ impl Opened {
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
 /// program early if possible.
 pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
-    // A thread cannot start while the driver's libraries are being loaded, so those that read the mesh start first.
+    // No thread can start while the driver's libraries are being loaded, so the threads that read the mesh start first.
     rayon::current_num_threads();
     // The thread that casts also starts the driver, since not every driver can be used from a second thread
     // (Oclgrind's checks crash).
@@ -114,8 +114,8 @@ fn early(
 }
 
 /// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
-/// be built, the host applies the transform. A hurried picture does not wait for its compilation either: the program is
-/// then returned as the second value.
+/// be built, the host applies the transform. A picture that [`hurry`] allows to be cast with another strategy does not
+/// wait for this program's compilation either: the program is then returned as the second value.
 fn show(
     args: &Args,
     sources: &Sources,

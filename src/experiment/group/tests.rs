@@ -1,4 +1,4 @@
-//! Tests that a launch counts only if every point was sampled in it. Also tests the workers and locks that a group
+//! Tests that a launch is used only if every point was sampled in it. Also tests the workers and locks that a group
 //! needs.
 
 use super::*;

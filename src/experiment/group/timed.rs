@@ -41,7 +41,7 @@ const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
     fn at_ms(&self) -> f64 {
-        // Rounded to microseconds, which is enough to order samples.
+        // The time is rounded to microseconds, which is enough to order samples.
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 

@@ -6,7 +6,7 @@ use crate::shard::Attempt;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Writes `environment.json`, unless no attempt has written such a file.
+/// Writes `environment.json`, if at least one attempt has written such a file.
 pub fn write(out: &Path, attempts: &[Attempt]) -> Result<()> {
     let read = |attempt: &Attempt| -> Option<(String, Value)> {
         let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;

@@ -80,8 +80,8 @@ impl Film {
     }
 }
 
-/// Makes the keys of frames: hashes of the scene's content, the strategy, the picture's size, the samples, the frame's
-/// number, raycl's version and the kernels of `--cl-dir`.
+/// Makes the keys of frames: hashes of the scene's content, the strategy, the picture's size, the samples, the kind of
+/// film (for a turntable, with its number of frames), the frame's number, raycl's version and the kernels.
 pub struct Keys {
     shared: String,
     /// The last mesh, and its hash.

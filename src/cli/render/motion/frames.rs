@@ -54,7 +54,7 @@ impl Frames {
     }
 }
 
-/// Numbered picture files: `turn/dragon.png` stands for `turn/dragon-0001.png` and so on.
+/// Numbered picture files: the path `turn/dragon.png` gives the files `turn/dragon-0001.png` and so on.
 #[derive(Debug)]
 pub struct Numbered {
     path: PathBuf,
@@ -92,7 +92,8 @@ impl Numbered {
     }
 
     /// Returns the missing frames. `key` returns the key of a frame, which identifies its picture. `key` is only called
-    /// for frames whose file exists. A file that holds a different picture is an error, unless files may be replaced.
+    /// for frames whose file has a key. A file that holds a different picture is an error, unless files may be
+    /// replaced.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {
