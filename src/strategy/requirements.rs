@@ -105,7 +105,7 @@ impl Requirements {
     }
 }
 
-/// Returns the bytes of a triangle that a test reads.
+/// Returns the number of bytes that a test reads per triangle.
 fn record_bytes(strategy: &Strategy) -> u64 {
     4 * strategy.intersector.record_floats() as u64
 }
