@@ -9,7 +9,7 @@
 #error "TREE: 0 or 1: whether rays walk a tree"
 #endif
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
-#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle is prepared for the eye and each light; whether the eye's rows are functions of the pixel"
+#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle and origin is prepared; whether the eye's rows are functions of the pixel"
 #endif
 #ifndef RECORDS_ONCE
 #error "RECORDS_ONCE: 0 or 1: whether the data that a test reads is prepared for each triangle once per scene"
