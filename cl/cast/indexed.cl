@@ -2,7 +2,7 @@
 // material per triangle. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
-#error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: entries of each set where it is staged, else 0"
+#error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: number of entries of a set that is staged, else 0"
 #endif
 #if INDEX_BITS == 16
 typedef ushort Index;

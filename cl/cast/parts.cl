@@ -9,13 +9,13 @@
 #error "TREE: 0 or 1: whether rays walk a tree"
 #endif
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
-#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle is prepared for the eye and each light, and the eye's for pixels"
+#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle and origin is prepared; whether the eye's rows are functions of the pixel"
 #endif
 #ifndef RECORDS_ONCE
-#error "RECORDS_ONCE: 0 or 1: whether what the test reads of a triangle is prepared once per scene"
+#error "RECORDS_ONCE: 0 or 1: whether the data that a test reads is prepared for each triangle once per scene"
 #endif
 #ifndef TRIANGLES
-#error "TRIANGLES: triangles of the scene where it is copied to __local memory, else 0"
+#error "TRIANGLES: number of triangles if a work-group copies them to __local memory, else 0"
 #endif
 #include "common/scene_defines.cl"
 

@@ -1,7 +1,7 @@
 // The nine working vectors of a work-item (the paper's "arrays"), 12 bytes per ray each.
 
 #ifndef WORKING_VECTORS
-#error "WORKING_VECTORS: how many there are"
+#error "WORKING_VECTORS: number of working vectors of a ray"
 #endif
 #define RAY_ORIGIN 0
 #define RAY_DIRECTION 1

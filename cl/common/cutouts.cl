@@ -2,7 +2,7 @@
 // holes. Rays pass through the holes. src/reference/cutouts.rs does the same in f64.
 
 #ifndef LEAST_ALPHA_UNIT
-#error "LEAST_ALPHA_UNIT: parts of a mask's least alpha per step of an 8-bit channel"
+#error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
 #endif
 
 // In a texture's head, the word with the wrap modes (textures.cl) also holds the least alpha, from bit 16 on. Points of
@@ -11,7 +11,7 @@
 //     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v | wrap u
 //
-// The least alpha counts LEAST_ALPHA_UNIT for each step of an 8-bit channel, so that 65535 means an alpha of 1.
+// One step of an 8-bit channel equals LEAST_ALPHA_UNIT units of the least alpha, so that 65535 means an alpha of 1.
 //
 // Masks have no mip levels: a mean of many texels' alpha would be above or below the least alpha for whole regions, so
 // that the foliage of distant plants would grow or vanish.

@@ -60,7 +60,7 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 
 // Returns the picture's light that the highlight of a surface reflects to the eye. Surfaces that block this light are
 // ignored. A half vector h is chosen with a probability proportional to (n . h)^s, so that the estimate is k_G times
-// the radiance from the mirrored direction, times a few cosines.
+// the radiance from the mirrored direction, times two cosines and (s + 8) / (s + 1).
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);

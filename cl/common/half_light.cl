@@ -10,7 +10,7 @@
 //     +---+---+          +---+---+         +---+---+                  +-+-+-+-+
 
 #ifndef HALF_LIGHT_SHARPNESS
-#error "HALF_LIGHT_SHARPNESS: how fast pixels count less for each other as their unoccluded light differs"
+#error "HALF_LIGHT_SHARPNESS: how fast the weight of a pixel for another falls as their unoccluded light differs"
 #endif
 
 // In both kernels, a work-item processes WIDTH pixels of a row.

@@ -223,8 +223,8 @@ INLINED float lane_least_positive(Group *group, float value) { return as_float(l
 // order, and back.
 INLINED float lane_min(Group *group, float value) {
     const uint bits = as_uint(value);
-    // As unsigned integers, positive floats have the right order and negative ones the reverse order. In positive
-    // floats, the sign bit is set; in negative floats, all bits are inverted.
+    // As unsigned integers, positive floats have the right order and negative floats the reverse order. Inverting the
+    // sign bit of positive floats, and all bits of negative floats, gives the right order to all floats.
     const uint least = lane_least(group, bits ^ ((uint)(as_int(value) >> 31) | 0x80000000u));
     return as_float(least & 0x80000000u ? least ^ 0x80000000u : ~least);
 }

@@ -3,7 +3,7 @@
 // same in f64.
 
 #ifndef ROUGH_STEPS
-#error "ROUGH_STEPS: the difference of neighbouring pixels as displayed, in steps of 256, from which a block is rough"
+#error "ROUGH_STEPS: a block is rough if displayed neighbouring pixels differ by more than this, on a scale of 0 to 255"
 #endif
 
 // Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. Beyond the image,

@@ -1,8 +1,8 @@
-// Chooses the points of lights with a radius, and the direction of the sky, to which a pixel's sample casts rays. The
-// choices follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels,
-// so that the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space
-// Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's
-// scrambling makes the sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
+// Chooses the rays of a pixel's sample: rays to points of lights with a radius, and a ray to the sky. The choices
+// follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels, so that
+// the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
+// Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
+// makes the sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
@@ -90,8 +90,8 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
 // Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; indices greater than
-// that of the last light belong to the sky. The first two numbers form a point of the unit square, and these points are
-// also evenly distributed.
+// that of the last light belong to the sky. The first two numbers form a point, and these points are evenly distributed
+// over the unit square.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;

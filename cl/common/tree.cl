@@ -31,7 +31,7 @@
 // The t of a box's far side is multiplied by this factor, which adds more than the rounding error of t (Ize, "Robust
 // BVH Ray Traversal", JCGT 2(2), 2013).
 #define OUTWARDS 1.0000005f
-#define LEAF_ROW ROW_FLOATS // words per triangle: v0, its number; v1, its material; v2
+#define LEAF_ROW ROW_FLOATS // words per triangle: v0, the triangle's number, v1, its material, v2, 0
 
 typedef struct {
     const __global float *nodes;

@@ -3,10 +3,10 @@
 // vector: combine masks with & and |, negate them with !.
 
 #ifndef WIDTH
-#error "WIDTH: rays a work-item casts side by side: 1, 2, 4, 8 or 16"
+#error "WIDTH: rays that a work-item casts side by side: 1, 2, 4, 8 or 16"
 #endif
 #ifndef BLOCK_X
-#error "BLOCK_X: how many of them lie side by side in a row of pixels"
+#error "BLOCK_X: number of a work-item's rays in a row of pixels"
 #endif
 #ifndef REDUCE_BUILTIN
 #error "REDUCE_BUILTIN: 1 to use the compiler's __builtin_reduce_or where it has one, 0 to avoid it"

@@ -3,10 +3,10 @@
 // compute.
 
 #ifndef SHOWN_VALUES
-#error "SHOWN_VALUES: how many values a shown channel has"
+#error "SHOWN_VALUES: number of values of a displayed channel"
 #endif
 #ifndef PLACE_SHIFT
-#error "PLACE_SHIFT: bits of a radiance that its place in a table leaves out"
+#error "PLACE_SHIFT: number of a radiance's lower bits that are ignored when a table is read"
 #endif
 #ifndef ITEM_PIXELS
 #error "ITEM_PIXELS: pixels of a work-item, whose bytes fill whole words"

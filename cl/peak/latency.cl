@@ -1,7 +1,7 @@
 // Measures the latency of each kind of memory: a single work-item needs every result before its next step.
 
 #ifndef ENTRIES
-#error "ENTRIES: of the chases in private and __local memory"
+#error "ENTRIES: number of elements of the arrays in private and __local memory"
 #endif
 
 // STEPS steps per loop, so that the cost of the loop counter is negligible.

@@ -79,7 +79,7 @@ int covers(const Coverage *coverage, float x, float y) {
     return (least >= 0.0f || most <= 0.0f) && u + v + w != 0.0f;
 }
 
-// Extends the bounds to include a point in front of the near plane.
+// Extends the bounds to include a point beyond the near plane.
 void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 q = uniform3(p.x / depth - corner.x, p.y / depth - corner.y, p.z / depth - corner.z);
@@ -91,7 +91,7 @@ void include_point(Coverage *coverage, Uniform3 p, float depth, CAMERA_PARAMETER
     coverage->high = max(coverage->high, (int2)((int)ceil(x) + 1, (int)ceil(y) + 1));
 }
 
-// Finds the pixels that a triangle may cover with its part in front of the near plane.
+// Finds the pixels that the part of a triangle beyond the near plane may cover.
 void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 sx = uniform3(step_x.x, step_x.y, step_x.z), sy = uniform3(step_y.x, step_y.y, step_y.z);
     const Uniform3 n = uniform_cross(sx, sy);

@@ -83,8 +83,8 @@ typedef struct {
 
 // With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts
 // more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A
-// tile always has 512 rays, so it covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel lie closer to each
-// other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles for each ray.
+// tile keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel
+// lie closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
 //
 //     a vector's rays  bits 0: 4 x 4 pixels   bits 1: 2 x 2 pixels   bits 2: one pixel
 //     (a digit is the  0 0 0 0                0 1 0 1                 0  1  2  3

@@ -4,7 +4,7 @@
 // no ray of the tile can hit the scene, computes no ray and returns 0.
 int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA_PARAMETERS, int2 image_size) {
     Slices slices;
-    // First, only intervals of directions are tested, which costs far less than testing 512 rays.
+    // First, only intervals of directions are tested, which costs far less than testing all rays of the tile.
     bundle->longest = slice_camera(CAST_ARGUMENTS eye, corner, step_x, step_y, image_size, &slices);
 #if SAMPLED
     leave_out_others(&slices, samples->cast);

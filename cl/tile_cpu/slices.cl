@@ -130,7 +130,7 @@ uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];
             const float16 near = (float16)(boxes->near[axis][child]), far = (float16)(boxes->far[axis][child]);
             float16 first = min(near * low, near * high), last = max(far * low, far * high);
-            if (cone->mixed[axis]) { // either side may be the near one, also within one vector
+            if (cone->mixed[axis]) { // either side may be the near one, even within one vector
                 const int16 mixed = (low < 0.0f) & (high > 0.0f);
                 first = SELECT(mixed, max(near * high, far * low), min(first, min(far * low, far * high)));
                 last = SELECT(mixed, (float16)(FAR), max(last, max(near * low, near * high)));

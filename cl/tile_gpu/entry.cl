@@ -50,9 +50,9 @@
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
 // direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// A pass may be restricted to rays close to the leader. This is the rays' largest distance from the leader, as a
-// multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
-// surface are not farther apart than this.
+// The largest distance from the leader, as a multiple of the distance between neighbouring rays, in a pass that is
+// restricted to rays close to the leader. The value is the width of a tile in rays, because rays to one surface are not
+// farther apart than this.
 #define NEIGHBOURS ((float)TILE_X)
 // This lane, in the middle of the lanes' 8 x 4 pixels, provides the leader if it still has a ray to cast.
 #define MIDDLE_LANE 20

@@ -224,7 +224,7 @@ INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __globa
 // The buffers for the results of shadow rays.
 typedef struct {
     __global uint *lit;    // one word of lights per ray from the eye that hits something
-    __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of these
+    __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of the shadow rays
     __global int *queued;  // number of entries in the queue
 } Found;
 

@@ -173,8 +173,8 @@ INLINED int walk(Group *group, const Tree *tree, const Shaft *shaft, Beam *beam,
             entry = as_float(top.y);
         }
         going = entry < reach;
-        // A few rays of a tile take long. Such rays are faster if each is cast by a group of its own, so they become
-        // leftover rays.
+        // A few rays of a tile take long. These rays are faster if a whole group casts each of them, so they become
+        // leftover shadow rays.
         if (any && going && --*budget < 0) enough = going = 0;
     }
     lane_sync(group); // the stack has been read

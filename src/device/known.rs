@@ -65,8 +65,8 @@ fn store(cache: &Cache, key: &str, devices: &[Device]) {
     }
 }
 
-/// Returns a hash of everything that affects the list of devices: raycl, the drivers' files, the hardware
-/// that the system shows, the drivers' variables, the cores allowed, and the kernel that tests lane
+/// Returns the key of the list of devices, a text of everything that affects the list: raycl, the drivers' files, the
+/// hardware that the system shows, the drivers' variables, the cores allowed, and the kernel that tests lane
 /// operations.
 fn key(sources: &Sources) -> Result<String> {
     let version =

@@ -127,7 +127,7 @@ pub struct DeviceInfo {
     /// Number of cores that the process may use, for devices that run on them.
     #[serde(default)]
     pub cores: Option<usize>,
-    /// Number of threads that it casts with, if known; it is known for PoCL.
+    /// Number of threads with which the device casts, if known; PoCL's number is known.
     #[serde(default)]
     pub threads: Option<u32>,
     /// Number of earlier devices with the same platform and name.

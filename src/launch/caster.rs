@@ -251,7 +251,7 @@ impl Caster {
         &self.image
     }
 
-    /// Returns how many samples the pixels of an adaptive picture got.
+    /// Returns how many samples the pixels of an adaptive picture got; `None` if each pixel gets one sample.
     pub fn sample_counts(&self) -> Result<Option<SampleCounts>, LaunchError> {
         let read = self.samples.as_ref().map(|samples| samples.read(&self.queue));
         Ok(read.transpose()?)

@@ -261,7 +261,7 @@ impl Session {
     }
 }
 
-/// Adds to the reason for a refusal how many bytes of the memory other strategies use.
+/// Adds to a refusal's reason the number of bytes that other strategies use.
 fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;

@@ -13,7 +13,8 @@ use std::time::Instant;
 
 /// Number of parts into which a trial frame is divided, to measure the cost of each.
 const PARTS: usize = 32;
-/// Pixel rows of the first trial frame. Each later trial frame has twice as many, until one takes long enough.
+/// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until a trial
+/// frame takes long enough.
 const TRIAL_ROWS: u32 = 256;
 /// Minimum time of a trial frame. A shorter frame would not fill a device, and would not show how the cost is
 /// distributed.

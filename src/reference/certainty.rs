@@ -91,6 +91,7 @@ impl Asked<'_> {
 /// - Surfaces near lights are included as occluders, and left out.
 /// - Triangles become larger and holes smaller by rounding, and the reverse.
 /// - For grazing light, every result that rounding allows is included.
+/// - The direction to the sky is turned slightly.
 /// - Surfaces just behind the hit are included too: if two surfaces coincide, either one is correct.
 pub fn sample(asked: &Asked<'_>) -> PixelSample {
     let Asked { caster, frame, bias, seen, centre } = asked;

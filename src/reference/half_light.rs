@@ -86,7 +86,7 @@ fn interpolated(own: DVec3, [x, y]: [f64; 2], halves: &HalfPictures<'_>, ratios:
     sum / weights
 }
 
-/// Returns the weight with which one pixel counts for another, given the unoccluded light of both.
+/// Returns the weight of one pixel in a mean for another pixel, given the unoccluded light of both.
 fn likeness(a: DVec3, b: DVec3) -> f64 {
     let sharpness = f64::from(HALF_LIGHT_SHARPNESS);
     ((a + b).length_squared() - sharpness * (a - b).length_squared()).max(0.0).powi(2)

@@ -11,7 +11,7 @@ use crate::strategy::Culling;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The number that stands for the triangle or the object of a pixel whose ray hits nothing.
+/// The number that is stored as triangle and as object of a pixel whose ray hits nothing.
 pub const NOTHING: u32 = u32::MAX;
 
 /// Each list contains one number per pixel, row by row from the top.

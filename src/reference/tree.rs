@@ -137,8 +137,8 @@ impl Tree {
     }
 }
 
-/// More levels than a tree over any mesh has. Nodes of the first levels are split where the cost is least; nodes of
-/// deeper levels are split into two parts with nearly equal numbers of triangles.
+/// An upper bound of the number of levels of a tree over any mesh. Nodes of the first levels are split where the cost
+/// is least; nodes of deeper levels are split into two parts with nearly equal numbers of triangles.
 const DEPTH: usize = 72;
 const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis, at whose borders a node may be split.

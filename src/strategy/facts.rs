@@ -19,7 +19,7 @@ pub enum WorkingMemory {
 }
 
 impl Vectors {
-    /// Returns their memory.
+    /// Returns the memory of the working vectors.
     pub fn memory(self) -> WorkingMemory {
         match self.header().word("memory") {
             "local" => WorkingMemory::Local,

@@ -1,4 +1,4 @@
-//! Computes what a strategy needs of a device before anything is compiled, and keeps the arithmetic for messages.
+//! Computes, before anything is compiled, what a strategy needs of a device. Keeps the arithmetic for messages.
 
 mod fits;
 
@@ -22,7 +22,7 @@ const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
 /// Bytes of a ray of a tile: direction, inv_t, place, the reciprocals of the direction, and data for the
-/// watertight test; during shading also the surface it hit, the arriving light and the sum so far.
+/// watertight test; during shading also the surface that the ray hit, the arriving light and the sum so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
 /// Bytes of a stack entry for work-items that share a tile: a child's word, and the distance at which its box
@@ -105,7 +105,7 @@ impl Requirements {
     }
 }
 
-/// Returns the bytes of a triangle that a test reads.
+/// Returns the number of bytes that a test reads per triangle.
 fn record_bytes(strategy: &Strategy) -> u64 {
     4 * strategy.intersector.record_floats() as u64
 }

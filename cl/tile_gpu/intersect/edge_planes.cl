@@ -25,8 +25,8 @@ INLINED float per_power_of_two_below(float positive) {
 // greater than `worst`.
 //
 // Edges are computed from the stored corners, because corners relative to a distant origin have lost their last digits.
-// `height` is six times the volume between origin and triangle; the sign of `height` shows which side is visible, and 1
-// / z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of rays: shadow rays, because
+// `height` is six times the volume between origin and triangle. The sign of `height` shows which side is visible, and
+// 1/z = (x, y, 1) . n / height. With culling, the visible side is reversed for two kinds of rays: shadow rays, because
 // they run towards their light but are tested from the light, and rays that run against their axis, because their
 // coordinates are mirrored.
 INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst, const int any, Candidate *triangle) {

@@ -57,10 +57,10 @@ impl Hits {
     }
 }
 
-/// Computes the result of [`super::sample`] faster, if one search is enough for all nudges. This is the case under two
-/// conditions: the whole beam of nudged rays hits a single triangle first, or nothing; and the beam from each light to
-/// the hits is occluded completely or not at all. `None` if it is uncertain what the rays hit, or if light grazes the
-/// triangle.
+/// Computes the result of [`super::sample`] faster if the whole beam of nudged rays hits a single triangle first, or
+/// nothing. One search is then enough for all nudges. For each light, one more search finds out whether the beam from
+/// the light to the hits is occluded completely, or not at all. If neither is certain, shadow rays to this light are
+/// cast. `None` if it is uncertain what the rays hit, or if light grazes the triangle.
 pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
     let Asked { caster, bias, seen, centre: [x, y], .. } = asked;
     let (bias, ray) = (*bias, caster.ray(*x, *y));
