@@ -1,4 +1,5 @@
-//! Code that tests on a device share: PoCL, programs, and the check of every point of an experiment.
+//! Code that tests on a device share: the choice of the device, and pictures that are compared with the
+//! reference.
 
 pub mod apart;
 pub mod cover;
