@@ -19,8 +19,8 @@ Transform = mi.ScalarTransform4f
 import models
 
 SIZE = (640, 400)
-# The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have less noise:
-# if a light is too bright by one hundredth, their ratio is too low.
+# The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have less
+# noise: if a light is too bright by one hundredth, their ratio is too low.
 LEAST, LEAST_OF_BLOCKS = 30, 50
 # The side of a block, in pixels.
 BLOCK = 8
@@ -123,7 +123,7 @@ def rows_from_pole_to_pole(path, finer=4):
 
 
 def mixed(texels, x, y, within):
-    """Mixes the four nearest texels at all rows `y` and columns `x`, in texels. After the last column comes the first one."""
+    """Mixes the four nearest texels at all rows `y` and columns `x`, in texels. The first column follows the last one."""
     left, top = np.floor(x).astype(int), np.floor(y).astype(int)
     part = (x - left)[None, :, None]
     rows = [texels[within(row)] for row in (top, top + 1)]
