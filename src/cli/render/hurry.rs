@@ -135,7 +135,7 @@ mod tests {
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
     }
 
-    /// `deferred` stands for the fastest strategy.
+    /// This test uses `deferred` as the fastest strategy.
     #[test]
     fn a_picture_is_hurried_until_the_fastest_strategys_program_is_in_the_cache() {
         let (device, folder) = (gpu(), tempfile::tempdir().unwrap());

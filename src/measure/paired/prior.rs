@@ -133,7 +133,7 @@ mod tests {
         assert!((found.typical - 1.31).abs() < 0.05, "{found:?}");
     }
 
-    /// Steady points beside points that vary a hundred times as much: the steady ones are not unsteady by association.
+    /// Half of the points vary a hundred times as much as the others, so that the points borrow little from each other.
     #[test]
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =

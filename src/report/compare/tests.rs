@@ -247,7 +247,8 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
 }
 
-/// In a run, a point's name ends with its folder of kernels. The pair has no folder: it would be that of the first.
+/// In a run, a point's name ends with its folder of kernels. A regression names a pair of points without a folder,
+/// since this would be the first point's folder.
 #[test]
 fn a_regression_does_not_name_the_old_folder_of_kernels() {
     let with = |kernels: &str, ms| Record {
