@@ -71,7 +71,8 @@ impl Ground {
         read_lines(&self.place.path(file)).expect("records").lines
     }
 
-    /// Checks that every point has one record, that each of its samples occurs once, and that there are no other samples.
+    /// Checks that every point has one record, that each of its samples occurs once, and that no other samples
+    /// exist.
     fn is_whole(&self) {
         let records = self.records("out/records.jsonl");
         let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
