@@ -1,5 +1,5 @@
-//! Values of a scene over time: what each frame shows, which data are loaded and computed again for it, and
-//! the messages about mistakes in an animation.
+//! Values of a scene that change over time: the picture of each frame, the data that are loaded or computed
+//! again for it, and the messages about mistakes in an animation.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::binary::{Place, device, has};

@@ -1,4 +1,5 @@
-//! Commands that only report: devices, strategies, occupancy, and how mistakes are reported.
+//! Commands that only print: devices, strategies, occupancy, man pages and completions. Also messages about mistakes,
+//! and colours.
 
 use crate::binary::{finish, run};
 use std::process::{Command, Stdio};

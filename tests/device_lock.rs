@@ -162,5 +162,5 @@ fn pocl_has_no_more_threads_than_the_process_may_run_on() {
     let list = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
     let first = list.trim().split([',', '-']).next().expect("a processor");
     assert_eq!(threads("taskset", &["-c", first], None), 1);
-    assert_eq!(threads("env", &[], Some("1")), 1, "the user's word stands");
+    assert_eq!(threads("env", &[], Some("1")), 1, "the user's variable decides");
 }

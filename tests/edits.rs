@@ -67,7 +67,7 @@ const EDITS: [Edit; 24] = [
     ),
     ("one thread", |ground| ground.variables.push(("POCL_MAX_PTHREAD_COUNT", "1".to_owned())), 2, A),
     (
-        "a log of the driver's, which decides nothing",
+        "a setting of the driver's log, which affects no point",
         |ground| ground.variables.push(("POCL_TRACING_FILTER", "x".to_owned())),
         0,
         A,

@@ -154,8 +154,8 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
     }
 }
 
-/// The changes to the kernels: another channel, another row, a shift by half a texel, the sky in front of
-/// surfaces.
+/// The changes to the kernels include another channel, another row, a shift by half a texel, and the sky in
+/// front of surfaces.
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let place = place(SCENE);

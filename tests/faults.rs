@@ -95,7 +95,7 @@ impl Ground {
 
     /// Lets a worker continue that waits because of `--fault`.
     fn let_go(&self) {
-        std::fs::remove_file(self.out.join(".hangs")).expect("what a worker that holds leaves");
+        std::fs::remove_file(self.out.join(".hangs")).expect("the file that a waiting worker makes");
     }
 }
 

@@ -144,7 +144,7 @@ fn what_a_mesh_asks_for_is_noted_in_text_json_and_a_run() {
     assert_eq!(
         text.matches("note      mesh.obj").count(),
         2,
-        "a mesh of two objects is told of once: {text}"
+        "each note on a mesh of two objects is printed once: {text}"
     );
     let json: serde_json::Value =
         serde_json::from_str(&place.output(&[&render[..], &["--json"]].concat())).expect("JSON");

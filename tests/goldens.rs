@@ -184,7 +184,7 @@ fn a_jpeg_at_its_quality_is_the_papers_figure_too() {
     }
 }
 
-/// Every other image is compared with the reference; here the reference itself is checked.
+/// Other tests compare images with the reference; this test checks the reference itself.
 #[test]
 fn the_reference_agrees_with_the_formulas() {
     // At this image size, no row of pixels lies on the ground's far edge.

@@ -48,7 +48,7 @@ fn every_row_stands_once_in_its_file_and_names_a_test() {
     assert!(all.len() >= 240, "{}", all.len());
     for Mutant { file, from, to, test, .. } in &all {
         let found = read(&repository(file)).matches(from.as_str()).count();
-        assert_eq!(found, 1, "{file}: {from:?} has to be there once; carry the row over or replace it");
+        assert_eq!(found, 1, "{file}: {from:?} has to be there once; adapt the row or replace it");
         assert!(from != to && is_there(test), "{file}: {from:?}: there is no test {test}");
     }
 }

@@ -15,7 +15,7 @@ fn yaml(path: &str) -> Yaml {
 /// Returns the jobs of a workflow, each with its steps.
 fn jobs(path: &str) -> Vec<(String, Vec<Yaml>)> {
     let workflow = yaml(path);
-    assert!(workflow["on"].as_hash().is_some_and(|on| !on.is_empty()), "{path} starts by nothing");
+    assert!(workflow["on"].as_hash().is_some_and(|on| !on.is_empty()), "{path}: no event starts it");
     let jobs = workflow["jobs"].as_hash().unwrap_or_else(|| panic!("{path} has no jobs")).iter();
     jobs.map(|(name, job)| {
         let name = name.as_str().expect("a name").to_owned();

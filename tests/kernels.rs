@@ -1,6 +1,6 @@
 //! Compares every preset at every local size, and a pairwise cover of all axes, with the reference on PoCL.
-//! `make test-long` tests all of them; `make test` tests each preset at a fourth of the local sizes, and half
-//! of the cover.
+//! `make test-long` tests all of them; `make test` tests each preset at 8 x 8 and at a fourth of the other local
+//! sizes, and half of the cover.
 
 use crate::common::apart::apart;
 use crate::common::cover::pairwise_cover;
@@ -11,7 +11,7 @@ use raycl::program::Sources;
 use raycl::scene::{Camera, Scene};
 use raycl::strategy::{Layout, PRESETS, Passes, Strategy, Traversal, Vectors, Width, preset};
 
-/// The paper's local sizes, and some that do not divide the image's size.
+/// The paper's local sizes, and three that are not square.
 const LOCAL_SIZES: [[u32; 2]; 13] = [
     [1, 1],
     [2, 2],
@@ -28,7 +28,7 @@ const LOCAL_SIZES: [[u32; 2]; 13] = [
     [3, 5],
 ];
 
-/// The image's size. Neither side is a multiple of a local size or of a block of rays.
+/// The image's size. Both sides are odd, so that no even number of work-items or rays divides them.
 const SIZE: [u32; 2] = [45, 29];
 
 type Point = (Strategy, [u32; 2]);
@@ -177,7 +177,8 @@ fn a_pairwise_cover_of_all_axes() {
     all_agree(&mut stand, points, none);
 }
 
-/// In other tests, faces are flat, so that all corners of a face have the same normal.
+/// In the tests of presets and of the pairwise cover, faces are flat, so that all corners of a face have the same
+/// normal.
 #[test]
 fn each_layout_brings_every_corner_its_own_normal() {
     apart!();

@@ -21,7 +21,7 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
     let folder = folder();
     let mut mock = Mock::new(|_| Act::Answer);
     let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it runs");
-    assert_eq!(mock.counts.borrow().workers, 3, "both groups of a launch have the same");
+    assert_eq!(mock.counts.borrow().workers, 3, "both groups of a launch use the same worker");
     assert!(mock.counts.borrow().checks.values().all(|checks| *checks == 3), "each launch checks its points");
     for record in &records {
         assert_eq!((record.samples_ms.len(), record.samples_at_ms.len()), (15, 15));
@@ -55,7 +55,7 @@ fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let half = before.last().expect("samples").launch;
     let mut mock = Mock::new(|_| Act::Answer);
     let records = execute(LAUNCHES, folder.path(), &mut mock, &AtomicBool::new(false)).expect("it resumes");
-    assert_eq!(mock.counts.borrow().workers, 2, "one launch of each was whole");
+    assert_eq!(mock.counts.borrow().workers, 2, "one launch of each group was complete");
     assert_eq!(count(&records, Outcome::Measured), 2 * 3);
     for record in &records {
         assert!(!record.sample_launches.contains(&half) && record.samples_ms.len() == 15);

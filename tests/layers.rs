@@ -1,4 +1,4 @@
-//! Depth, normals, numbers and costs beside a picture.
+//! Layers beside a picture: depth, normals, the numbers of triangles and objects, and costs.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};

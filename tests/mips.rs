@@ -144,7 +144,7 @@ fn a_broken_level_is_a_wrong_picture() {
     }
 }
 
-/// The last levels of such pictures are one texel high or wide.
+/// The last levels of these pictures, with few rows or columns, are one texel high or wide.
 #[test]
 fn levels_of_pictures_with_few_rows_or_columns_keep_one_of_them() {
     let place = floor();

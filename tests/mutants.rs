@@ -173,7 +173,7 @@ fn a_broken_kernel_is_a_wrong_picture() {
             continue;
         }
         let strategies = mutant.strategies();
-        assert!(!strategies.is_empty(), "{}: no strategy is made of it", mutant.file);
+        assert!(!strategies.is_empty(), "{}: no strategy uses it", mutant.file);
         let soon = strategies.iter().any(|(_, strategy)| compiles_soon(strategy));
         for (name, strategy) in strategies {
             pictures += 1;
@@ -199,7 +199,7 @@ fn a_broken_edge_leaks() {
         let place = Place::new();
         let folder = place.path(&mutant.folder(&place));
         let strategies = mutant.strategies();
-        assert!(!strategies.is_empty(), "{}: no strategy is made of it", mutant.file);
+        assert!(!strategies.is_empty(), "{}: no strategy uses it", mutant.file);
         for (name, strategy) in strategies {
             let faults = faults(&Sources::Folder(folder.clone()), &strategy);
             println!("{}: {name}: {faults:?}", mutant.file);

@@ -85,7 +85,7 @@ fn an_edited_picture_that_kept_its_comment_stays() {
     refused(&place, &["render", "scene.toml", "-o", "a.png"], "a.png", &[CHANGED]);
 }
 
-/// A process that is killed when its test ends.
+/// A process with `--watch`, which is killed when its test ends, and the lines that it prints.
 struct Watching(Child, Receiver<String>);
 
 impl Watching {

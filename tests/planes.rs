@@ -63,8 +63,8 @@ fn lights_and_cameras_in_planes_are_verified_right() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns long, thin triangles, a light that nearly touches the ground, and one that is far away. Their rounding
-/// errors are much larger than the nudges of a pixel's ray.
+/// Returns long, thin triangles, a light that nearly touches the ground, and one that is far away. Rounding errors
+/// in this scene are much larger than the nudges of a pixel's ray.
 fn thin_triangles(seed: u64) -> Scene {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut point = |half: f32| Vec3::from_array([(); 3].map(|()| random.random_range(-half..half)));

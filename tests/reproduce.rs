@@ -35,7 +35,7 @@ fn a_reproduction_goes_on_where_it_stopped() {
     let message = place.mistake(&["reproduce", "--out", "out", "--device", &device()], 2);
     has(&message, &["out/pictures already holds results", "--resume"]);
 
-    // The state if the command was killed when three configs were done.
+    // All configs but the fourth one are done.
     std::fs::remove_dir_all(place.path("out/figure-8")).expect("it is there");
     let (_, progress) = reproduce(&place, &["--resume"]);
     has(&progress, &["1 of 5 points are done already", "3 of 5 points are done already", "[4/5, about "]);

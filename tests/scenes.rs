@@ -193,7 +193,7 @@ fn materials_come_from_mtl_and_an_override_replaces_them() {
 #[test]
 fn odd_mesh_files_end_in_a_picture_or_a_reason() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/obj");
-    // The end of the error's message, or nothing if the scene must load.
+    // A part of the error's message, or an empty text if the scene must load.
     let expected = [
         ("01_zero_bytes", ":1: no triangles"),
         ("04_nan_vertex", ":1: `nan`"),

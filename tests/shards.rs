@@ -71,7 +71,8 @@ impl Ground {
         read_lines(&self.place.path(file)).expect("records").lines
     }
 
-    /// Checks that every point has one record, that each of its samples occurs once, and that there are no others.
+    /// Checks that every point has one record, that each of its samples occurs once, and that no other samples
+    /// exist.
     fn is_whole(&self) {
         let records = self.records("out/records.jsonl");
         let keys: HashSet<_> = records.iter().map(|record| record.key.clone()).collect();
@@ -254,8 +255,8 @@ fn a_lost_launcher_ends_the_attempt_and_its_worker() {
     lose_launcher("slurmstepd", "1/1");
 }
 
-/// The launcher may be any program that is not a shell. A shell counts as a launcher only if it sets each
-/// process's shard number, from which `--shard auto/N` takes it.
+/// The launcher may be any program that is not a shell. A shell counts as a launcher only with `--shard auto/N`, which
+/// takes the shard's number from a variable that the launcher sets.
 #[test]
 #[cfg(target_os = "linux")]
 fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {

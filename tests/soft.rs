@@ -177,8 +177,8 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
     }
 }
 
-/// The changes to the kernels: another point of the sequence, of the ball or of the hemisphere; inverted
-/// occlusion; a leaf of which only one triangle is tested.
+/// The changes to the kernels include another point of the sequence, of the ball or of the hemisphere; inverted
+/// occlusion; and a leaf of which only one triangle is tested.
 #[test]
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");

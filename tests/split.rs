@@ -37,7 +37,7 @@ fn render_scene(
 fn two_devices_cast_the_pixels_of_one() {
     apart!();
     let place = Place::new();
-    // A tile of 32 x 16 pixels is a work-group.
+    // With the strategy `tile`, a work-group of 1 x 1 work-items casts a tile of 32 x 16 pixels.
     let all = [
         ["naive-scratch", "4x2"],
         ["deferred,width=4", "4x2"],

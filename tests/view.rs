@@ -126,7 +126,7 @@ fn the_pointer_finds_the_triangle() {
     user.lock().expect("no panic").point([48, 30]);
     until("the triangle is told", || title().contains("triangle 0, object 0, material 0, normal (0.00, "));
     user.lock().expect("no panic").point([1, 1]);
-    until("nothing is told of nothing", || !title().contains("triangle 0"));
+    until("no triangle is told where there is none", || !title().contains("triangle 0"));
     quit(child, &server);
 }
 

@@ -213,11 +213,11 @@ mod tests {
             let file = std::fs::File::open(cache.folder().unwrap().join(file_name("program", key))).unwrap();
             file.set_modified(SystemTime::now() - day * days).unwrap();
         }
-        assert!(cache.get("program", "a").is_some(), "and so it was used");
+        assert!(cache.get("program", "a").is_some(), "this counts as a use");
         assert!(cache.put("program", "d", &[0; 200]));
         let kept = ["a", "b", "c", "d"].map(|key| cache.get("program", key).is_some());
         assert_eq!(kept, [true, true, false, true]);
-        assert!(!cache.put("program", "e", &[0; 2_000]), "larger than all");
+        assert!(!cache.put("program", "e", &[0; 2_000]), "larger than the cache may be");
     }
 
     #[test]

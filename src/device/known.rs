@@ -132,8 +132,8 @@ mod tests {
         let listed = picked(&Cache::none());
         let all = list(&cache, &Sources::Embedded).unwrap();
         assert!(all.iter().any(|device| device.info == listed));
-        assert_eq!(cache.entries().len(), 1, "a list is kept");
-        assert_eq!(picked(&cache), listed, "from what is kept");
+        assert_eq!(cache.entries().len(), 1, "a list is stored");
+        assert_eq!(picked(&cache), listed, "from the stored list");
         // After a driver was replaced, its version differs from the stored one.
         let key = key(&Sources::Embedded).unwrap();
         let mut kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();

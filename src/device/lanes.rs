@@ -230,7 +230,7 @@ mod tests {
         }
     }
 
-    /// By hand, for lane 2 of group 1: lane n has the number (7 n + 1) mod 32.
+    /// The answers of lane 2 of group 1, computed by hand: lane n has the number (7 n + 1) mod 32.
     #[test]
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, _, _, _, mirrored, own] = answers(1, 2);

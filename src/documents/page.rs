@@ -144,7 +144,7 @@ mod tests {
     use super::super::sheet::SHEET;
     use super::*;
 
-    /// A sheet with one block: a table of two rows.
+    /// The text of docs/figures.toml with a single block, a table of two rows.
     const FIGURES: &str = r#"
         [sources]
         [facts]

@@ -196,7 +196,8 @@ mod tests {
         assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
     }
 
-    /// Two whole pixels lie around the centre of each half pixel, a quarter of its side away.
+    /// Along each axis, two pixels of the whole picture lie around the centre of a pixel of the half picture, a quarter of
+    /// its side away.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| place_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

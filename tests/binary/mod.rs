@@ -1,4 +1,4 @@
-//! Code that tests of the binary share: it runs the binary in a folder of its own, on the test device.
+//! Code that tests of the binary share: it runs the binary in a temporary folder, on the test device.
 
 use assert_cmd::Command;
 use image::{Rgb, RgbImage};
@@ -20,13 +20,13 @@ pub fn until(what: &str, so: impl Fn() -> bool) {
     }
 }
 
-/// Returns what a process printed until it ended. One that hangs is killed and fails the test.
+/// Returns what a process printed until it ended. A process that hangs is killed, and the test fails.
 #[track_caller]
 pub fn finish(child: Child) -> Output {
     finish_within(LIMIT, child)
 }
 
-/// The same with another limit.
+/// Like `finish`, but with another limit.
 #[track_caller]
 pub fn finish_within(limit: Duration, child: Child) -> Output {
     let process = child.id();
@@ -48,7 +48,7 @@ pub fn run(command: &mut std::process::Command) -> Output {
     finish(command.spawn().unwrap_or_else(|error| panic!("{command:?}: {error}")))
 }
 
-/// What Ctrl-C sends.
+/// Sends SIGINT, as Ctrl-C does.
 #[cfg(unix)]
 pub fn send_interrupt(process: u32) {
     use rustix::process::{Pid, Signal, kill_process};
@@ -96,7 +96,7 @@ pub fn one_point() -> Place {
     Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
 }
 
-/// Returns a word that selects the device on which tests run: PoCL, or what RAYCL_TEST_DEVICE names.
+/// Returns a word that selects the device on which tests run: PoCL, or the device that RAYCL_TEST_DEVICE names.
 pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
 }
@@ -195,8 +195,8 @@ impl Place {
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
         // Tests that do not test the lock of devices do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));
-        // Tests must not depend on what other tests or other versions have stored in the cache; tests of the cache
-        // use one of their own.
+        // Tests must not depend on programs that other tests or versions have stored in the cache, so they use no
+        // cache. Tests of the cache set another size.
         command.env("RAYCL_CACHE_MIB", "0");
         command
     }

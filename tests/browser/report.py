@@ -1,7 +1,9 @@
 """Opens raycl's pages in Chromium, from files, as a reader does: points, clicks, types, looks for errors.
 
-Usage: report.py SYNTHETIC RESULTS [REPRODUCTION], folders with report.html (the last: reproduction.html).
-Screenshots are left beside the pages. AXE names axe-core's axe.min.js. Needs Debian's chromium, chromium-driver and python3-selenium.
+Usage: report.py SYNTHETIC RESULTS [REPRODUCTION [MICROSCOPE]]. SYNTHETIC and RESULTS are folders with report.html,
+REPRODUCTION is a folder with reproduction.html, and MICROSCOPE is a page that `raycl compile` wrote. The environment
+variable AXE names axe-core's axe.min.js. Screenshots are written to the folder that SHOTS names; without
+SHOTS, most are written beside the pages. Needs Debian's chromium, chromium-driver and python3-selenium.
 """
 import os
 import sys
@@ -37,7 +39,7 @@ def load(driver, page):
 
 
 def check_clean(driver, page):
-    """No error on the console, nothing from the network, nothing injected, no sideways scrolling."""
+    """Checks that a page logs no error, loads no other file, has no injected markup, and is not wider than the window."""
     errors = [entry for entry in driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
     assert not errors, f"{page}: {errors}"
     loaded = driver.execute_script("return performance.getEntriesByType('resource').map(e => e.name).filter(n => !n.startsWith('data:'))")
@@ -49,7 +51,7 @@ def check_clean(driver, page):
 
 
 def check_phone(driver, page):
-    """Every plot is whole within the window, with its legend; nothing in it has to be scrolled sideways."""
+    """Checks that every plot and its legend fit into the window, and that no plot scrolls sideways."""
     said = driver.execute_script("""
         const out = [], seen = e => e.getClientRects().length > 0, edge = document.documentElement.clientWidth + 0.5;
         for (const svg of document.querySelectorAll('svg.chart')) {
@@ -69,7 +71,7 @@ def check_phone(driver, page):
 
 
 def check_contrast(driver, page, look):
-    """axe-core finds no text of too little contrast."""
+    """Checks that axe-core finds no text with too little contrast."""
     driver.set_script_timeout(300)
     driver.execute_script(Path(os.environ["AXE"]).read_text())
     found = driver.execute_async_script("""
@@ -94,14 +96,14 @@ def bring(driver, element, focus=False):
 
 
 def press(driver, selector):
-    """Clicks what a reader would have scrolled to, clear of the bar at the top."""
+    """Clicks an element. Scrolls to it first, so that the bar at the top does not cover it."""
     element = driver.find_element(By.CSS_SELECTOR, selector)
     bring(driver, element)
     element.click()
 
 
 def point_at(driver, element):
-    """Moves the mouse there by coordinates: moving to an element scrolls, and scrolling hides the tip."""
+    """Moves the mouse to an element, by coordinates: a move to the element itself scrolls, and scrolling hides the tip."""
     bring(driver, element)
     x, y = driver.execute_script("const r = arguments[0].getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]", element)
     action = ActionBuilder(driver)
@@ -221,7 +223,7 @@ def screenshots(page, stem):
                                        {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": True})
             load(driver, page)
             check_clean(driver, page)
-            if look == "phone" and stem != "microscope":  # It has no plots.
+            if look == "phone" and stem != "microscope":  # The microscope has no plots.
                 check_phone(driver, page)
             if stem != "synthetic":  # 2,000 points take axe-core minutes.
                 check_contrast(driver, page, look)
@@ -235,7 +237,7 @@ def screenshots(page, stem):
 
 
 def printed(page, stem):
-    """What paper shows: every view, light, without controls."""
+    """Checks the page as it is printed: every view, in light colours, without controls."""
     driver = browser(1000, 1400, dark=True)
     try:
         driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
@@ -274,7 +276,7 @@ def main(synthetic, results, reproduction=None, microscope=None):
     driver = browser()
     try:
         page = Path(synthetic) / "report.html"
-        # The first page waits for the browser itself; the second tells how long a page takes.
+        # The first load includes the browser's own start; the second one shows how long the page takes.
         first, seconds, size = load(driver, page), load(driver, page), page.stat().st_size
         print(f"2,000 points: {size / 1e6:.1f} MB, open after {seconds:.2f} s (first {first:.2f} s)")
         assert size < 15e6, f"{size} bytes"

@@ -13,7 +13,7 @@ SIZES = [1, 2, 4, 6, 8, 10, 12, 14, 16, 32]
 
 
 def point(scene, device, number, side, base):
-    """A record: measured, but for the few that fail in each way."""
+    """Returns a record. Most points are measured; a few fail, each in one of three ways."""
     record = {
         "key": f"{scene}-{device}-{number}-{side}", "timestamp": "2026-01-01T00:00:00Z", "scene": scene,
         "device": device, "name": f"strategy-{number}" if number else "naive", "preset": None if number else "naive",

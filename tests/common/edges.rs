@@ -97,7 +97,7 @@ pub fn closed_meshes() -> Scene {
 }
 
 /// Returns rays from one point towards points on edges, about every fifth towards a vertex, and the distances of
-/// these points. No ray may continue beyond its point.
+/// these points. Every ray must find a triangle at its point or before it.
 pub fn rays_at_edges(mesh: &Mesh, origin: Vec3, count: usize) -> (Vec<Ray>, Vec<f32>) {
     let mut state = 1;
     std::iter::repeat_with(|| ray_at_an_edge(mesh, origin, &mut state)).flatten().take(count).unzip()

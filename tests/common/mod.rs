@@ -1,4 +1,5 @@
-//! Code that tests on a device share: PoCL, programs, and the check of every point of an experiment.
+//! Code that tests on a device share: the choice of the device, and pictures that are compared with the
+//! reference.
 
 pub mod apart;
 pub mod cover;
@@ -38,8 +39,8 @@ pub fn is_long() -> bool {
 }
 
 /// Returns whether a strategy is tested by `make test` too. PoCL takes half a minute to compile a strategy in
-/// which work-items share tiles. `make test` tests such strategies separately, and all their combinations
-/// under Oclgrind, which need not compile them.
+/// which work-items share tiles. `make test` tests presets with such tiles separately, and all such strategies
+/// of the pairwise cover under Oclgrind, which need not compile them.
 pub fn compiles_soon(strategy: &Strategy) -> bool {
     !strategy.shares_tiles() || is_long()
 }

@@ -23,7 +23,7 @@ def check_t4(path):
 
 
 def check_cache(path):
-    """Opens a cache as Kernel Tuner does, then has it find the best configuration in it."""
+    """Opens a cache as Kernel Tuner does, and lets Kernel Tuner find the best configuration in it."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / path.name
         shutil.copy(path, copy)
@@ -44,7 +44,7 @@ def check_cache(path):
 
 
 def simulate(path):
-    """Has Kernel Tuner tune on the file without a device, and compares what it finds with what the file says."""
+    """Lets Kernel Tuner simulate tuning from a file, without a device, and compares its best time with the file's."""
     from kernel_tuner import tune_cache
 
     cache = util.read_cache(str(path), open_cache=False)

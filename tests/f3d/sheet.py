@@ -13,7 +13,7 @@ from PIL import Image
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SIZE = (400, 250)
-# The sheet is smaller than its pictures.
+# The factor by which pictures are scaled on the sheet.
 SCALE = 0.75
 
 
@@ -46,7 +46,7 @@ def knot(path, along=400, around=24):
 
 
 def gear(path, teeth=24):
-    """A gear whose axis is z, in millimetres, as programs for printers write it."""
+    """A gear whose axis is z, in millimetres, as programs for 3D printing write it."""
     def at(radius, number, height):
         turn = 2 * math.pi * number / (4 * teeth)
         return radius * math.cos(turn), radius * math.sin(turn), height
@@ -63,7 +63,7 @@ def gear(path, teeth=24):
 
 
 def wave(path, side=120):
-    """A wave with colours of vertices."""
+    """A wave with a colour per vertex."""
     places = [6 * i / (side - 1) - 3 for i in range(side)]
     lines = []
     for x, z in ((x, z) for z in places for x in places):

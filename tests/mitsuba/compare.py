@@ -19,8 +19,8 @@ Transform = mi.ScalarTransform4f
 import models
 
 SIZE = (640, 400)
-# Least ratio of signal to noise, in dB, that a picture must have, and the means of its blocks of pixels, which have less
-# noise. A light that is too bright by a hundredth costs the second one.
+# The least signal-to-noise ratios, in dB, of a picture and of the means of its blocks of pixels. The means have less
+# noise: if a light is too bright by one hundredth, their ratio is too low.
 LEAST, LEAST_OF_BLOCKS = 30, 50
 # The side of a block, in pixels.
 BLOCK = 8
@@ -85,14 +85,14 @@ def by_raycl(raycl, file, samples, *changes):
 
 
 def by_mitsuba(file, samples, seed):
-    """Returns the sum of the light of the lamps and of that of the sky: Mitsuba's lamps would occlude the sky."""
+    """Returns the sum of a picture with only the lamps and one with only the sky: Mitsuba's lamps would occlude the sky."""
     scene = tomllib.loads(file.read_text())
     lamps = {f"light{i}": lamp(light) for i, light in enumerate(scene.get("light", []))}
     seen = "picture" in scene["sky"]
     light = cast(scene, file.parent, {"sky": sky(scene["sky"], file.parent)}, not seen, samples, 2 * seed)
     if lamps:
         light[..., :3] += cast(scene, file.parent, lamps, True, samples, 2 * seed + 1)[..., :3]
-    # What rays see that hit nothing.
+    # Rays that hit nothing see the background.
     return light[..., :3] + (0 if seen else (1 - light[..., 3:]) * scene["background"])
 
 
@@ -123,7 +123,7 @@ def rows_from_pole_to_pole(path, finer=4):
 
 
 def mixed(texels, x, y, within):
-    """Mixes the four nearest texels at each row of y and each column of x, in texels; columns go on around."""
+    """Mixes the four nearest texels at all rows `y` and columns `x`, in texels. The first column follows the last one."""
     left, top = np.floor(x).astype(int), np.floor(y).astype(int)
     part = (x - left)[None, :, None]
     rows = [texels[within(row)] for row in (top, top + 1)]
@@ -153,7 +153,7 @@ def cast(scene, folder, lights, hidden, samples, seed):
         at = (pixels + 0.5 + filtered(chance.random(pixels.shape))) / SIZE
         at = mi.Point2f(np.ascontiguousarray(at.T, dtype=np.float32))
         sampler = mi.load_dict({"type": "independent"})
-        # Opaque: a number that is part of the code would be compiled anew for each batch.
+        # The seed is opaque: if it were a constant, the code would be compiled again for each batch.
         sampler.seed(dr.opaque(mi.UInt32, 1 + batch + 100_000 * seed), len(pixels))
         ray, _ = world.sensors()[0].sample_ray(0, 0, at, mi.Point2f(0))
         light, hit, _ = integrator.sample(world, sampler, mi.RayDifferential3f(ray))
@@ -165,7 +165,7 @@ def cast(scene, folder, lights, hidden, samples, seed):
 
 
 def filtered(chance):
-    """Offsets from a pixel's centre that are as likely as the weight of raycl's filter: Blackman-Harris, 1.5 wide."""
+    """Returns offsets from a pixel's centre, drawn from raycl's filter: Blackman-Harris, 1.5 pixels wide."""
     at = np.linspace(-0.75, 0.75, 2001)
     weights = sum(a * np.cos(2 * math.pi * k * at / 1.5) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
     below = np.concatenate([[0], np.cumsum((weights[1:] + weights[:-1]) / 2)])

@@ -17,7 +17,7 @@ def save(path, *channels):
 
 
 def tiles(folder):
-    """Four tiles, each of its own colour, so that a mirrored or turned picture shows."""
+    """Four tiles of four colours, so that a mirrored or turned picture is noticed."""
     u, v = places(64, 64)
     right, low = u > 0.5, v > 0.5
     line = (np.abs((2 * u) % 1 - 0.5) > 0.46) | (np.abs((2 * v) % 1 - 0.5) > 0.46)
@@ -34,7 +34,7 @@ def stripes(folder):
 
 
 def masks(folder):
-    """A lattice, whose brightness is the mask, and a leaf of round holes, with an alpha channel."""
+    """A lattice, whose brightness is the mask, and a leaf with round holes in its alpha channel."""
     u, v = places(48, 48)
     bars = np.minimum(np.abs((3 * (u + v)) % 1 - 0.5), np.abs((3 * (u - v)) % 1 - 0.5))
     lattice = np.clip(4 * (0.25 - bars), 0, 1)
@@ -72,7 +72,7 @@ def mesh(folder, name, material, faces):
 
 
 def square(corner, right, up, times=(1, 1)):
-    """A parallelogram, with its picture `times` across and up."""
+    """A parallelogram, on which the picture is repeated `times` across and up."""
     corner, right, up = (np.array(vector, dtype=float) for vector in (corner, right, up))
     normal = np.cross(right, up) / np.linalg.norm(np.cross(right, up))
     ends = ((0, 0), (1, 0), (1, 1), (0, 1))

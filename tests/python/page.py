@@ -1,4 +1,4 @@
-"""Runs each block of Python of a page in a process of its own; the first that fails ends it."""
+"""Runs each block of Python code of a page in a separate process, and stops at the first block that fails."""
 
 import os
 import re
@@ -8,7 +8,7 @@ import sys
 page, folder = sys.argv[1:]
 blocks = re.findall(r"^```python\n(.*?)^```$", open(page).read(), re.DOTALL | re.MULTILINE)
 assert len(blocks) >= 8, f"{len(blocks)} blocks"
-# What a block writes goes where it can be thrown away; what it reads is the repository's.
+# Blocks run in a folder that can be deleted, so that they write their files there. They read the repository's docs/.
 os.makedirs(f"{folder}/cwd", exist_ok=True)
 link = f"{folder}/cwd/docs"
 if not os.path.islink(link):

@@ -1,9 +1,9 @@
-//! The pages of docs/clusters.md for Kubernetes and CIs.
+//! The YAML of docs/clusters.md, for Kubernetes and for CIs.
 
 use super::Ground;
 use crate::binary::{has, repository};
 
-/// The page for Kubernetes and CIs contains YAML that can be read and agrees with the text.
+/// The YAML can be read, and each part of it asks for as many shards as it starts.
 #[test]
 fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() {
     let text = std::fs::read_to_string(repository("docs/clusters.md")).expect("the page");
@@ -11,7 +11,7 @@ fn the_yaml_of_the_documents_is_read_and_asks_for_as_many_shards_as_it_starts() 
         text.split("```yaml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     let read = |text: &&str| yaml_rust2::YamlLoader::load_from_str(text).expect("YAML").remove(0);
     let [job, github, gitlab] = &blocks.iter().map(read).collect::<Vec<_>>()[..] else {
-        panic!("three pages")
+        panic!("three blocks of YAML")
     };
     let spec = &job["spec"];
     let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["command"]

@@ -1,4 +1,4 @@
-//! Ten thousand points in 256 shards, put together.
+//! Ten thousand points in 256 shards, merged and reported. `make test` merges only 600 points in 32 shards.
 
 use super::succeeds;
 use crate::binary::{Place, finish, repository};
@@ -17,7 +17,7 @@ struct Replay {
 }
 
 impl Replay {
-    /// Returns one of the recorded points, in turn, with a key and names of its own and with ten samples in two
+    /// Returns one of the recorded points, in turn, with another key, with other names, and with ten samples in two
     /// launches.
     fn record(&self, recorded: &[Record], point: usize) -> Record {
         let mut record = recorded[point % recorded.len()].clone();

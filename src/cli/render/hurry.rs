@@ -20,7 +20,7 @@ const MOST_RAYS: u64 = 200_000_000;
 /// With more triangles than this, a second tree takes too long to build.
 const MOST_TRIANGLES: usize = 1_000_000;
 
-/// A program that a background process compiles, with its strategy and its workload.
+/// A program that a background process compiles, and what it is for.
 pub struct Later {
     pub strategy: Strategy,
     pub workload: Workload,
@@ -34,9 +34,8 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 }
 
 /// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen no
-/// strategy, and casts a single, small frame that is not timed. With `--cl-dir` or `--watch`, the answer is no, since
-/// the user is probably editing kernels, perhaps those of the fastest strategy. On a CPU, the answer is no too, since
-/// `tile` compiles in a short time there.
+/// strategy, the frame is not timed, and it is small enough. Kernels of `--cl-dir` are being edited, perhaps those of
+/// the fastest strategy. On a CPU, programs are compiled for other reasons, and `tile` compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -58,7 +57,7 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
 }
 
 /// Returns the strategy and the local size with which to cast a picture: the given fastest ones, or [`QUICK`]'s if the
-/// fastest strategy's program must still be compiled. In this case, that program is returned too.
+/// fastest strategy's program must still be compiled. The latter program is returned too.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,
@@ -136,7 +135,7 @@ mod tests {
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
     }
 
-    /// The test treats `deferred` as the fastest strategy.
+    /// This test uses `deferred` as the fastest strategy.
     #[test]
     fn a_picture_is_hurried_until_the_fastest_strategys_program_is_in_the_cache() {
         let (device, folder) = (gpu(), tempfile::tempdir().unwrap());

@@ -1,29 +1,27 @@
-//! Estimates how much the variances of points differ from each other. The estimate shows how much the variances of all
-//! points tell about the variance of one point.
+//! How much the variances of points differ from each other: what all points say about one point's variance.
 
 use statrs::function::gamma::digamma;
 
-/// When the distribution is estimated, each variance is limited to this multiple of the geometric mean of all observed
-/// variances. With two degrees of freedom, this limit is 9 times the true variance if all points are alike. One
-/// variance in 8,000 then exceeds it by chance.
+/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance, after the
+/// bias of both logarithms is corrected. With two degrees of freedom, a variance of more than 9 times the typical
+/// variance exceeds this limit: one in 8,000 by chance, if all points are alike.
 const MOST_TIMES: f64 = 16.0;
-/// When the distribution is estimated, variances below this fraction of the mean are replaced by this fraction, because
-/// a clock with coarse steps can show a point without any variance.
+/// When the distribution is estimated, a variance counts as at least this fraction of the mean: a clock with coarse
+/// steps can show a point without any variance.
 const LEAST_SHARE: f64 = 1e-4;
-/// The range of the degrees of freedom. At the lower end, the variances of points have nothing in common; beyond the
-/// upper end, all true variances are treated as equal.
+/// Below the first limit, points have nothing in common; above the second, their true variances are equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
-/// Number of halvings of this range (in logarithms), which find the degrees of freedom to about 12 digits.
+/// Number of halvings that find the degrees of freedom to a millionth.
 const HALVINGS: usize = 44;
 
 /// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
-/// observed variances as in Smyth, "Linear models and empirical Bayes methods for assessing differential expression in
+/// observed variances. Smyth, "Linear models and empirical Bayes methods for assessing differential expression in
 /// microarray experiments" (Statistical Applications in Genetics and Molecular Biology 3, 2004), section 6.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prior {
-    /// The variance of a point about which nothing is known.
+    /// The variance of a point of which nothing is known.
     pub variance: f64,
-    /// The weight of `variance` beside a point's own variance, in degrees of freedom. The weight is small if some
+    /// The number of degrees of freedom for which `variance` counts beside a point's own variance. It is small if some
     /// points vary far more than others, and large if all vary alike.
     pub degrees: f64,
     /// The geometric mean of the true variances.
@@ -47,8 +45,7 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // The observed variances differ even if the true variances are equal. What remains is the spread of the true
-        // variances.
+        // Even points that are alike have observed variances that differ; the rest of the spread is the points' own.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
@@ -66,8 +63,8 @@ fn log_bias(half: f64) -> f64 {
     digamma(half) - half.ln()
 }
 
-/// Returns the derivative of digamma for positive `x`. Below 6 it uses the recurrence, and from 6 on the asymptotic
-/// series (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
+/// Returns the derivative of digamma for positive `x`: the recurrence up to 6, and from there on the asymptotic series
+/// (Abramowitz and Stegun 1964, 6.4.6 and 6.4.12).
 fn trigamma(x: f64) -> f64 {
     let (mut at, mut sum) = (x, 0.0);
     while at < 6.0 {
@@ -136,8 +133,7 @@ mod tests {
         assert!((found.typical - 1.31).abs() < 0.05, "{found:?}");
     }
 
-    /// Half of the points have a hundred times the variance of the others, so the steady points must borrow little from
-    /// them.
+    /// Half of the points vary a hundred times as much as the others, so that the points borrow little from each other.
     #[test]
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =

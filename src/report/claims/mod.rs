@@ -214,7 +214,7 @@ mod tests {
         assert!(told.decides()[0].contains("contains the bound 1.05"), "{told:?}");
         wide.push(few("gpu", "naive", 1, 9.0, 4));
         let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
-        assert!(told.lines[0].text.starts_with("naive at 8 x 8"), "a ratio and not its lack: {told:?}");
+        assert!(told.lines[0].text.starts_with("naive at 8 x 8"), "a ratio and not a missing one: {told:?}");
         wide.push(measured("gpu", "naive", 2, 10.05));
         let told = claim(&fastest("4x4", "by = 1.05"), &[&wide]);
         assert_eq!(told.verdict, Verdict::NotHeld, "one sure ratio is enough: {told:?}");

@@ -6,7 +6,7 @@ fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
 }
 
-/// Returns a record whose samples differ by up to one per cent.
+/// Returns a record whose samples vary by half a per cent.
 fn timed(device: &str, name: &str, around: f64) -> Record {
     let mut record = measured(device, name, 8, around);
     record.samples_ms = (0..10).map(|n| around * (1.0 + 0.005 * f64::from(n % 3))).collect();
@@ -247,8 +247,8 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
 }
 
-/// If a run compares two folders of kernels, a point's name ends with the name of its folder. A pair's name does not,
-/// because the pair belongs to both folders.
+/// In a run, a point's name ends with its folder of kernels. A regression names a pair of points without a folder,
+/// since this would be the first point's folder.
 #[test]
 fn a_regression_does_not_name_the_old_folder_of_kernels() {
     let with = |kernels: &str, ms| Record {

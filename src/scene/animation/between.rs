@@ -173,7 +173,7 @@ mod tests {
         }
     }
 
-    /// The slopes of the parabola are, by hand: (3 * 1 - next) / 2 for lines of equal length.
+    /// The slopes of the parabola were computed by hand: (3 * 1 - next) / 2 for lines of equal length.
     #[test]
     fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
         for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {

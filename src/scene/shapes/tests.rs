@@ -105,7 +105,7 @@ fn some_facets_of_the_broken_gourd_face_inwards() {
         broken.corner_normals(other)[0].dot(sum) > 0.0
     };
     let lit = whole.triangles.iter().zip(&broken.triangles).filter(outwards).count();
-    assert!((486..=583).contains(&lit), "{lit} of 648: three to nine of ten are wanted");
+    assert!((486..=583).contains(&lit), "{lit} of 648: three quarters to nine tenths are expected");
 }
 
 #[test]

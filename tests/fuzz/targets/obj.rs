@@ -1,4 +1,4 @@
-//! An OBJ file, and after a line of `====` its material file: read as a bare mesh.
+//! An OBJ file and, after a line `====`, its material file. The OBJ file is read as a bare mesh.
 #![no_main]
 
 mod folder;
