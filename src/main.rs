@@ -7,6 +7,7 @@ use miette::MietteHandlerOpts;
 
 fn main() -> ExitCode {
     set(raycl::device::thread_variables());
+    set(raycl::device::cache_variables());
     match raycl::cli::Cli::read().and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -185,3 +185,28 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
         files.map(|file| file.expect("a file").file_name().into_string().expect("text")).collect();
     assert!(names.iter().any(|name| name.starts_with("devices-")), "{names:?}");
 }
+
+#[test]
+#[cfg(target_os = "linux")]
+fn without_a_cache_folder_that_can_be_written_pictures_are_cast_all_the_same() {
+    let place = place(CONFIG);
+    std::fs::create_dir(place.path("temporary")).expect("a folder");
+    let device = device();
+    let render = |name: &str, value: &str| {
+        let arguments =
+            ["render", "scene.toml", "--width", "17", "--height", "9", "-o", "a.png", "--device", &device];
+        let mut command = place.raycl(&arguments);
+        command
+            .env_remove("XDG_CACHE_HOME")
+            .env_remove("POCL_CACHE_DIR")
+            .env("TMPDIR", place.path("temporary"));
+        command.env(name, value).assert()
+    };
+    render("HOME", "/dev/null").success();
+    let user = rustix::process::geteuid().as_raw();
+    let programs = place.path(&format!("temporary/raycl-{user}/pocl"));
+    assert!(std::fs::read_dir(programs).is_ok_and(|files| files.count() > 0), "PoCL stored nothing");
+    let refused = render("POCL_CACHE_DIR", "/dev/null/kernels").code(1);
+    let said = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    has(&said, &["POCL_CACHE_DIR", "'/dev/null/kernels'"]);
+}

@@ -22,6 +22,22 @@ pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
+/// Makes a private folder among the temporary files, which later processes of this user find again; `None` if it cannot
+/// be made, or if it belongs to somebody else.
+#[cfg(unix)]
+pub fn temporary() -> Option<PathBuf> {
+    let user = rustix::process::geteuid().as_raw();
+    let folder = std::env::temp_dir().join(format!("raycl-{user}"));
+    make(&folder).ok()?;
+    let own = folder.symlink_metadata().is_ok_and(|found| found.is_dir());
+    (own && trusted(&folder).is_some()).then_some(folder)
+}
+
+#[cfg(not(unix))]
+pub fn temporary() -> Option<PathBuf> {
+    None
+}
+
 /// Makes a folder that only its owner can use.
 #[cfg(unix)]
 pub fn make(folder: &Path) -> std::io::Result<()> {

@@ -82,6 +82,9 @@ fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>
     for platform in empty_platforms {
         text += &format!("\nThis platform has no device: {platform}.");
     }
+    if let Some(advice) = device::cache_advice().filter(|_| !empty_platforms.is_empty()) {
+        text += &format!("\nNote: {advice}.");
+    }
     text + &match infos.iter().find(|info| Some(info.slug().as_str()) == default) {
         Some(info) => format!("\nBy default, raycl casts on {}.", info.describe()),
         None => "\nNo device here can be used.".to_owned(),

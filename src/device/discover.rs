@@ -7,6 +7,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ocl::core::DeviceInfo as Query;
 
 use super::asked::Asked;
+use super::kernel_cache::cache_advice;
 use super::patience::Patience;
 use super::threads::threads_of;
 use super::variables;
@@ -39,10 +40,11 @@ pub(super) fn discover_untested() -> Result<Vec<Device>> {
 fn usable_or_not(Survey { devices, empty_platforms }: Survey) -> Result<Vec<Device>> {
     if devices.is_empty() {
         let platforms = empty_platforms.join(", ");
+        let help = cache_advice().unwrap_or_else(|| HOW_TO_GET_ONE.to_owned());
         return Err(Error::run(format!(
             "no OpenCL device was found (platforms without a device: {platforms})"
         ))
-        .with_help(HOW_TO_GET_ONE));
+        .with_help(help));
     }
     Ok(devices)
 }

@@ -250,7 +250,7 @@ pub struct Record {
     pub throttled_samples: Option<u32>,
     /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
-    /// The seed for the order of rounds.
+    /// The seed for the order of launches and rounds.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]

@@ -1,0 +1,67 @@
+//! The folder in which PoCL stores compiled kernels. Without a folder that it can write, PoCL lists no device.
+
+use std::path::{Path, PathBuf};
+
+/// PoCL's environment variable for this folder.
+const FOLDER: &str = "POCL_CACHE_DIR";
+
+/// Returns the variables to set before a driver is loaded, so that PoCL can write its folder: a private folder among
+/// the temporary files, if the user's cache folder cannot be written. Returns no variables if the user has set
+/// `POCL_CACHE_DIR`.
+pub fn cache_variables() -> Vec<(&'static str, String)> {
+    let named = std::env::var_os(FOLDER).is_some();
+    if named || default_folder().is_none_or(|folder| can_be_written(&folder)) {
+        return Vec::new();
+    }
+    let folder = crate::cache::temporary().map(|folder| folder.join("pocl"));
+    folder.and_then(|folder| folder.to_str().map(|name| (FOLDER, name.to_owned()))).into_iter().collect()
+}
+
+/// Returns advice if PoCL cannot write its folder, and therefore lists no device.
+pub fn cache_advice() -> Option<String> {
+    let named = std::env::var_os(FOLDER).map(PathBuf::from);
+    let folder = named.or_else(default_folder).filter(|folder| !can_be_written(folder))?;
+    Some(format!(
+        "PoCL lists no device if it cannot write the folder for its compiled kernels, here '{}'; \
+         set {FOLDER} to a folder that you can write",
+        folder.display()
+    ))
+}
+
+/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set; `None` if it is among the temporary files.
+fn default_folder() -> Option<PathBuf> {
+    let place = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    let caches = place("XDG_CACHE_HOME").or_else(|| Some(place("HOME")?.join(".cache")))?;
+    Some(caches.join("pocl/kcache"))
+}
+
+/// Returns whether this process can write into a folder, or can create it where it does not exist.
+#[cfg(unix)]
+fn can_be_written(folder: &Path) -> bool {
+    use rustix::fs::{Access, access};
+    let Some(existing) = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok()) else {
+        return false;
+    };
+    existing.is_dir() && access(existing, Access::WRITE_OK | Access::EXEC_OK).is_ok()
+}
+
+#[cfg(not(unix))]
+fn can_be_written(_: &Path) -> bool {
+    true
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_can_be_written_if_its_nearest_existing_ancestor_can() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").expect("a file");
+        assert!(can_be_written(folder.path()) && can_be_written(&folder.path().join("a/b/c")));
+        assert!(!can_be_written(&file) && !can_be_written(&file.join("a/b")));
+        std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
+        assert!(!can_be_written(&folder.path().join("broken/a")));
+    }
+}
