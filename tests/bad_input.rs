@@ -226,8 +226,8 @@ fn a_kernel_that_does_not_compile_shows_the_compilers_words() {
     let device = crate::binary::device();
     let render =
         ["render", "scene.toml", "--device", &device, "--strategy", "deferred", "--cl-dir", &kernels];
-    let message = place.mistake(&render, 1);
-    has(&message, &["the build failed", "cast/shade.cl:1"]);
+    let message = place.mistake(&render, 2);
+    has(&message, &["does not compile", &format!("{kernels}/cast/shade.cl:1:"), "raycl kernel"]);
     assert!(!message.contains("####"), "{message}");
 }
 

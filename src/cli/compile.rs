@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long)]
     device: Option<String>,
     /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long, requires = "out")]

@@ -19,7 +19,7 @@ pub struct Args {
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
     /// Write the pages of all commands to this folder instead: raycl.1, raycl-render.1, ...
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
     #[arg(long, requires = "out")]

@@ -28,7 +28,7 @@ pub struct Args {
     #[arg(long)]
     device: Option<String>,
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads
-    #[arg(long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace FILE even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "out")]

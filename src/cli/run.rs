@@ -57,7 +57,7 @@ pub struct Args {
     config: PathBuf,
     /// The folder of results [default: results/NAME, where NAME is the config's name, or results/NAME-2, ... if that
     /// folder exists]
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into DIR even if DIR contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]

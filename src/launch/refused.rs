@@ -34,6 +34,10 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
+/// The remedy for an error in a kernel file of the user.
+const OWN_FILE: &str =
+    "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
+
 impl Refused {
     /// Adds to an error the name of the step that failed.
     pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
@@ -66,6 +70,9 @@ impl Refused {
                 Cause::Size => cannot(device, SMALLER),
             },
             Self::Host(_) => cannot("this machine", SMALLER),
+            Self::Build(error) if error.in_own_file => {
+                Error::input(format!("a kernel file does not compile: {reason}")).with_help(OWN_FILE)
+            }
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
@@ -109,5 +116,15 @@ mod tests {
         let refused = Refused::Host(Infeasible::beyond("memory: 2 B > 1 B".to_owned()));
         let message = refused.into_error("the device").to_string();
         assert_eq!(message, "this machine cannot cast this frame: memory: 2 B > 1 B");
+    }
+
+    #[test]
+    fn an_error_in_the_users_own_kernel_file_is_the_users_mistake() {
+        for (in_own_file, code) in [(true, 2), (false, 1)] {
+            let error = BuildError { log: "mine/a.cl:7:1: error: no".to_owned(), in_own_file };
+            let error = Refused::Build(error).into_error("the device");
+            assert_eq!(error.exit_code(), code);
+            assert!(error.to_string().contains("mine/a.cl:7:1"), "{error}");
+        }
     }
 }

@@ -233,7 +233,8 @@ impl Session {
             return Ok((program, 0.0));
         }
         let Queue { context, device, .. } = &self.queue;
-        let program = BuiltProgram::build(context, *device, spec, &self.kept).map_err(Refused::Build)?;
+        let program = BuiltProgram::build(context, *device, spec, &self.kept)
+            .map_err(|error| Refused::Build(error.located(&self.sources, &spec.files)))?;
         let build_ms = program.build_ms;
         Ok((program, build_ms))
     }

@@ -4,6 +4,7 @@ use super::ProgramSpec;
 use super::compiled::is_ptx;
 use super::kept::{Kept, KeptProgram};
 use crate::device::quieting;
+use crate::sources::Sources;
 use ocl::enums::{ProgramBuildInfo, ProgramInfo, ProgramInfoResult};
 use ocl::{Context, Device, Program};
 use std::ffi::CString;
@@ -21,8 +22,32 @@ pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 #[derive(Debug, Error)]
 #[error("{log}")]
 pub struct BuildError {
-    /// The compiler's messages, unchanged.
+    /// The compiler's messages.
     pub log: String,
+    /// Whether an error is known to be in a kernel file of the user.
+    pub in_own_file: bool,
+}
+
+impl BuildError {
+    /// Gives kernel files their paths. The compiler names them relative to `cl/` or to the user's folder.
+    pub(crate) fn located(self, sources: &Sources, files: &[String]) -> Self {
+        let path = |name: &str| files.iter().any(|file| file == name).then(|| sources.path_of(name));
+        let log = with_paths(&self.log, path);
+        let own = sources.own_files().unwrap_or_default();
+        let of_own =
+            |line: &str| own.iter().any(|file| line.contains(&format!("{}:", sources.path_of(file))));
+        let in_own_file = log.lines().any(|line| line.contains("error") && of_own(line));
+        Self { log, in_own_file }
+    }
+}
+
+/// Replaces the name of a file at the begin of a word, as in `name:7:1: error`, by its path.
+fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
+    let located = |word: &str| {
+        let (name, place) = word.split_once(':')?;
+        Some(format!("{}:{place}", path(name)?))
+    };
+    log.split_inclusive([' ', '\n']).map(|word| located(word).unwrap_or_else(|| word.to_owned())).collect()
 }
 
 /// A program compiled for one device.
@@ -153,7 +178,9 @@ fn options(device: Device, spec: &ProgramSpec) -> String {
 fn compile(context: &Context, device: Device, source: &str, options: &str) -> Result<Program, BuildError> {
     let mut builder = Program::builder();
     let builder = builder.src(source).cmplr_opt(options).devices(device);
-    builder.build(context).map_err(|error| BuildError { log: compiler_log(&error.to_string()) })
+    builder
+        .build(context)
+        .map_err(|error| BuildError { log: compiler_log(&error.to_string()), in_own_file: false })
 }
 
 /// Loads a program from a stored binary; `None` if the driver does not accept it.
@@ -175,4 +202,35 @@ fn compiler_log(message: &str) -> String {
     let lines: Vec<_> =
         message.lines().filter(|line| !line.contains("####") && !line.trim().is_empty()).collect();
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_about_kernel_files_get_the_files_paths() {
+        let path = |name: &str| (name == "cast/a.cl").then(|| "mine/cast/a.cl".to_owned());
+        let log =
+            "error: cast/a.cl:7:1: expected ';'\ncast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
+        let expected = "error: mine/cast/a.cl:7:1: expected ';'\nmine/cast/a.cl:8: note\ncl/cast/a.cl:9: cast/b.cl:1: a ? b : c";
+        assert_eq!(with_paths(log, path), expected);
+    }
+
+    #[test]
+    fn only_errors_in_files_of_the_folder_are_the_users() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("cast")).expect("a folder");
+        std::fs::write(folder.path().join("cast/shade.cl"), "").expect("a file");
+        let sources = Sources::Folder(folder.path().to_owned());
+        let files = ["cast/shade.cl".to_owned(), "cast/scene.cl".to_owned()];
+        let located =
+            |log: &str| BuildError { log: log.to_owned(), in_own_file: false }.located(&sources, &files);
+        let own = located("error: cast/shade.cl:1:1: no");
+        assert_eq!(own.log, format!("error: {}/cast/shade.cl:1:1: no", folder.path().display()));
+        assert!(own.in_own_file);
+        let other = located("error: cast/scene.cl:1:1: no\nwarning: cast/shade.cl:2:2: hm");
+        assert_eq!(other.log.lines().next(), Some("error: cl/cast/scene.cl:1:1: no"));
+        assert!(!other.in_own_file);
+    }
 }
