@@ -152,6 +152,17 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
 }
 
 #[test]
+fn the_advised_up_is_not_parallel_to_the_view() {
+    for (camera, advised) in
+        [("look_at = [0, 5, 0]", "[0, 0, 1]"), ("look_at = [0, 0, 5]\nup = [0, 0, 1]", "[0, 1, 0]")]
+    {
+        let (_folder, path) = scene_file(&format!("[camera]\n{camera}\n[[object]]\nshape = \"ground\"\n"));
+        let Error::Input(input) = load_scene(&path).unwrap_err() else { panic!("{camera}") };
+        assert!(input.help.ends_with(advised), "{camera}: {}", input.help);
+    }
+}
+
+#[test]
 fn a_missing_file_is_named_with_the_nearest_one() {
     let (_folder, path) = scene_file("");
     let error = load_scene(&path.with_file_name("scen.toml")).unwrap_err();

@@ -84,7 +84,7 @@ impl Workload {
         4 * Mapped::floats(self.mip_levels) as u64
     }
 
-    /// Returns whether each pixel casts rays to its own points of the lights, or in its own direction to the sky.
+    /// Returns whether light is soft: each pixel samples points of lights with a radius, or directions to the sky.
     pub fn is_soft(&self) -> bool {
         self.soft_lights || self.sky
     }

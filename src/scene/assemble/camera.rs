@@ -94,7 +94,10 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
     }
     let message =
         format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);
+    // The usual direction, unless the camera looks mostly along it.
+    let direction = (target - position).abs();
+    let usable = if direction.y <= direction.x.max(direction.z) { "[0, 1, 0]" } else { "[0, 0, 1]" };
     document
         .error(at([0, 1, 2]), message, "no upward direction")
-        .with_help("choose an `up` that is not parallel to the view direction, such as [0, 0, 1]")
+        .with_help(format!("choose an `up` that is not parallel to the view direction, such as {usable}"))
 }
