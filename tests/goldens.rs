@@ -1,8 +1,8 @@
 //! The paper's figures: pictures that are computed here in f64, without raycl's code and scene files, are
 //! compared with the binary's pictures and with raycl's reference.
 //!
-//! Formulas and numbers are from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
-//! Practice*, 3rd ed., chapter 15, with the paper's scenes.
+//! The formulas and the single triangle are from Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and
+//! Practice*, 3rd ed., chapter 15. The scenes are the paper's.
 
 use crate::binary::{Place, device, repository};
 use glam::{DVec3, dvec3};

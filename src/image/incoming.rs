@@ -29,7 +29,7 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of rows to pass at a time; multiples of it are allowed.
+    /// Returns the number of rows that each call of `take` must get, or a multiple of it. The last call may get fewer.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,

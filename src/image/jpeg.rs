@@ -47,7 +47,7 @@ impl Encoding {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
 
-    /// Returns the number of rows to pass at a time; multiples of it are allowed.
+    /// Returns the number of rows that each call of `take` must get, or a multiple of it. The last call may get fewer.
     pub fn rows_together(&self) -> usize {
         self.cut.rows()
     }

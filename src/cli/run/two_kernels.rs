@@ -30,7 +30,7 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
 fn regressed(comparison: &Comparison, worse: &[String], folder: &Folder) -> Error {
     let [first, second] = &comparison.labels;
     let help = match comparison.broken.is_empty() {
-        true => format!("the kernels of {second} are slower than those of {first}"),
+        true => format!("some points take longer with the kernels of {second} than with those of {first}"),
         false => {
             let images = folder.path.join("images");
             format!(
