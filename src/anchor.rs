@@ -145,7 +145,7 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     match wrong <= MOST_GRAZING {
         true => Ok(()),
         false => Err(failed(format!(
-            "{wrong} of {} rays hit something different on the device than on the host",
+            "{wrong} of {} rays found a different distance on the device than on the host",
             found.len()
         ))),
     }
@@ -205,7 +205,7 @@ mod tests {
             assert!(text.contains(right));
             let broken = Anchor::of_text(&queue, units, &text.replace(right, wrong));
             let said = broken.err().expect("it is wrong").to_string();
-            assert!(said.contains("hit something different"), "{said}");
+            assert!(said.contains("found a different distance"), "{said}");
         }
     }
 

@@ -85,8 +85,8 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
-    // A light that is nearer than the bias counts as lying on the surface. The sky has no position, so only the
-    // direction counts.
+    // A light that is nearer than the bias counts as hidden. The sky has no position, so only its
+    // direction is tested.
     const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
 }

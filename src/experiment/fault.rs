@@ -16,7 +16,7 @@ pub struct Fault {
     kind: Kind,
     step: Step,
     point: usize,
-    /// True if only the run's first worker fails.
+    /// True if only the first worker of each device fails.
     pub once: bool,
 }
 

@@ -165,7 +165,7 @@ file_axis! {
 }
 axis! {
     /// The number of kernels per frame.
-    Passes "passes" "how many kernels a frame takes" {
+    Passes "passes" "whether one kernel does the whole frame, or each pass has its own" {
         Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (afterwards, another kernel shades tiles that work-items share)",
         Separate "separate" "one kernel finds the nearest hits, another shades them; they are timed separately",
     }

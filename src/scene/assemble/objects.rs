@@ -158,7 +158,7 @@ fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     }
 }
 
-/// Returns the shape with this name and its parameters.
+/// Returns the shape that has this name, with the object's parameters.
 fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Result<Shape> {
     let Some(mut shape) = Shape::from_name(name.get_ref()) else {
         let meant = nearest(name.get_ref(), Shape::NAMES);

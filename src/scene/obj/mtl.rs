@@ -1,4 +1,5 @@
-//! Reads MTL files with `tobj`, after checking each line so that mistakes have a location.
+//! Reads MTL files. Each line is checked first, so that an error message can name the line; then `tobj` reads the checked
+//! lines.
 
 use super::Permitted;
 use super::asked::Asked;
