@@ -1,5 +1,5 @@
 // The book's rasteriser, with one work-item per triangle. Unlike the book's version, this rasteriser clips at the near
-// plane and interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion
+// plane. It interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion
 // using 2D Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may extend behind the
 // eye.
 //

@@ -80,8 +80,9 @@ pub struct Lines {
 const QUIET: Duration = Duration::from_secs(60);
 
 impl Lines {
-    /// Returns ", about 12m left", estimated from the steps that were timed since this run's first point began. Points
-    /// that do not fit on the device take no time; if their steps counted, the estimate would be too short.
+    /// Returns text such as ", about 12m left", or an empty text if no step has been timed yet or none is left. The
+    /// estimate uses the steps that were timed since this run's first point began. Points that do not fit on the device
+    /// take no time; if their steps counted, the estimate would be too short.
     fn left(&self) -> String {
         let Some((begun, before)) = self.since else { return String::new() };
         let now_done = self.taken.saturating_sub(before + self.untimed);

@@ -41,7 +41,7 @@ impl BuildError {
     }
 }
 
-/// Replaces the name of a file at the begin of a word, as in `name:7:1: error`, by its path.
+/// Replaces the name of a file at the start of a word, as in `name:7:1: error`, by its path.
 fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
     let located = |word: &str| {
         let (name, place) = word.split_once(':')?;

@@ -52,8 +52,8 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // The tree is built with small leaves. Wide nodes then combine the small leaves into larger ones, as in
-            // DeviceTree.
+            // With fewer than 32 children per node, WideBvh::of_mesh builds the tree with small leaves and then combines
+            // them. With 32 children, the tree may be built with larger leaves, and then needs less than this sum.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);

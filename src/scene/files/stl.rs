@@ -23,7 +23,7 @@ const HEAD_BYTES: usize = 1 << 10;
 /// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
 const COLOUR: &[u8] = b"COLOR=";
 
-/// Reads a file named `name`.
+/// Reads an STL file from its bytes. Errors name the file as `name`.
 pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     let (corners, notes) = match is_binary(bytes) {
         true => {
