@@ -43,6 +43,7 @@ fn meshes_and_scenes_of_other_formats() {
         (b"ply\nformat binary_little_endian 1.0\nend_header\n\0\0\x80\x3f", "a PLY mesh"),
         (b"solid cube\n facet normal 0 0 1\n  outer loop\n", "an STL mesh"),
         (b"solid\nendsolid\n", "an STL mesh"),
+        (b"SOLID CUBE\n FACET NORMAL 0 0 1\n  OUTER LOOP\n", "an STL mesh"),
         (&binary_stl(), "an STL mesh"),
         (br#"{"asset":{"version":"2.0"},"scene":0}"#, "a glTF scene (JSON)"),
         (b"{\n  \"accessors\": [ { \"bufferView\": 0 } ]", "a glTF scene (JSON)"),

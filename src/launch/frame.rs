@@ -123,4 +123,11 @@ mod tests {
         assert_eq!(first.and(&second), both);
         assert_eq!(FrameTimes::default().and(&first), first);
     }
+
+    #[test]
+    fn a_batch_takes_as_long_as_all_its_frames() {
+        let frame = FrameTimes::whole(1.0, 1.5);
+        assert_eq!(frame.elapsed_ms(), 1.5);
+        assert_eq!(FrameTimes { batch: Some(8), ..frame }.elapsed_ms(), 12.0);
+    }
 }

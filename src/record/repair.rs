@@ -92,6 +92,29 @@ mod tests {
         }
     }
 
+    /// Each journal has another kind of line.
+    #[test]
+    fn whole_lines_of_every_journal_are_kept() {
+        let record = serde_json::to_string(&Record::default()).unwrap();
+        let round = serde_json::to_string(&RoundLoad::default()).unwrap();
+        let anchor = "{\"anchor\":\"a\",\"device\":\"d\",\"launch\":0,\"round\":0,\"at_ms\":1.0,\"ms\":1.5}";
+        let lines = [
+            (ROUNDS, round.as_str()),
+            (ANCHORS, anchor),
+            (RECORDS, record.as_str()),
+            (CONTROLS, record.as_str()),
+            (SAMPLES, "{\"key\":\"a\",\"round\":0,\"ms\":1.5}"),
+        ];
+        for (journal, line) in lines {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(journal);
+            std::fs::write(&path, format!("{line}\nnonsense\n")).unwrap();
+            let [repaired] = &repair(folder.path()).unwrap()[..] else { panic!("{journal} was not damaged") };
+            assert_eq!((repaired.damaged, repaired.kept), (1, 1), "{journal}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("{line}\n"), "{journal}");
+        }
+    }
+
     #[test]
     fn damaged_lines_go_and_a_copy_stays() {
         let folder = tempfile::tempdir().unwrap();

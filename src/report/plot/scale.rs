@@ -138,6 +138,9 @@ mod tests {
         assert_eq!(scale.ticks(), [0.0, 50_000.0, 100_000.0, 150_000.0]);
         let scale = Scale::over(Kind::Log, [0.01, 5000.0].into_iter(), [0.0, 1.0]);
         assert_eq!(scale.ticks().len(), 6, "{:?}", scale.ticks());
+        // An axis within one power of ten has ticks too.
+        assert_eq!(Scale::between(Kind::Log, [2.0, 9.0], [0.0, 1.0]).ticks(), [2.0, 3.0, 4.0, 5.0, 6.0, 8.0]);
+        assert_eq!(Scale::between(Kind::Log, [30.0, 600.0], [0.0, 1.0]).ticks(), [50.0, 100.0, 200.0, 500.0]);
         assert_eq!([0.01, 1500.0, 150_000.0].map(label), ["0.01", "1500", "150k"]);
     }
 
