@@ -168,8 +168,8 @@ impl Error {
     }
 
     /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with a
-    /// similar name, the remedy names that file. If the file is packed and damaged, the remedy says so.
-    /// Otherwise, the remedy is `otherwise`.
+    /// similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
+    /// decompressed, the remedy says that it may be damaged. Otherwise, the remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
         let meant = is_missing.then(|| nearest_file(path)).flatten();

@@ -173,8 +173,8 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     }
 }
 
-/// Work-items that share a tile process lights in rounds, and the sky after the last light. In this scene, the lights fill
-/// a round, so that the sky has a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture
+/// If work-items share a tile, the lights are processed in rounds, a fixed number of lights at a time. The sky follows the
+/// last light. In this scene, the lights fill a round, so that the sky has a round of its own. tests/mutants/kernels.toml has a change that adds the mirrored picture
 /// in both rounds.
 #[test]
 fn a_shiny_surface_mirrors_the_sky_once_if_the_lights_fill_a_round() {

@@ -17,7 +17,10 @@ use std::path::Path;
 pub fn renew_intervals(journal: &Path, records: &[Record]) -> Result<bool> {
     let by_key: HashMap<&str, Option<[f64; 2]>> =
         records.iter().map(|record| (record.key.as_str(), interval(record))).collect();
-    let bytes = std::fs::read(journal).map_err(|error| Error::unwritable(journal.display(), &error))?;
+    let bytes = std::fs::read(journal).map_err(|error| {
+        Error::run(format!("cannot read {}: {error}", journal.display()))
+            .with_help("check that the folder of results still exists")
+    })?;
     let mut replaced = false;
     let mut text = Vec::with_capacity(bytes.len());
     for line in bytes.split_inclusive(|&byte| byte == b'\n') {

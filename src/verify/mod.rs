@@ -96,7 +96,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     (apart > strays).then(|| format!("{hits} pixels hit something; expected {fewest} to {most}"))
 }
 
-/// A pixel that was compared.
+/// A certain pixel that differs from the reference, or a pixel that is not finite.
 struct Finding {
     pixel: [u32; 2],
     difference: f64,

@@ -196,7 +196,8 @@ mod tests {
         assert!(pooled.of_level(rows[0]).error < 0.1 * pooled.of_level(rows[3]).error);
     }
 
-    /// Twenty of 37 rows take 1.5 to 1.7 times as long in the second column, as in a run of Figure 8 on a processor.
+    /// A row is a point, and a column is a launch. Twenty of 37 points take 1.5 to 1.7 times as long in the second launch.
+    /// Similar times were measured in a run of Figure 8 on a processor.
     #[test]
     fn steady_rows_are_known_though_they_are_fewer_than_half() {
         let cell = |row: usize, column: usize| {
