@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn the_command_that_continues_measures_the_same() {
         let all = args(&[
-            "my config.toml",
+            "configs/my config.toml",
             "--device",
             "nvidia",
             "--device",
@@ -63,7 +63,7 @@ mod tests {
         ]);
         assert_eq!(
             resuming(&all, Path::new("results/a")),
-            "raycl run 'my config.toml' --out results/a --device nvidia --device pocl --set timing.seed=3 \
+            "raycl run 'configs/my config.toml' --out results/a --device nvidia --device pocl --set timing.seed=3 \
              --cl-dir kernels --hang-limit 2.5 --spread --resume"
         );
         let plain = resuming(&args(&["a.toml", "--hang-limit", "600"]), Path::new("b"));
