@@ -368,4 +368,56 @@ mod tests {
             assert!(!may_be_shown(more), "{more:?}");
         }
     }
+
+    fn args(words: &[&str]) -> Args {
+        Command::parse_from([&["render"], words].concat()).args
+    }
+
+    #[test]
+    fn samples_are_those_asked_for_and_a_mesh_with_a_ground_has_defaults_of_its_own() {
+        let of = |more: &[&str], dressed| sampling(&args(&[&["a.obj"], more].concat()), dressed);
+        let usual_of_meshes = Sampling { first: 1, most: 6, half_light: 2 };
+        assert_eq!([of(&[], false), of(&[], true)], [Sampling::ONE, usual_of_meshes]);
+        for dressed in [false, true] {
+            assert_eq!(of(&["--samples", "4"], dressed), Sampling::all(4));
+            assert_eq!(of(&["--adaptive"], dressed), Sampling::adaptive(16));
+            assert_eq!(of(&["--adaptive", "--samples", "64"], dressed), Sampling::adaptive(64));
+        }
+    }
+
+    #[test]
+    fn several_devices_light_a_mesh_softly_only_with_a_number_of_samples() {
+        let dressed = |more: &[&str]| is_dressed(&args(&[&["a.obj"], more].concat()));
+        assert!(dressed(&[]) && dressed(&["--samples", "1"]) && !dressed(&["--plain"]));
+        assert!(!dressed(&["--devices", "all"]) && dressed(&["--devices", "all", "--samples", "4"]));
+        assert!(!dressed(&["--plain", "--devices", "all", "--samples", "4"]));
+    }
+
+    #[test]
+    fn a_picture_is_named_after_its_scene_and_its_files_are_not_watched() {
+        let named = |words: &[&str]| target(&args(words)).path().display().to_string();
+        assert_eq!(named(&["scenes/teapot.toml"]), "teapot.png");
+        assert_eq!(named(&["a/mesh.obj.gz"]), "mesh.png");
+        assert_eq!(named(&["-"]), "picture.png");
+        assert_eq!(named(&["a.toml", "-o", "b/c.exr"]), "b/c.exr");
+        let files = |words: &[&str]| written(&args(words));
+        assert_eq!(files(&["a.toml"]), ["a.png"].map(PathBuf::from));
+        assert_eq!(files(&["a.toml", "--layers", "b.exr"]), ["b.exr", "a.png"].map(PathBuf::from));
+    }
+
+    #[test]
+    fn only_with_one_sample_a_note_says_that_soft_lights_are_points() {
+        let with = |radii: &[f32]| {
+            let scene = crate::reference::fixtures::single_triangle();
+            let light = scene.lights[0];
+            let lights = radii.iter().map(|&radius| crate::scene::Light { radius, ..light }).collect();
+            Scene { lights, ..scene }
+        };
+        assert_eq!(hard(&with(&[0.0, 0.0]), 1), None);
+        assert_eq!(hard(&with(&[0.5, 0.5]), 2), None);
+        assert!(hard(&with(&[0.0, 0.5]), 1).is_some_and(|note| note.starts_with("1 light has a radius:")));
+        assert!(
+            hard(&with(&[0.5, 0.5]), 1).is_some_and(|note| note.starts_with("several lights have a radius:"))
+        );
+    }
 }

@@ -2,6 +2,8 @@
 
 mod earlier;
 mod environment;
+#[cfg(test)]
+mod fixtures;
 mod folders;
 mod forecast;
 mod measuring;
@@ -386,6 +388,7 @@ fn leaves_out_tables(args: &Args) -> bool {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
@@ -396,5 +399,101 @@ mod tests {
         let told = Args { quiet: false, ..quiet };
         assert!(!leaves_out_tables(&told));
         assert!(leaves_out_tables(&Args { json: true, ..told }));
+    }
+
+    #[test]
+    fn a_run_of_another_command_has_its_choices_and_the_usual_limit() {
+        let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<_>>();
+        let set = [("timing.seed".to_owned(), "3".to_owned())];
+        let of = |resumes_and_forces| {
+            Args::of("a.toml".into(), Path::new("out"), &words(&["cpu"]), &set, resumes_and_forces)
+        };
+        let args = of([true, false]);
+        assert_eq!((args.resume, args.force), (true, false));
+        assert_eq!((of([false, true]).resume, of([false, true]).force), (false, true));
+        assert_eq!((args.config, args.out), (PathBuf::from("a.toml"), Some(PathBuf::from("out"))));
+        assert_eq!((args.device, args.set), (words(&["cpu"]), set.to_vec()));
+        // Without the option, `raycl run` has the same time limit.
+        let usual = fixtures::args(&["a.toml"]).hang_limit;
+        assert_eq!((args.hang_limit, usual), (Duration::from_secs(600), Duration::from_secs(600)));
+    }
+
+    #[test]
+    fn what_the_arguments_say_of_a_run_is_in_the_run() {
+        let args = fixtures::args(&[
+            "a.toml",
+            "--out",
+            "out",
+            "--resume",
+            "--retry-failed",
+            "--hang-limit",
+            "2.5",
+            "--set",
+            "timing.seed=3",
+        ]);
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let device = asleep::device(1.0);
+        let sources = ["one", "two"].map(|folder| Sources::Folder(folder.into()));
+        let locks = Locks::of_machine(false);
+        let devices = [&device];
+        let of = |args, sources| run_of(args, &experiment, &devices, sources, &locks).unwrap();
+        let run = of(&args, &sources);
+        assert_eq!((run.limit, run.retry_failed, run.spread), (Duration::from_millis(2500), true, false));
+        assert_eq!(run.overrides, [("timing.seed".to_owned(), "3".to_owned())]);
+        let is_folder = |sources: &Sources, name: &str| matches!(sources, Sources::Folder(folder) if folder.as_os_str() == name);
+        assert!(is_folder(run.sources, "one") && run.other_sources.is_some_and(|two| is_folder(two, "two")));
+        let spread = fixtures::args(&["a.toml", "--spread"]);
+        let run = of(&spread, &sources[..1]);
+        assert!(run.spread && !run.retry_failed && run.other_sources.is_none() && run.blocks.is_none());
+    }
+
+    #[test]
+    fn only_devices_of_one_model_share_a_run() {
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (one, other) = (asleep::device(1.0), asleep::device(2.0));
+        let (sources, locks) = ([Sources::Embedded], Locks::of_machine(false));
+        let is_refused = |words: &[&str]| {
+            run_of(&fixtures::args(words), &experiment, &[&one, &other], &sources, &locks).is_err()
+        };
+        assert!(is_refused(&["a.toml", "--spread"]) && !is_refused(&["a.toml"]));
+    }
+
+    #[test]
+    fn devices_are_those_of_the_option_or_else_of_the_config() {
+        let experiment = fixtures::experiment("local_sizes = [4]\ndevices = ['pocl', 'nvidia']");
+        let of = |words: &[&str]| patterns(&fixtures::args(words), &experiment);
+        assert_eq!(of(&["a.toml"]), ["pocl", "nvidia"]);
+        assert_eq!(of(&["a.toml", "--device", "gpu", "--device", "cpu"]), ["gpu", "cpu"]);
+    }
+
+    #[test]
+    fn a_step_is_a_launch_of_a_point_on_a_device() {
+        let place = tempfile::tempdir().unwrap();
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let config = place.path().join("a.toml");
+        let text = format!(
+            "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nstrategies = ['naive']\nbaselines = ['serial']\n\
+             image_sizes = [[8, 5], [16, 10]]\nlocal_sizes = [2, 4]\ntiming.launches = 3\n"
+        );
+        std::fs::write(&config, text).unwrap();
+        let devices = [asleep::device(1.0), asleep::device(2.0)];
+        // Each picture is cast by the baseline and, on each device, with two local sizes.
+        let config = config.to_str().unwrap();
+        assert_eq!(
+            count(&fixtures::args(&[config]), &devices).unwrap(),
+            [2 * (1 + 2 * 2), 3 * 2 * (1 + 2 * 2)]
+        );
+        let fewer = fixtures::args(&[config, "--set", "timing.launches=1", "--set", "baselines=[]"]);
+        assert_eq!(count(&fewer, &devices[..1]).unwrap(), [4, 4]);
+    }
+
+    #[test]
+    fn a_time_limit_is_a_positive_number_of_seconds() {
+        assert_eq!(parse_seconds("0.25"), Ok(Duration::from_millis(250)));
+        assert_eq!(parse_seconds("90"), Ok(Duration::from_secs(90)));
+        for wrong in ["0", "-1", "", "1s", "nan", "inf"] {
+            let message = parse_seconds(wrong).expect_err("it is no time");
+            assert!(message.contains(&format!("'{wrong}'")), "{message}");
+        }
     }
 }

@@ -8,6 +8,7 @@ use super::{Device, DeviceInfo, LaneTest, variables};
 use crate::cache::Cache;
 use crate::error::Result;
 use crate::sources::Sources;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// The kind of these cache entries.
@@ -69,16 +70,31 @@ fn store(cache: &Cache, key: &str, devices: &[Device]) {
 /// hardware that the system shows, the drivers' variables, the cores allowed, and the kernel that tests lane
 /// operations.
 fn key(sources: &Sources) -> Result<String> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let vendors = vendor_paths(|name| std::env::var_os(name));
+    Ok(key_of(&probe(sources)?, cores, &vendors, &HARDWARE.map(Path::new), variables::all()))
+}
+
+fn key_of(
+    probe: &str,
+    cores: usize,
+    vendors: &[PathBuf],
+    hardware: &[&Path],
+    variables: Vec<String>,
+) -> String {
     let version =
         format!("{} {}", env!("CARGO_PKG_VERSION"), option_env!("RAYCL_GIT_REVISION").unwrap_or("-"));
-    let told = ELSEWHERE.iter().filter_map(std::env::var_os).map(PathBuf::from);
-    let vendors = std::iter::once(PathBuf::from(VENDORS)).chain(told).flat_map(|path| drivers(&path));
-    let hardware = HARDWARE.iter().flat_map(|folder| accelerators(Path::new(folder)));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let parts =
-        [version, format!("{cores} cores"), blake3::hash(probe(sources)?.as_bytes()).to_hex().to_string()];
-    let parts = parts.into_iter().chain(vendors).chain(hardware).chain(variables::all());
-    Ok(parts.collect::<Vec<_>>().join("\n"))
+    let parts = [version, format!("{cores} cores"), blake3::hash(probe.as_bytes()).to_hex().to_string()];
+    let vendors = vendors.iter().flat_map(|path| drivers(path));
+    let hardware = hardware.iter().flat_map(|folder| accelerators(folder));
+    let parts = parts.into_iter().chain(vendors).chain(hardware).chain(variables);
+    parts.collect::<Vec<_>>().join("\n")
+}
+
+/// Returns the paths at which loaders look for drivers; `variable` returns the value of an environment variable.
+fn vendor_paths(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
+    let told = ELSEWHERE.into_iter().filter_map(variable).map(PathBuf::from);
+    std::iter::once(PathBuf::from(VENDORS)).chain(told).collect()
 }
 
 /// Returns the path and the text of a file, or of every file in a folder. The text of an .icd file names the driver's
@@ -142,6 +158,54 @@ mod tests {
         assert_eq!(picked(&cache), listed);
         let kept: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
         assert!(kept.contains(&listed), "the cache holds the device as it is now");
+    }
+
+    /// The device may have been added after the list was stored.
+    #[test]
+    fn a_device_that_the_stored_list_lacks_is_looked_for_anew() {
+        let place = tempfile::tempdir().unwrap();
+        let cache = Cache::at(&place.path().join("raycl"), 1 << 20);
+        let key = key(&Sources::Embedded).unwrap();
+        cache.put(KIND, &key, b"[]");
+        let named = |infos: &[DeviceInfo]| match first_usable(infos) {
+            Ok(None) => Err(crate::error::Error::input("no device has this name")),
+            other => other,
+        };
+        let found = pick_one(&cache, &Sources::Embedded, LaneTest::Now, named).unwrap().unwrap();
+        assert!(found.lanes_are_tested);
+        let stored: Vec<DeviceInfo> = serde_json::from_slice(&cache.get(KIND, &key).unwrap()).unwrap();
+        assert!(stored.contains(&found.info));
+    }
+
+    #[test]
+    fn everything_that_may_change_the_list_changes_its_key() {
+        let place = tempfile::tempdir().unwrap();
+        let [vendors, hardware] = ["vendors", "dev"].map(|name| place.path().join(name));
+        [&vendors, &hardware].into_iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
+        let of = |probe: &str, cores, variables: &[&str]| {
+            let variables = variables.iter().map(|&variable| variable.to_owned()).collect();
+            key_of(probe, cores, std::slice::from_ref(&vendors), &[hardware.as_path()], variables)
+        };
+        let usual = || of("probe", 2, &["POCL_DEVICES=pthread"]);
+        let before = usual();
+        assert_eq!(before, usual());
+        assert_ne!(before, of("another probe", 2, &["POCL_DEVICES=pthread"]));
+        assert_ne!(before, of("probe", 4, &["POCL_DEVICES=pthread"]));
+        assert_ne!(before, of("probe", 2, &["POCL_DEVICES=pthread pthread"]));
+        std::fs::write(vendors.join("new.icd"), "libnew.so").unwrap();
+        let with_driver = usual();
+        assert_ne!(before, with_driver);
+        std::fs::write(hardware.join("nvidia0"), "").unwrap();
+        assert_ne!(with_driver, usual());
+    }
+
+    #[test]
+    fn drivers_are_also_looked_for_where_the_loaders_variables_say() {
+        let set = |name: &str| (name != "OPENCL_VENDOR_PATH").then(|| format!("/of/{name}").into());
+        let paths = vendor_paths(set);
+        let expected = ["/etc/OpenCL/vendors", "/of/OCL_ICD_VENDORS", "/of/OCL_ICD_FILENAMES"];
+        assert_eq!(paths, expected.map(PathBuf::from));
+        assert_eq!(vendor_paths(|name| (name == "OPENCL_VENDOR_PATH").then(|| "/a".into())).len(), 2);
     }
 
     #[test]

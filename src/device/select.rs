@@ -209,5 +209,33 @@ mod tests {
         assert_eq!(preferred(&infos), Some(2));
         assert_eq!(preferred(&[infos[0], infos[3]]), Some(0));
         assert_eq!(preferred(&[infos[3]]), None);
+        assert_eq!(default_place(&machine), Some(2));
+    }
+
+    #[test]
+    fn an_accelerator_comes_before_a_larger_cpu_and_of_equal_devices_the_first() {
+        let of = |name: &str, kind, units| example("P", name, kind, units);
+        let cpu = of("cpu", DeviceKind::Cpu, 200);
+        let accelerators = ["one", "two"].map(|name| of(name, DeviceKind::Accelerator, 4));
+        let [one, two] = &accelerators;
+        assert_eq!(preferred(&[&cpu, one, two]), Some(1));
+        assert_eq!(preferred(&[&of("other", DeviceKind::Other, 300), &cpu]), Some(1));
+    }
+
+    #[test]
+    fn patterns_match_vendors_and_an_unusable_device_only_if_no_other_matches() {
+        assert_eq!(places(&["a vendor"]).unwrap(), [0, 1, 2]);
+        assert_eq!(places(&["  H200 "]).unwrap(), [1, 2]);
+        assert!(message(&["accelerator"]).contains("no device that matches 'accelerator' can be used"));
+        assert!(message(&["opencl 1.0"]).contains("relic (Old Platform"));
+        let machine = machine();
+        let labels = |patterns: &[&str]| -> Vec<String> {
+            let patterns: Vec<_> = patterns.iter().map(|&pattern| pattern.to_owned()).collect();
+            let by_place = super::places(&machine, &patterns).unwrap();
+            let infos = select_infos(&machine, &patterns).unwrap();
+            assert!(infos.iter().copied().eq(by_place.iter().map(|&place| &machine[place])));
+            infos.into_iter().map(|info| info.label.clone()).collect()
+        };
+        assert_eq!(labels(&["nvidia", "cpu"]), ["NVIDIA H200", "NVIDIA H200", "pthread-skylake"]);
     }
 }

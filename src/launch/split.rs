@@ -359,7 +359,96 @@ fn at_once<A: Sync, B: Send>(all: &[A], work: impl Fn(&A) -> Result<B> + Sync) -
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::device::discover;
+    use crate::reference::fixtures;
     use crate::strategy::preset;
+
+    /// Number of pixels across and down. There are 32 rows of work-groups, as many as parts of a trial frame.
+    const SIZE: [u32; 2] = [24, 61];
+    const LOCAL_SIZE: [u32; 2] = [4, 2];
+
+    /// Returns this machine's first device under several names, each with another strategy.
+    fn castings(names: &[(&str, &str)]) -> Vec<Casting> {
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let casting = |&(name, strategy): &(&str, &str)| {
+            let mut device = device.clone();
+            device.info.label = name.to_owned();
+            Casting { device, strategy: preset(strategy).unwrap().strategy, local_size: LOCAL_SIZE }
+        };
+        names.iter().map(casting).collect()
+    }
+
+    fn split(repeat: u32) -> Split<'static> {
+        Split {
+            scene: Arc::new(fixtures::pyramid_upper()),
+            image_size: SIZE,
+            sampling: Sampling::ONE,
+            sources: &Sources::Embedded,
+            repeat,
+            verifies: false,
+            every_device: true,
+        }
+    }
+
+    #[test]
+    fn each_device_casts_its_rows_as_often_as_asked_and_says_how() {
+        let castings = castings(&[("one", "deferred"), ("two", "naive")]);
+        let (single, both) = (&split(1).cast(&castings[..1]).unwrap(), split(3).cast(&castings).unwrap());
+        let frames = |whole: &Whole| whole.shares.iter().map(|share| share.frames.len()).collect::<Vec<_>>();
+        assert_eq!((frames(single), frames(&both)), (vec![1], vec![3, 3]));
+        for (share, casting) in both.shares.iter().zip(&castings) {
+            assert_eq!((&share.device, share.strategy), (&casting.device.info.label, casting.strategy));
+            assert_eq!(share.local_size, LOCAL_SIZE);
+            assert!(share.frames.iter().all(|times| times.frame_ms > 0.0));
+        }
+        let rows: Vec<[u32; 2]> = both.shares.iter().map(|share| share.rows).collect();
+        assert_eq!((rows[0][0], rows[0][1], rows[1][1]), (0, rows[1][0], SIZE[1]));
+        assert_eq!((both.image.width, both.image.height), (SIZE[0], SIZE[1]));
+        assert!(both.hits > 0 && both.hits == single.hits && both.left_out.is_empty());
+    }
+
+    #[test]
+    fn a_team_leaves_out_its_slowest_device_and_is_compared_with_its_fastest() {
+        let split = split(1);
+        let ready =
+            at_once(&castings(&[("a", "naive"), ("b", "naive"), ("c", "naive")]), |one| split.ready(one));
+        let ready = ready.unwrap();
+        let cost = |whole_ms| Cost { whole_ms, parts: Vec::new() };
+        let costs = [4.0, 12.0, 6.0].map(cost).into();
+        let mut team = Team { ready: ready.iter().collect(), costs };
+        assert_eq!(team.alone_ms(), 4.0);
+        // In 2 ms, the devices cast a half, a sixth and a third of the frame. Rows of work-groups are 2 pixels high.
+        assert_eq!(team.rows(60), [[0, 30], [30, 40], [40, 60]]);
+        let left_out = team.without_slowest(|ms| format!("{ms} ms")).unwrap();
+        assert_eq!((left_out.device.as_str(), left_out.reason.as_str()), ("b", "12 ms"));
+        let left: Vec<(&str, f64)> = team
+            .ready
+            .iter()
+            .zip(&team.costs)
+            .map(|(one, cost)| (one.label.as_str(), cost.whole_ms))
+            .collect();
+        assert_eq!(left, [("a", 4.0), ("c", 6.0)]);
+        // Parts are measured only if each of them has a row of work-groups.
+        let parts = [61, 64, 63, 62].map(|height| ready[0].parts([8, height]).unwrap().len());
+        assert_eq!(parts, [0, PARTS, PARTS, 0]);
+    }
+
+    #[test]
+    fn a_frame_needs_a_device_and_a_device_that_fails_is_to_be_left_out() {
+        let error = split(1).cast(&[]).err().expect("there is no device");
+        assert_eq!(error.to_string(), "a device failed: no device was given");
+        assert!(error.remedy().contains("leave this device out of --devices"), "{}", error.remedy());
+    }
+
+    #[test]
+    fn work_at_once_keeps_its_order_and_a_failure_or_a_panic_is_an_error() {
+        assert_eq!(at_once(&[3, 1, 2], |number| Ok(10 * number)).unwrap(), [30, 10, 20]);
+        let failing = at_once(&[1, 2], |number| if *number == 2 { Err(Error::run("full")) } else { Ok(()) });
+        assert_eq!(failing.unwrap_err().to_string(), "full");
+        let panicking =
+            at_once(&[1, 2], |number| if *number == 2 { panic!("a test's panic") } else { Ok(()) });
+        assert_eq!(panicking.unwrap_err().to_string(), "a device failed: its thread panicked");
+    }
 
     #[test]
     fn a_joined_frame_has_the_pixels_and_the_hits_of_all_its_parts() {
@@ -376,9 +465,12 @@ mod tests {
                 frames: Vec::new(),
                 read_ms: 0.0,
             };
-            (Radiance { width: 1, height, pixels, coverage: Vec::new() }, hits, share)
+            let coverage = (rows[0]..rows[1]).map(|row| row as f32).collect();
+            (Radiance { width: 1, height, pixels, coverage }, hits, share)
         };
         let whole = joined([1, 6], vec![part([0, 3], 3), part([3, 5], 1), part([5, 6], 0)], Vec::new());
+        assert_eq!((whole.image.width, whole.image.height), (1, 6));
+        assert_eq!(whole.image.coverage, [0.0_f32, 1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(whole.image.pixels, [0.0_f32, 1.0, 2.0, 3.0, 4.0, 5.0].map(|row| [row; 3]));
         assert_eq!((whole.hits, whole.shares.len()), (4, 3));
     }

@@ -209,3 +209,88 @@ fn text(report: &Report) -> String {
     lines.push(format!("picture   {}", report.output));
     lines.join("\n")
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::launch::FrameTimes;
+    use crate::strategy::preset;
+
+    fn share(device: &str, rows: [u32; 2]) -> Share {
+        let times = FrameTimes {
+            primary_ms: Some(1.0),
+            shadow_ms: Some(2.0),
+            shade_ms: Some(3.0),
+            ..FrameTimes::whole(6.0, 7.0)
+        };
+        Share {
+            device: device.to_owned(),
+            strategy: preset("deferred").unwrap().strategy,
+            local_size: [8, 4],
+            rows,
+            build_ms: 10.0,
+            upload_ms: 11.0,
+            frames: vec![times],
+            read_ms: 12.0,
+        }
+    }
+
+    #[test]
+    fn a_row_has_the_times_of_its_share() {
+        let row = Row::from(share("one", [3, 9]));
+        assert_eq!((row.device.as_str(), row.preset, row.rows), ("one", Some("deferred"), [3, 9]));
+        assert_eq!((row.local_size, row.frame_ms), ([8, 4], 6.0));
+        assert_eq!([row.primary_ms, row.shadow_ms, row.shade_ms], [1.0, 2.0, 3.0].map(Some));
+        assert_eq!([row.build_ms, row.upload_ms, row.read_ms], [10.0, 11.0, 12.0]);
+    }
+
+    #[test]
+    fn a_value_is_told_once_only_if_all_devices_have_it() {
+        let of = |sizes: &[[u32; 2]]| {
+            let row = |&local_size: &[u32; 2]| Row::from(Share { local_size, ..share("one", [0, 1]) });
+            same(&sizes.iter().map(row).collect::<Vec<_>>(), |row| row.local_size)
+        };
+        assert_eq!([of(&[[8, 8]; 3]), of(&[[8, 8], [4, 4], [8, 8]]), of(&[])], [Some([8, 8]), None, None]);
+    }
+
+    #[test]
+    fn the_text_names_each_device_with_its_rows_and_times() {
+        let report = Report {
+            scene: "little".to_owned(),
+            triangles: 5,
+            strategy: None,
+            local_size: None,
+            image_size: [16, 9],
+            samples: 4,
+            frame_ms: 1.0,
+            upload_ms: 2.0,
+            read_ms: 3.0,
+            frame_rays_per_s: 4.0,
+            devices: vec![Row::from(share("one", [0, 3])), Row::from(share("two", [3, 9]))],
+            left_out: vec![LeftOut { device: "slow".to_owned(), reason: "it is slow".to_owned() }],
+            frames: 7,
+            total_ms: 5.0,
+            verified: None,
+            output: "a.png".to_owned(),
+            notes: vec!["a remark".to_owned()],
+        };
+        let text = text(&report).replace(['│', '┆'], " ");
+        let words: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        for line in [
+            "scene little: 5 triangles",
+            "size 16 x 9 pixels, 4 samples each",
+            "device rows strategy build ms upload ms frame ms read ms",
+            "one 0 to 3 deferred 10.00 11.00 6.00 12.00",
+            "two 3 to 9 deferred 10.00 11.00 6.00 12.00",
+            "frame 1.00 ms on the slowest device (median of 7); transfers 2.00 ms up, 3.00 ms down",
+            "left out slow: it is slow",
+            "note a remark",
+            "picture a.png",
+        ] {
+            let expected: Vec<&str> = line.split_whitespace().collect();
+            assert!(words.contains(&expected), "{line}: {text}");
+        }
+        assert!(!text.contains("strategy  "), "{text}");
+    }
+}

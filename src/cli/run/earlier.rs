@@ -27,3 +27,64 @@ pub fn earlier(out: &Path) -> Vec<Record> {
     journals.sort_by_key(|file| file.metadata().and_then(|data| data.modified()).ok());
     journals.iter().filter_map(|file| read_lines::<Record>(file).ok()).flat_map(|read| read.lines).collect()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::fixtures::experiment;
+    use super::*;
+    use crate::device_lock::Locks;
+    use crate::experiment::asleep;
+    use crate::program::Sources;
+    use crate::record::Outcome;
+    use std::time::{Duration, SystemTime};
+
+    #[test]
+    fn records_come_from_all_folders_beside_and_the_latest_last() {
+        let place = tempfile::tempdir().unwrap();
+        for (age_s, name) in [(10, "b"), (30, "a"), (20, "c")] {
+            let folder = place.path().join(name);
+            std::fs::create_dir(&folder).unwrap();
+            let record = Record { name: name.to_owned(), ..Record::default() };
+            let journal = folder.join("records.jsonl");
+            std::fs::write(&journal, serde_json::to_string(&record).unwrap() + "\n").unwrap();
+            let changed = SystemTime::now() - Duration::from_secs(age_s);
+            std::fs::File::options().append(true).open(&journal).unwrap().set_modified(changed).unwrap();
+        }
+        std::fs::create_dir(place.path().join("empty")).unwrap();
+        let names: Vec<String> =
+            earlier(&place.path().join("b")).into_iter().map(|record| record.name).collect();
+        assert_eq!(names, ["a", "c", "b"]);
+    }
+
+    #[test]
+    fn failed_points_are_expected_again_only_if_they_are_retried() {
+        let place = tempfile::tempdir().unwrap();
+        let experiment = experiment("local_sizes = [4]");
+        let (device, locks) = (asleep::device(1.0), Locks::of_machine(false));
+        let devices = [&device];
+        let run = |retry_failed| Run {
+            experiment: &experiment,
+            overrides: &[],
+            devices: &devices,
+            sources: &Sources::Embedded,
+            other_sources: None,
+            limit: Duration::MAX,
+            retry_failed,
+            locks: &locks,
+            spread: false,
+            blocks: None,
+            ahead: None,
+        };
+        let planned = run(false).planned_points().unwrap();
+        let outcomes = [Outcome::Measured, Outcome::BuildFailed];
+        let done: Vec<Record> = planned
+            .iter()
+            .zip(outcomes)
+            .map(|((_, _, point), outcome)| Record { key: point.key.clone(), outcome, ..Record::default() })
+            .collect();
+        assert_eq!(done.len(), 2);
+        let count = |retries| foreseen(&run(retries), &place.path().join("out"), &done).unwrap().points[0];
+        assert_eq!([count(false), count(true)], [0, 1]);
+    }
+}

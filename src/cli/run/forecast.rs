@@ -13,23 +13,32 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
     }
     let mut table = table(&["point", "device", "fits", "__local B", "__constant B", "scratch B"], 3);
     for point in points {
-        let bytes = |of: fn(&Requirements) -> u64| {
-            point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
-        };
-        let cells = [
-            point.label.clone(),
-            point.device.clone(),
-            point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| "yes".to_owned()),
-            bytes(|needs| needs.local_bytes),
-            bytes(|needs| needs.constant_bytes),
-            bytes(|needs| needs.scratch_bytes),
-        ];
-        table.add_row(cells);
+        table.add_row(cells(point));
     }
     print(table)?;
     let mut notes: Vec<&String> = points.iter().flat_map(|point| &point.scene_notes).collect();
     notes.dedup();
     notes.into_iter().try_for_each(|note| print(format!("note: {note}")))?;
+    print(format!("{}\n{expected}.", counts(points)))
+}
+
+/// Returns a point's row of the table.
+fn cells(point: &Forecast) -> [String; 6] {
+    let bytes = |of: fn(&Requirements) -> u64| {
+        point.needs.as_ref().map_or(String::new(), |needs| of(needs).to_string())
+    };
+    [
+        point.label.clone(),
+        point.device.clone(),
+        point.not_for.clone().or(point.refused.clone()).unwrap_or_else(|| "yes".to_owned()),
+        bytes(|needs| needs.local_bytes),
+        bytes(|needs| needs.constant_bytes),
+        bytes(|needs| needs.scratch_bytes),
+    ]
+}
+
+/// Returns a line with the number of points, and how many of them are not measured.
+fn counts(points: &[Forecast]) -> String {
     let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
     let refused = points.iter().filter(|point| point.not_for.is_none() && point.refused.is_some()).count();
     let others = match other_kind {
@@ -37,8 +46,54 @@ pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<
         1 => " and 1 is meant for devices of another kind".to_owned(),
         count => format!(" and {count} are meant for devices of another kind"),
     };
-    print(format!(
-        "{} points, {refused} of which do not fit{others}. Nothing was compiled or measured.\n{expected}.",
+    format!(
+        "{} points, {refused} of which do not fit{others}. Nothing was compiled or measured.",
         points.len()
-    ))
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a point, and why it does not fit and why it is not for its device.
+    fn point(refused: Option<&str>, not_for: Option<&str>) -> Forecast {
+        let needs = Requirements {
+            local_bytes: 1,
+            constant_bytes: 2,
+            scratch_bytes: 3,
+            private_bytes: 4,
+            global_bytes: 5,
+        };
+        Forecast {
+            label: "naive 8x8".to_owned(),
+            device: "a device".to_owned(),
+            needs: Some(needs),
+            refused: refused.map(str::to_owned),
+            not_for: not_for.map(str::to_owned),
+            scene_notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_row_has_the_bytes_of_each_kind_of_memory_and_the_reason_why_a_point_is_not_measured() {
+        assert_eq!(cells(&point(None, None)), ["naive 8x8", "a device", "yes", "1", "2", "3"]);
+        assert_eq!(cells(&point(Some("too large"), None))[2], "too large");
+        assert_eq!(cells(&point(Some("too large"), Some("for GPUs")))[2], "for GPUs");
+        assert_eq!(cells(&Forecast { needs: None, ..point(None, None) })[3..], ["", "", ""]);
+    }
+
+    #[test]
+    fn points_for_other_devices_are_not_counted_as_too_large() {
+        let (fits, too_large) = (point(None, None), point(Some("too large"), None));
+        let other = point(Some("too large"), Some("for GPUs"));
+        let end = ". Nothing was compiled or measured.";
+        let told = counts(&[fits.clone(), too_large.clone(), fits]);
+        assert_eq!(told, format!("3 points, 1 of which do not fit{end}"));
+        let told = counts(&[too_large.clone(), other.clone()]);
+        let other_kind = "devices of another kind";
+        assert_eq!(told, format!("2 points, 1 of which do not fit and 1 is meant for {other_kind}{end}"));
+        let told = counts(&[other.clone(), other]);
+        assert_eq!(told, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
+    }
 }

@@ -48,17 +48,22 @@ pub fn execute(
     measured
 }
 
-/// Returns the builders: one per core, but at most `MOST_BUILDERS`, and no more than each device's memory allows.
+/// Returns the builders.
 fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
-    let most = run.devices.iter().map(room).fold(MOST_BUILDERS, usize::min);
     let processes = || Processes::new(run.jobs(folder, None));
     let builder = |_| Builder {
         usual: Box::new(processes().using_driver_cache()),
         without_driver_cache: Box::new(processes()),
     };
-    (0..cores.min(most)).map(builder).collect()
+    (0..builder_count(cores, run.devices)).map(builder).collect()
+}
+
+/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than each device's memory
+/// allows.
+fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
+    let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
+    cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
 /// Returns the cache of stored programs for each worker's device, in the order of [`Run::jobs`].
@@ -67,4 +72,23 @@ fn kept(run: &Run<'_>) -> Vec<Kept> {
     let own: Vec<Kept> = run.devices.iter().map(of).collect();
     let sets = 1 + usize::from(run.other_sources.is_some());
     std::iter::repeat_n(own, sets).flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::asleep;
+
+    #[test]
+    fn there_are_as_many_builders_as_cores_unless_a_device_has_less_memory() {
+        let device = |global_bytes| {
+            let mut device = asleep::device(1.0);
+            device.limits.global_bytes = global_bytes;
+            device
+        };
+        let (large, small, tiny) = (device(80 << 30), device(3 << 30), device(1 << 20));
+        assert_eq!([2, 64].map(|cores| builder_count(cores, &[&large])), [2, 16]);
+        assert_eq!([2, 64].map(|cores| builder_count(cores, &[&large, &small])), [2, 3]);
+        assert_eq!((builder_count(64, &[&tiny]), builder_count(64, &[])), (1, 16));
+    }
 }

@@ -39,3 +39,44 @@ pub fn choices(args: &Args) -> Vec<String> {
         .then(|| ["--hang-limit".to_owned(), args.hang_limit.as_secs_f64().to_string()]);
     devices.chain(set).chain(kernels).chain(limit.into_iter().flatten()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::args;
+    use super::*;
+
+    #[test]
+    fn the_command_that_continues_measures_the_same() {
+        let all = args(&[
+            "configs/my config.toml",
+            "--device",
+            "nvidia",
+            "--device",
+            "pocl",
+            "--set",
+            "timing.seed=3",
+            "--cl-dir",
+            "kernels",
+            "--hang-limit",
+            "2.5",
+            "--spread",
+        ]);
+        assert_eq!(
+            resuming(&all, Path::new("results/a")),
+            "raycl run 'configs/my config.toml' --out results/a --device nvidia --device pocl --set timing.seed=3 \
+             --cl-dir kernels --hang-limit 2.5 --spread --resume"
+        );
+        let plain = resuming(&args(&["a.toml", "--hang-limit", "600"]), Path::new("b"));
+        assert_eq!(plain, "raycl run a.toml --out b --resume");
+    }
+
+    #[test]
+    fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
+        let told =
+            |error: Error| say_how_to_resume(error, &args(&["a.toml"]), Path::new("b")).remedy().to_owned();
+        let command = "to continue from here: raycl run a.toml --out b --resume";
+        assert_eq!(told(Error::run("full").with_help("make room")), format!("make room\n{command}"));
+        assert_eq!(told(Error::interrupted("half")), command);
+        assert_eq!(told(Error::input("no").with_help("correct it")), "correct it");
+    }
+}

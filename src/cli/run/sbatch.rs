@@ -68,6 +68,7 @@ fn command(args: &Args, out: &Path) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::fixtures;
     use super::*;
 
     #[test]
@@ -82,5 +83,20 @@ mod tests {
     fn the_time_that_is_asked_for_is_that_of_the_longest_shard() {
         let plan = ShardPlan { expected_ms: vec![2000.0, 8000.0, 4000.0], ..ShardPlan::default() };
         assert_eq!(longest(&plan), Duration::from_secs(8));
+    }
+
+    #[test]
+    fn each_shard_measures_what_the_arguments_say() {
+        let of = |more: &[&str]| {
+            let words = [&["a.toml", "--device", "nvidia", "--set", "timing.seed=3"], more].concat();
+            command(&fixtures::args(&words), Path::new("results/a")).join(" ")
+        };
+        let always = "raycl run a.toml --out results/a --device nvidia --set timing.seed=3";
+        assert_eq!(of(&[]), always);
+        assert_eq!(of(&["--peak"]), format!("{always} --peak"));
+        assert_eq!(
+            of(&["--peak=peak.json", "--cl-dir", "cl"]),
+            format!("{always} --cl-dir cl --peak=peak.json")
+        );
     }
 }

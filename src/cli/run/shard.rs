@@ -203,7 +203,9 @@ fn identity(device: &DeviceInfo) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::fixtures;
     use super::*;
+    use crate::shard::Block;
 
     #[test]
     fn a_shard_cannot_compare_two_folders_of_kernels() {
@@ -211,5 +213,72 @@ mod tests {
         let args = Args { cl_dir: ["a", "b"].map(PathBuf::from).into(), ..plain };
         let error = run(&args, Asked::Given(Shard { number: 1, of: 2 })).expect_err("there are two folders");
         assert!(error.to_string().contains("can only be compared on one machine"), "{error}");
+    }
+
+    /// Of two shards, each measures about half of the points, and one of them also measures a point of the other.
+    #[test]
+    fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
+        let place = tempfile::tempdir().expect("a folder");
+        let experiment = fixtures::experiment("local_sizes = [1, 2, 4, 8]\nbaselines = ['serial']");
+        let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
+        let (devices, sources, args) = ([&device], [Sources::Embedded], fixtures::args(&["a.toml"]));
+        let run = super::super::run_of(&args, &experiment, &devices, &sources, &locks).expect("a run");
+        let header = Header { shards: 3, ..Header::default() };
+        let plan = make(&run, header.clone(), &place.path().join("out")).expect("a plan");
+        assert_eq!(plan.header, header);
+        assert_eq!(plan.cases, [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
+        let named = |place: usize| plan.points[place].as_str();
+        assert_eq!(plan.points.len(), 10);
+        assert_eq!([named(0), named(9)], ["triangle 8x5 host serial-f32", "triangle 16x10 naive 8x8"]);
+        let costs: Vec<_> = run.costs(&[]).expect("costs").concat();
+        let ms = |place: usize| costs.iter().find(|cost| cost.point == place).expect("a cost").ms;
+        for (number, found) in (1..).zip(&plan.expected_ms) {
+            let own = plan.blocks.iter().filter(|block| block.shard == number);
+            let expected: f64 = own
+                .map(|block| {
+                    let borrowed = block.control.filter(|control| !block.points.contains(control));
+                    block.points.iter().copied().chain(borrowed).map(ms).sum::<f64>()
+                })
+                .sum();
+            assert!(
+                expected > 0.0 && (found - expected).abs() < 1e-9 * expected,
+                "{number}: {found} {expected}"
+            );
+        }
+        assert!(
+            plan.blocks.iter().any(Block::borrows_control),
+            "the test must show the time of a borrowed point"
+        );
+    }
+
+    #[test]
+    fn shards_agree_only_on_the_same_config_scenes_and_kernels() {
+        let of = |lines: &str| {
+            let experiment = fixtures::experiment(lines);
+            header(&experiment, &Sources::Embedded, 4).expect("a header")
+        };
+        let found = of("local_sizes = [1]");
+        let scene =
+            crate::scene::load_scene(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml"));
+        assert_eq!((found.shards, &found.kernels), (4, &Sources::Embedded.hash()));
+        assert_eq!(found.scenes, [scene.expect("a scene").scene.content_hash()]);
+        assert_ne!(found.config_hash, of("local_sizes = [2]").config_hash);
+    }
+
+    #[test]
+    fn only_folders_of_shards_and_new_folders_are_written_to() {
+        let place = tempfile::tempdir().expect("a folder");
+        let [new, run, others] = ["new", "run", "others"].map(|name| place.path().join(name));
+        assert!(refuse_others(&new, false).is_ok());
+        for (folder, file) in [(&run, "records.jsonl"), (&others, "thesis.tex")] {
+            std::fs::create_dir(folder).expect("a folder");
+            std::fs::write(folder.join(file), "").expect("a file");
+        }
+        let refused = |folder: &Path, force| refuse_others(folder, force).map_err(|error| error.to_string());
+        assert!(
+            refused(&run, true)
+                .is_err_and(|told| told.ends_with("holds the results of a run without shards"))
+        );
+        assert!(refused(&others, false).is_err() && refused(&others, true).is_ok());
     }
 }

@@ -51,7 +51,11 @@ fn read(path: &Path) -> Option<Spread> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::fixtures;
     use super::*;
+    use crate::device::DeviceInfo;
+    use crate::device_lock::Locks;
+    use crate::program::Sources;
 
     #[test]
     fn blocks_that_leave_a_point_out_are_not_gone_on_with() {
@@ -68,5 +72,32 @@ mod tests {
             (None, None)
         );
         assert_eq!((found("{"), read(folder.path()).is_none()), (None, true));
+    }
+
+    #[test]
+    fn blocks_of_the_first_session_are_kept_for_the_same_points_on_as_many_devices() {
+        let place = tempfile::tempdir().unwrap();
+        let (device, locks) = (crate::experiment::asleep::device(1.0), Locks::of_machine(false));
+        let (sources, args) = ([Sources::Embedded], fixtures::args(&["a.toml", "--spread"]));
+        let blocks_of = |lines: &str, devices: &[&DeviceInfo]| {
+            let experiment = fixtures::experiment(lines);
+            let run = super::super::run_of(&args, &experiment, devices, &sources, &locks).unwrap();
+            blocks(&run, place.path()).unwrap()
+        };
+        let lines = "local_sizes = [1, 2, 4, 8]";
+        let first = blocks_of(lines, &[&device, &device]);
+        let mut shards: Vec<u32> = first.iter().map(|block| block.shard).collect();
+        shards.sort_unstable();
+        shards.dedup();
+        assert_eq!(shards, [1, 2], "each device has a part");
+        // The file is written anew only if it does not fit.
+        let path = place.path().join(FILE);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let marked = text.replacen("\"number\":1,", "\"number\":77,", 1);
+        std::fs::write(&path, &marked).unwrap();
+        assert!(blocks_of(lines, &[&device, &device]).iter().any(|block| block.number == 77));
+        assert!(blocks_of(lines, &[&device, &device, &device]).iter().all(|block| block.number != 77));
+        std::fs::write(&path, &marked).unwrap();
+        assert!(blocks_of("local_sizes = [1]", &[&device, &device]).iter().all(|block| block.number != 77));
     }
 }

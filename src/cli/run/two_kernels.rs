@@ -64,3 +64,53 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
         folders => folders.iter().map(|folder| Sources::of(Some(folder.clone()))).collect(),
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::fixtures::args;
+    use super::*;
+    use crate::record::{Outcome, Record};
+
+    #[test]
+    fn a_point_that_fails_only_with_the_second_kernels_is_a_regression_if_a_limit_is_given() {
+        let record = |kernels: &str, outcome| Record {
+            kernels_of: Some(kernels.to_owned()),
+            name: "naive".to_owned(),
+            outcome,
+            ..Record::default()
+        };
+        let folder = |outcomes: [Outcome; 2]| Folder {
+            path: "results/a".into(),
+            records: vec![record("old", outcomes[0]), record("new", outcomes[1])],
+            ..Folder::default()
+        };
+        let worse = folder([Outcome::Measured, Outcome::WrongImage]);
+        let error = compare(&worse, Some(5.0), true).unwrap_err();
+        assert_eq!(error.exit_code(), 1);
+        let (message, remedy) = (error.to_string(), error.remedy());
+        assert!(message.starts_with("1 regression with new instead of old: "), "{message}");
+        assert!(
+            remedy.contains("the kernels of new fail") && remedy.ends_with("results/a/images"),
+            "{remedy}"
+        );
+        assert!(compare(&worse, None, true).is_ok());
+        assert!(compare(&folder([Outcome::WrongImage, Outcome::Measured]), Some(5.0), true).is_ok());
+    }
+
+    #[test]
+    fn two_folders_of_kernels_are_for_one_device_and_a_limit_is_for_two_folders() {
+        let of = |words: &[&str], spread| sources(&args(&[&["a.toml"], words].concat()), spread);
+        let two = ["--cl-dir", "cl", "--cl-dir", "cl"];
+        assert_eq!(
+            [of(&[], true), of(&two[..2], true), of(&two, false)].map(|found| found.unwrap().len()),
+            [1, 1, 2]
+        );
+        assert!(of(&two, true).unwrap_err().to_string().contains("on one device"));
+        let limit = ["--fail-on-regression", "5"];
+        assert!(
+            of(&[&two[..2], &limit].concat(), false).unwrap_err().to_string().contains("only one is named")
+        );
+        assert!(of(&[&two[..], &limit].concat(), false).is_ok());
+    }
+}

@@ -75,3 +75,113 @@ impl Patience<'_> {
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::super::Program;
+    use super::*;
+    use crate::error::Result;
+    use crate::experiment::supervisor::Death;
+    use std::sync::{Arc, Mutex};
+
+    /// Far longer than anything in these tests takes.
+    const LIMIT: Duration = Duration::from_secs(120);
+
+    /// Starts processes that reply to `Build` with these answers, one after the other. Notes the devices of the
+    /// processes, and the points that were sent to them.
+    #[derive(Clone, Default)]
+    struct Scripted {
+        answers: Arc<Mutex<Vec<Wait>>>,
+        devices: Arc<Mutex<Vec<usize>>>,
+        points: Arc<Mutex<Vec<usize>>>,
+        limits: Arc<Mutex<Vec<Duration>>>,
+        starts_with: Option<Wait>,
+    }
+
+    struct Process {
+        of: Scripted,
+        has_started: bool,
+    }
+
+    impl Spawner for Scripted {
+        fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
+            self.devices.lock().unwrap().push(device);
+            Ok(Box::new(Process { of: self.clone(), has_started: false }))
+        }
+    }
+
+    impl Worker for Process {
+        fn send(&mut self, request: &Request) {
+            let Request::Build { point } = request else { panic!("a builder only builds") };
+            self.of.points.lock().unwrap().push(*point);
+        }
+
+        fn wait(&mut self, limit: Duration) -> Wait {
+            self.of.limits.lock().unwrap().push(limit);
+            if !std::mem::replace(&mut self.has_started, true) {
+                return self.of.starts_with.clone().unwrap_or(Wait::Reply(Reply::Started));
+            }
+            self.of.answers.lock().unwrap().remove(0)
+        }
+    }
+
+    fn order(device: usize, point: usize) -> Order {
+        Order { program: Program { device, hash: "a".into(), scene: None }, point }
+    }
+
+    fn built(build_ms: f64) -> Wait {
+        Wait::Reply(Reply::Built(Some(Built { build_ms, from_cache: false, key: None, lacks_log: false })))
+    }
+
+    /// Builds programs of these devices and points, and returns the times in the replies.
+    fn build(processes: &Scripted, orders: &[(usize, usize)], limit: Duration) -> Vec<Option<f64>> {
+        let (mut pool, interrupted) = (Pool::new(Box::new(processes.clone())), AtomicBool::new(false));
+        let patience = Patience { limit, interrupted: &interrupted };
+        let build = |&(device, point): &(usize, usize)| pool.build(&order(device, point), &patience);
+        orders.iter().map(build).map(|built| built.map(|built| built.build_ms)).collect()
+    }
+
+    #[test]
+    fn each_device_has_one_process_which_builds_all_its_programs() {
+        let answers = [1.0, 2.0, 3.0].map(built);
+        let processes = Scripted { answers: Arc::new(Mutex::new(answers.into())), ..Scripted::default() };
+        let times = build(&processes, &[(2, 10), (0, 11), (2, 12)], LIMIT);
+        assert_eq!(times, [1.0, 2.0, 3.0].map(Some));
+        assert_eq!(*processes.devices.lock().unwrap(), [2, 0]);
+        assert_eq!(*processes.points.lock().unwrap(), [10, 11, 12]);
+    }
+
+    #[test]
+    fn after_a_process_died_or_hung_the_next_program_gets_a_new_one() {
+        for lost in [Wait::Dead(Death::default()), Wait::Silence] {
+            let answers = Arc::new(Mutex::new(vec![lost, built(2.0)]));
+            let processes = Scripted { answers, ..Scripted::default() };
+            assert_eq!(build(&processes, &[(1, 0), (1, 3)], Duration::ZERO), [None, Some(2.0)]);
+            assert_eq!(*processes.devices.lock().unwrap(), [1, 1]);
+            assert!(
+                processes.limits.lock().unwrap().iter().all(Duration::is_zero),
+                "no wait exceeds the limit"
+            );
+        }
+        // A process that does not open its device builds nothing.
+        let processes = Scripted { starts_with: Some(Wait::Dead(Death::default())), ..Scripted::default() };
+        assert_eq!(build(&processes, &[(1, 0), (1, 3)], LIMIT), [None, None]);
+        assert_eq!(*processes.devices.lock().unwrap(), [1, 1]);
+        assert!(processes.points.lock().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_silent_process_is_waited_for_until_the_user_ends_the_run() {
+        let process = |answers: Vec<Wait>| Process {
+            of: Scripted { answers: Arc::new(Mutex::new(answers)), ..Scripted::default() },
+            has_started: true,
+        };
+        let reply = |ends: bool| {
+            let patience = Patience { limit: LIMIT, interrupted: &AtomicBool::new(ends) };
+            patience.wait(&mut process(vec![Wait::Silence, Wait::Silence, built(4.0)]))
+        };
+        assert!(matches!(reply(false), Some(Reply::Built(Some(built))) if built.build_ms == 4.0));
+        assert!(reply(true).is_none());
+    }
+}

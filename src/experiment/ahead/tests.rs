@@ -110,8 +110,47 @@ fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
     let text = tally.text().unwrap();
     assert!(text.starts_with("Built: 3 programs compiled, 1 taken from the cache; 4.0 s of work"), "{text}");
     assert_eq!(Tally::default().text(), None);
-    let text = Tally { compiled: 1, ..Tally::default() }.text().unwrap();
-    assert!(text.starts_with("Built: 1 program compiled, 0 taken from the cache;"), "{text}");
+    let text = Tally { compiled: 1, kept: 2, work_ms: 1500.0, waited_ms: 500.0 }.text().unwrap();
+    assert_eq!(
+        text,
+        "Built: 1 program compiled, 2 taken from the cache; 1.5 s of work in all; the run waited 0.5 s for it"
+    );
+    assert!(Tally { kept: 1, ..Tally::default() }.text().is_some());
+}
+
+#[test]
+fn programs_are_built_in_the_order_of_their_points_and_a_wait_for_one_is_counted() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut points: Vec<PendingPoint> =
+        (0..4).map(|point| open(point, 0, &format!("program {point}"), "exhaustive")).collect();
+    let ahead = Ahead::default();
+    let start = Instant::now();
+    ahead.beside(vec![builder(&noting, &noting)], LIMIT, &never, || {
+        ahead.order(points.iter());
+        ahead.need(&mut points[3], &never).unwrap();
+    });
+    assert_eq!(*noting.built.lock().unwrap(), [0, 1, 2, 3]);
+    let waited_ms = ahead.tally().waited_ms;
+    assert!(0.0 < waited_ms && waited_ms <= start.elapsed().as_secs_f64() * 1e3, "{waited_ms} ms");
+}
+
+#[test]
+fn a_run_that_ends_builds_nothing_more() {
+    let ahead = Ahead::default();
+    ahead.order(&[open(0, 0, "a", "exhaustive"), open(1, 0, "b", "exhaustive")]);
+    assert_eq!(ahead.next().map(|order| order.point), Some(0));
+    drop(Closing(&ahead));
+    assert!(ahead.next().is_none());
+}
+
+/// A raycl that builds other trees needs other programs.
+#[test]
+fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
+    let name = |scene: Option<&str>| {
+        Program { device: 0, hash: "hash".into(), scene: scene.map(str::to_owned) }.name()
+    };
+    assert_eq!(name(Some("scene 1")), format!("hash scene 1 {FINGERPRINT}"));
+    assert!(!name(None).contains(FINGERPRINT), "{}", name(None));
 }
 
 #[test]
