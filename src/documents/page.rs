@@ -201,6 +201,7 @@ mod tests {
         };
         assert_eq!((other.stale, other.wrong), (vec![difference], Vec::new()));
         assert_eq!(other.text, format!("a\nIt took 10400{QUERY} ms.\n"));
+        assert_eq!(line(&format!("It took 10401{QUERY} ms.")).stale.len(), 1);
     }
 
     #[test]

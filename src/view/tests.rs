@@ -100,10 +100,12 @@ fn a_view_ends_after_its_frames_its_time_or_when_nothing_is_left_to_cast() {
 fn the_line_beside_the_picture_tells_how_it_is_cast() {
     let mut screen = Script::default();
     let frames = Until { frames: Some(1), seconds: None };
-    let (live, _) = Viewer::new(live(&[], 3), &mut screen, false).run(frames, || false).expect("it casts");
+    let (live, _) = Viewer::new(live(&["--local-size", "16x2"], 3), &mut screen, false)
+        .run(frames, || false)
+        .expect("it casts");
     let parts: Vec<&str> = screen.lines[0].split(" | ").collect();
     let [scene, strategy, local_size, rays, frames, samples, device] = parts[..] else { panic!("{parts:?}") };
-    assert_eq!([scene, strategy, local_size, samples], ["triangle", "naive", "8x8", "1 of 3 samples"]);
+    assert_eq!([scene, strategy, local_size, samples], ["triangle", "naive", "16x2", "1 of 3 samples"]);
     assert!(rays.ends_with("rays/s") && frames.ends_with(" frames/s"), "{parts:?}");
     assert_eq!(device, live.device().name);
 }

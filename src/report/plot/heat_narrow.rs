@@ -182,6 +182,7 @@ mod tests {
         assert_eq!([texts(marks[0]), texts(marks[7])], [["1x1", "1"], ["16x16", "L"]]);
         assert!(svg.contains("7.0 times as slow"), "{svg}");
         assert_eq!(lines_of("one two three", 7), ["one two", "three"]);
+        assert_eq!(lines_of("one two three", 6), ["one", "two", "three"]);
         assert_eq!(lines_of("one elephant", 4), ["one", "elephant"]);
     }
 }

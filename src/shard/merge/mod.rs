@@ -328,13 +328,14 @@ mod tests {
             Some(End::Failed("a".into())),
             Some(End::Failed("b".into())),
             Some(End::LauncherLost("sh".into())),
+            Some(End::LauncherLost("sh".into())),
             None,
             None,
         ];
         assert_eq!(
             ended_early(&ends).as_deref(),
             Some(
-                "Of 6 attempts, 2 were killed or are still running, 2 lost their launcher, 2 ended with an error."
+                "Of 7 attempts, 2 were killed or are still running, 3 lost their launcher, 2 ended with an error."
             )
         );
         assert_eq!(

@@ -78,13 +78,19 @@ mod tests {
     fn points_follow_cases_then_kinds_then_the_plan_and_namesakes_are_told_apart() {
         // Points 0 and 2 are of the second case.
         let plan = ShardPlan { cases: vec![1, 0, 1, 0], ..ShardPlan::default() };
-        let kinds = [kind(HOST, "amd", &[3]), kind(HOST, "intel", &[3]), kind("gpu", "x", &[2, 1, 0])];
+        let kinds = [kind(HOST, "amd", &[3]), kind(HOST, "intel", &[2, 3]), kind("gpu", "x", &[2, 1, 0])];
         let planned = Planned::of(&plan, &kinds);
-        assert_eq!(planned.keys().collect::<Vec<_>>(), ["amd 3", "intel 3", "x 1", "x 0", "x 2"]);
+        assert_eq!(planned.keys().collect::<Vec<_>>(), ["amd 3", "intel 3", "x 1", "intel 2", "x 0", "x 2"]);
         let names: Vec<_> =
             planned.points.iter().map(|point| (point.device.as_str(), point.name.as_str())).collect();
-        let expected =
-            [(HOST, "s3 (amd)"), (HOST, "s3 (intel)"), ("gpu", "s1"), ("gpu", "s0"), ("gpu", "s2")];
+        let expected = [
+            (HOST, "s3 (amd)"),
+            (HOST, "s3 (intel)"),
+            ("gpu", "s1"),
+            (HOST, "s2 (intel)"),
+            ("gpu", "s0"),
+            ("gpu", "s2"),
+        ];
         assert_eq!(names, expected);
         let told = |key: &str| {
             let mut record = Record { key: key.into(), strategy: "serial-f32".into(), ..Record::default() };
