@@ -179,4 +179,57 @@ mod tests {
             assert_eq!((made.stale, made.text), (vec![difference], right.text.clone()));
         }
     }
+
+    /// Returns the page of a document of one line.
+    fn line(text: &str) -> Page {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        std::fs::write(root.path().join(SHEET), FIGURES).unwrap();
+        Page::of(text, &Sheet::read(root.path()).unwrap())
+    }
+
+    #[test]
+    fn a_number_in_a_sentence_is_replaced_by_the_answer_to_its_query() {
+        const QUERY: &str = "<!-- published: teapot naive 8x8 -->";
+        let right = line(&format!("It took 10400{QUERY} ms, and 10400{QUERY} again."));
+        assert_eq!((right.stale, right.wrong), (Vec::new(), Vec::new()));
+        let other = line(&format!("a\nIt took -1.5e3{QUERY} ms."));
+        let difference = Difference {
+            line: 2,
+            stands: "-1.5e3".into(),
+            records_say: "10400 (published: teapot naive 8x8)".into(),
+        };
+        assert_eq!((other.stale, other.wrong), (vec![difference], Vec::new()));
+        assert_eq!(other.text, format!("a\nIt took 10400{QUERY} ms.\n"));
+        assert_eq!(line(&format!("It took 10401{QUERY} ms.")).stale.len(), 1);
+    }
+
+    #[test]
+    fn what_no_query_answers_stays_and_is_told() {
+        for (text, stands, says) in [
+            ("It took 7 ms.", "7", "nothing: no query follows it"),
+            (
+                "It took <!-- published: teapot naive 8x8 --> ms.",
+                "",
+                "10400, but no number precedes the query",
+            ),
+            (
+                "It took 7<!-- published: teapot naive 14x14 --> ms.",
+                "7",
+                "nothing: no such figure: published",
+            ),
+            ("It took 7<!-- new: naive 8x8 --> ms.", "7", "nothing: 'new' is not a source"),
+        ] {
+            let page = line(text);
+            assert_eq!((page.stale.len(), page.wrong.len()), (0, 1), "{text}: {page:?}");
+            let Difference { line, stands: found, records_say } = &page.wrong[0];
+            assert_eq!((*line, found.as_str()), (1, stands), "{text}");
+            assert!(records_say.starts_with(says), "{text}: {records_say}");
+            assert_eq!(page.text, format!("{text}\n"));
+        }
+        let unknown = line("<!-- figures: other -->\nold\n<!-- end of figures -->\nmore 3\n");
+        assert_eq!(unknown.wrong[0].stands, "the block 'other'");
+        assert_eq!((unknown.wrong[0].line, unknown.wrong[1].line), (1, 4));
+        assert!(unknown.text.contains("\nold\n"), "{}", unknown.text);
+    }
 }

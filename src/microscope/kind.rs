@@ -148,4 +148,22 @@ mod tests {
         assert_eq!(counts.memories(), [Memory::Global]);
         assert_eq!(counts.to_string(), "load global 1, store global 1, arithmetic 1, barrier 1");
     }
+
+    #[test]
+    fn memories_are_in_a_fixed_order_whichever_instruction_accesses_them() {
+        let mut counts = Counts::default();
+        counts.add(&[
+            Kind::Store(Memory::Generic),
+            Kind::Atomic(Memory::Global),
+            Kind::Load(Memory::Private),
+        ]);
+        counts.add(&[Kind::Load(Memory::Generic), Kind::Load(Memory::Local)]);
+        assert_eq!(counts.memories(), [Memory::Global, Memory::Local, Memory::Private, Memory::Generic]);
+        let names = [Memory::Constant, Memory::Argument].map(|memory| Kind::Load(memory).to_string());
+        assert_eq!(names, ["load constant", "load argument"]);
+        assert_eq!(
+            [Kind::Atomic(Memory::Local), Kind::Move].map(|kind| kind.to_string()),
+            ["atomic local", "move"]
+        );
+    }
 }

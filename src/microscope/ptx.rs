@@ -233,4 +233,33 @@ $L__BB0_1: // a loop
             assert!(!is_label(other), "{other}");
         }
     }
+
+    #[test]
+    fn each_kind_of_instruction_is_known_by_its_first_word() {
+        use Kind::{Arithmetic, Atomic, Barrier, Branch, Call, Load, Move, Store};
+        use Memory::{Argument, Constant, Generic, Global, Local, Private};
+        for (opcode, kind) in [
+            ("ld.global.f32", Load(Global)),
+            ("ld.shared.f32", Load(Local)),
+            ("ld.const.f32", Load(Constant)),
+            ("ld.local.f32", Load(Private)),
+            ("ld.param.u64", Load(Argument)),
+            ("ld.f32", Load(Generic)),
+            ("st.global.v4.f32", Store(Global)),
+            ("st.local.f32", Store(Private)),
+            ("atom.global.add.u32", Atomic(Global)),
+            ("atom.shared.add.u32", Atomic(Local)),
+            ("bra.uni", Branch),
+            ("ret", Branch),
+            ("call.uni", Call),
+            ("bar.sync", Barrier),
+            ("membar.gl", Barrier),
+            ("mov.b32", Move),
+            ("shfl.sync.bfly.b32", Move),
+            ("fma.rn.f32", Arithmetic),
+        ] {
+            assert_eq!(kinds(opcode), [kind], "{opcode}");
+        }
+        assert!(kinds("prefetch.global.L2").is_empty());
+    }
 }

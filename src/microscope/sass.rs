@@ -160,4 +160,32 @@ mod tests {
         assert_eq!(target(".version 8.8\n.target sm_90, texmode_independent"), Some("sm_90"));
         assert_eq!(target(".target   compute_90"), None);
     }
+
+    #[test]
+    fn each_kind_of_instruction_is_known_by_its_first_word() {
+        use Kind::{Arithmetic, Atomic, Barrier, Branch, Call, Load, Move, Store};
+        use Memory::{Constant, Generic, Global, Local, Private};
+        for (text, kind) in [
+            ("LDG.E.64 R2, [R2]", Load(Global)),
+            ("STG.E [R2], R3", Store(Global)),
+            ("LDS R2, [R2]", Load(Local)),
+            ("STS [R2], R3", Store(Local)),
+            ("LDL R2, [R1]", Load(Private)),
+            ("STL [R1], R2", Store(Private)),
+            ("ULDC UR4, c[0x0][0x20]", Load(Constant)),
+            ("LD.E R2, [R2]", Load(Generic)),
+            ("ST.E [R2], R3", Store(Generic)),
+            ("ATOMG.E.ADD PT, R2, [R2], R3", Atomic(Global)),
+            ("RED.E.ADD [R2], R3", Atomic(Global)),
+            ("ATOMS.ADD R2, [R2], R3", Atomic(Local)),
+            ("ATOM.E.ADD PT, R2, [R2], R3", Atomic(Generic)),
+            ("@!P0 BRA `(.L_x_0)", Branch),
+            ("CALL.REL.NOINC `(f)", Call),
+            ("BAR.SYNC.DEFER_BLOCKING 0x0", Barrier),
+            ("MOV R1, R2", Move),
+            ("FFMA R1, R2, R3, R4", Arithmetic),
+        ] {
+            assert_eq!(kinds(text), [kind], "{text}");
+        }
+    }
 }

@@ -71,3 +71,32 @@ impl Folder {
         made.map_err(|error| format!("a temporary file could not be written: {error}"))
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    /// Runs a command of the shell in a folder with one file.
+    fn run(command: &str) -> Result<Written, String> {
+        let folder = Folder::with("kernel.so", b"its bytes").unwrap();
+        Tool::find("sh").unwrap().run(&folder, &["-c", command])
+    }
+
+    #[test]
+    fn a_program_runs_in_the_folder_in_english_and_its_streams_are_told_apart() {
+        let written = run("cat kernel.so; echo \" $LC_ALL\"; echo warning >&2").unwrap();
+        assert_eq!((written.stdout.as_str(), written.stderr.as_str()), ("its bytes C\n", "warning\n"));
+    }
+
+    #[test]
+    fn a_failure_is_told_by_the_first_line_of_the_programs_message() {
+        let failure = |command: &str| run(command).err().unwrap();
+        assert_eq!(
+            failure("echo out; printf '\\nsh: no such file.\\nmore\\n' >&2; exit 1"),
+            "sh failed: no such file"
+        );
+        assert_eq!(failure("exit 3"), "sh failed: no message");
+        assert!(Tool::find("no-such-program-anywhere").is_none());
+    }
+}

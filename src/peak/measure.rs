@@ -281,4 +281,46 @@ mod tests {
         let rig = Rig::open(&device, &Sources::Embedded).unwrap();
         assert!(copy(&rig).is_ok_and(|rate| rate.median > 0.0));
     }
+
+    #[test]
+    fn a_rate_is_work_by_time_and_a_latency_is_the_time_of_a_step() {
+        // A loop that took no time has no rate.
+        let rate = rates(10.0, &[2.0, 0.0, 4.0, 5.0]);
+        assert_eq!((rate.median, rate.repeats), (2.5, 3));
+        // A loop of 16 steps takes 3.2 microseconds.
+        assert!((latency(&[3.2e-6; 3]).median - 200.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_result_that_is_off_by_more_than_a_thousandth_is_no_result() {
+        assert!(expect("it", 1000.9, 1000.0).is_ok() && expect("it", -1000.9, -1000.0).is_ok());
+        let error = expect("it", 1002.0, 1000.0).expect_err("another value").to_string();
+        assert!(error.contains("it returned 1002, not 1000"), "{error}");
+    }
+
+    #[test]
+    fn work_fits_the_device_that_is_measured() {
+        let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let own = device.info.limits;
+        let mut told = |limits: DeviceLimits| {
+            device.info.limits = limits;
+            let rig = Rig::open(&device, &Sources::Embedded).unwrap();
+            (rig.group(), rig.items(), rig.width(4), large_bytes(&rig))
+        };
+        let gpu = DeviceLimits {
+            is_cpu: false,
+            work_group_size: 1024,
+            compute_units: 3,
+            native_width: 1,
+            global_bytes: 1 << 40,
+            allocation_bytes: 1 << 40,
+            ..own
+        };
+        assert_eq!(told(gpu), (256, 3 * 32 * 256, 4, 512 << 20));
+        let small = DeviceLimits { work_group_size: 64, allocation_bytes: (5 << 20) + 7, ..gpu };
+        assert_eq!(told(small), (64, 3 * 32 * 64, 4, 5 << 20));
+        let cpu =
+            DeviceLimits { is_cpu: true, native_width: 8, global_bytes: 64 << 20, compute_units: 2, ..gpu };
+        assert_eq!(told(cpu), (1, 2 * 4, 8, 4 << 20));
+    }
 }

@@ -192,4 +192,16 @@ mod tests {
         let unknown = Peak { max_clock_mhz: None, ..peak("a") };
         assert_eq!(unknown.cycles(&Figure::of(&[250.0])), None);
     }
+
+    #[test]
+    fn a_device_whose_peak_was_not_measured_has_no_share_of_it() {
+        let strategy = "traversal=exhaustive intersector=common-origin".to_owned();
+        let mut record =
+            Record { device: "gpu".into(), strategy, tests_per_s: Some(1e11), ..Record::default() };
+        Peak::apply(&[Peak { fma_per_s: Figure::default(), ..peak("gpu") }], &mut record);
+        assert_eq!((record.fma_per_s, record.limit_fraction), (None, None));
+        let figure = Figure::of(&[1.0, 2.0, 3.0, 4.0, 9.0]);
+        assert_eq!(figure, Figure { median: 3.0, q1: 2.0, q3: 4.0, repeats: 5 });
+        assert_eq!(Figure::of(&[]), Figure::default());
+    }
 }

@@ -61,4 +61,15 @@ mod tests {
         assert_eq!(clocks.governor.as_deref(), Some("powersave"));
         assert_eq!((clocks.now_mhz, clocks.max_mhz), (Some([2450.5, 3600.0]), Some(4200.0)));
     }
+
+    #[test]
+    fn without_the_processors_highest_clock_that_of_its_policy_is_used() {
+        let root = tempfile::tempdir().expect("a folder");
+        let cpufreq = root.path().join("sys/devices/system/cpu/cpu0/cpufreq");
+        std::fs::create_dir_all(&cpufreq).expect("a folder");
+        std::fs::write(cpufreq.join("scaling_max_freq"), "2000000\n").expect("it writes");
+        assert_eq!(Clocks::under(root.path()).max_mhz, Some(2000.0));
+        std::fs::write(cpufreq.join("cpuinfo_max_freq"), "3000000\n").expect("it writes");
+        assert_eq!(Clocks::under(root.path()).max_mhz, Some(3000.0));
+    }
 }

@@ -209,13 +209,22 @@ fn host_name() -> Option<String> {
 
 fn os_name() -> String {
     let release = std::fs::read_to_string("/etc/os-release").unwrap_or_default();
-    let name = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="));
-    name.map_or_else(|| std::env::consts::OS.into(), |name| name.trim_matches('"').to_string())
+    os_in(&release).unwrap_or_else(|| std::env::consts::OS.into())
+}
+
+/// Returns the name of the operating system in the text of /etc/os-release.
+fn os_in(release: &str) -> Option<String> {
+    let name = release.lines().find_map(|line| line.strip_prefix("PRETTY_NAME="))?;
+    Some(name.trim_matches('"').to_string())
 }
 
 fn cpu_model() -> Option<String> {
-    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
-    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    cpu_in(&std::fs::read_to_string("/proc/cpuinfo").ok()?)
+}
+
+/// Returns the model of the first processor in the text of /proc/cpuinfo.
+fn cpu_in(cpuinfo: &str) -> Option<String> {
+    let line = cpuinfo.lines().find(|line| line.starts_with("model name"))?;
     line.split_once(':').map(|(_, model)| model.trim().to_string())
 }
 
@@ -225,9 +234,13 @@ mod tests {
 
     #[test]
     fn a_device_is_shown_by_its_name_or_with_what_distinguishes_it() {
-        for (shown, is) in
-            [("H100", true), ("H100 (driver 580)", true), ("H100L", false), ("H100 NVL", false)]
-        {
+        for (shown, is) in [
+            ("H100", true),
+            ("H100 (driver 580)", true),
+            ("H100L", false),
+            ("H100 NVL (a)", false),
+            ("H100 (a", false),
+        ] {
             assert_eq!(is_shown_as("H100", shown), is, "{shown}");
         }
     }
@@ -253,5 +266,67 @@ mod tests {
         let with = Environment::hash_of("a = 1", &["a = 2".to_string()]);
         assert_ne!(with, Environment::hash_of("a = 1", &[]));
         assert_ne!(with, Environment::hash_of("a = 1a = 2", &[]));
+    }
+
+    #[test]
+    fn a_device_is_described_by_what_its_driver_reports() {
+        use crate::device::{DeviceKind, Hardware};
+        let asleep = crate::experiment::asleep::device(1.0);
+        let info = DeviceInfo {
+            platform: "a platform".into(),
+            platform_version: "its version".into(),
+            name: "a name".into(),
+            vendor: "a vendor".into(),
+            version: "OpenCL 3.0".into(),
+            driver: "a driver".into(),
+            kind: DeviceKind::Accelerator,
+            limits: crate::device::DeviceLimits { compute_units: 7, ..asleep.limits },
+            hardware: Hardware {
+                compute_capability: Some("9.0".into()),
+                max_clock_mhz: Some(1980),
+                timer_resolution_ns: Some(1000),
+                pci_bus: Some("0000:1b:00.0".into()),
+                uuid: Some("0123".into()),
+            },
+            settings: vec!["A=1".into()],
+            cores: Some(3),
+            threads: Some(5),
+            label: "a label".into(),
+            ..asleep
+        };
+        let expected = serde_json::json!({
+            "device": "a label", "platform": "a platform", "platform_version": "its version", "version": "OpenCL 3.0",
+            "vendor": "a vendor", "driver": "a driver", "kind": "accelerator", "compute_units": 7, "threads": 5,
+            "compute_capability": "9.0", "max_clock_mhz": 1980, "timer_resolution_ns": 1000, "cores": 3,
+            "uuid": "0123", "pci_bus": "0000:1b:00.0", "settings": ["A=1"],
+        });
+        assert_eq!(serde_json::to_value(DeviceEnvironment::of(&info)).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_file_is_described_by_its_path_and_the_hash_of_its_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "abc").unwrap();
+        let expected = Source {
+            what: "scene".into(),
+            path: path.display().to_string(),
+            // The hash of "abc" in the test vectors of BLAKE3.
+            hash: Some("6437b3ac38465133ffb63b75273a8db548c558465d79db03fd359c6cd5bd9d85".into()),
+            git: None,
+        };
+        assert_eq!(Source::file("scene", &path), expected);
+        assert_eq!(Source::file("scene", &folder.path().join("missing")).hash, None);
+    }
+
+    #[test]
+    fn the_systems_files_name_the_system_and_the_processor() {
+        let release = "NAME=\"Debian\"\nPRETTY_NAME=\"Debian GNU/Linux 13 (trixie)\"\nID=debian\n";
+        assert_eq!(os_in(release).as_deref(), Some("Debian GNU/Linux 13 (trixie)"));
+        assert_eq!(os_in("NAME=Debian\n"), None);
+        let cpuinfo =
+            "processor\t: 0\nmodel\t\t: 17\nmodel name\t: AMD EPYC: 9B45\n\nmodel name\t: another\n";
+        assert_eq!(cpu_in(cpuinfo).as_deref(), Some("AMD EPYC: 9B45"));
+        assert_eq!(cpu_in("processor\t: 0\n"), None);
     }
 }

@@ -338,4 +338,83 @@ mod tests {
         let expected = format!("{} holds no results: records.jsonl is missing", folder.path().display());
         assert_eq!(error, expected);
     }
+
+    #[test]
+    fn points_that_differ_in_one_name_or_size_are_all_shown() {
+        let one = || Record { local_size: Some([8, 2]), image_size: [80, 50], ..record("0", "bvh", 1.0) };
+        let others = [
+            Record { key: "1".into(), scene: "room".into(), ..one() },
+            Record { key: "2".into(), device: "cpu".into(), ..one() },
+            Record { key: "3".into(), image_size: [50, 80], ..one() },
+            Record { key: "4".into(), name: "naive".into(), ..one() },
+            Record { key: "5".into(), local_size: Some([2, 8]), ..one() },
+        ];
+        let (records, _) = shown(&folder(&[&[one()], &others[..]].concat()));
+        assert_eq!(records.len(), 6, "{records:?}");
+    }
+
+    #[test]
+    fn every_journal_of_a_folder_is_read_and_damage_to_each_is_told() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let place = |name: &str| folder.path().join(name);
+        JsonLines::append_to(&place(CONTROLS)).unwrap().append(&record("c", "naive", 2.0)).unwrap();
+        JsonLines::append_to(&place(ROUNDS))
+            .unwrap()
+            .append(&RoundLoad { launch: 3, ..RoundLoad::default() })
+            .unwrap();
+        let anchor = AnchorSample { anchor: "one".into(), ..AnchorSample::default() };
+        JsonLines::append_to(&place(ANCHORS)).unwrap().append(&anchor).unwrap();
+        let read = Folder::read(folder.path()).unwrap();
+        assert_eq!(read.records.iter().map(|record| record.key.as_str()).collect::<Vec<_>>(), ["a"]);
+        assert_eq!(read.controls.iter().map(|record| record.key.as_str()).collect::<Vec<_>>(), ["c"]);
+        assert_eq!((read.rounds[0].launch, read.anchors), (3, vec![anchor]));
+        for name in [RECORDS, CONTROLS, ROUNDS, ANCHORS] {
+            let text = std::fs::read_to_string(place(name)).unwrap();
+            std::fs::write(place(name), format!("{text}nonsense\n")).unwrap();
+            let (_, notes) = shown(&folder);
+            let expected = format!("1 damaged line is left out of {name}; the first is line 2.");
+            assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
+        }
+    }
+
+    #[test]
+    fn a_folder_tells_what_a_reader_has_to_know() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let journal = folder.path().join(RECORDS);
+        let text = std::fs::read_to_string(&journal).unwrap();
+        let unknown =
+            "environment.json is missing or cannot be read, so the conditions of the run are unknown.";
+        assert_eq!(shown(&folder).1, [unknown]);
+        std::fs::write(folder.path().join("environment.json"), "{}").unwrap();
+        std::fs::write(folder.path().join(MERGE), r#"{"notes": ["One attempt was killed."]}"#).unwrap();
+        std::fs::write(&journal, format!("{text}{{\"key\":")).unwrap();
+        let torn = "The last record was cut short by a crash and is left out.";
+        assert_eq!(shown(&folder).1, ["One attempt was killed.", torn]);
+    }
+
+    #[test]
+    fn values_of_the_config_are_those_of_the_run() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let environment =
+            serde_json::json!({"config": "question = \"Which?\"\nscenes = [\"a\"]\n"}).to_string();
+        std::fs::write(folder.path().join("environment.json"), environment).unwrap();
+        let read = Folder::read(folder.path()).unwrap();
+        let name = folder.path().canonicalize().unwrap();
+        assert_eq!(read.label, name.file_name().unwrap().to_string_lossy());
+        let values = ["question", "scenes", "answer"].map(|key| read.config(key));
+        assert_eq!(values, [Some("Which?".to_owned()), None, None]);
+    }
+
+    #[test]
+    fn more_than_one_missing_point_and_hidden_record_are_counted() {
+        let folder = folder(&[record("x", "bvh", 1.0), record("y", "wide", 2.0), record("z", "tile", 2.0)]);
+        let plan = [record("a", "naive", 0.0), record("b", "wide", 0.0), record("z", "tile", 0.0)];
+        CurrentPlan::of(&plan).write(folder.path()).unwrap();
+        let (_, notes) = shown(&folder);
+        let expected = [
+            "2 points of the plan are not measured yet.",
+            "2 records of earlier plans are stored but not shown.",
+        ];
+        assert_eq!(notes[..2], expected);
+    }
 }

@@ -184,4 +184,50 @@ mod tests {
             })
         );
     }
+
+    #[test]
+    fn an_entry_has_its_times_or_the_kind_of_its_error() {
+        let record = Record {
+            timestamp: Some("2026-01-02T03:04:05Z".into()),
+            build_ms: Some(12.5),
+            samples_ms: vec![1.0, 2.0, 4.5],
+            local_size: Some([16, 2]),
+            ..measured("gpu", "naive", 8, 2.0)
+        };
+        let expected = json!({
+            "block_size_x": 16, "block_size_y": 2, "time": 2.0, "times": [1.0, 2.0, 4.5], "compile_time": 12.5,
+            "benchmark_time": 7.5, "verification_time": 0.0, "strategy_time": 0.0, "framework_time": 0.0,
+            "timestamp": "2026-01-02T03:04:05Z", "name": "naive",
+        });
+        assert_eq!(entry(&record, parameters(&record)), expected);
+        for (outcome, error) in [
+            (Outcome::Infeasible, "InvalidConfig"),
+            (Outcome::OtherKind, "InvalidConfig"),
+            (Outcome::BuildFailed, "CompilationFailedConfig"),
+            (Outcome::LaunchFailed, "RuntimeFailedConfig"),
+            (Outcome::WrongImage, "RuntimeFailedConfig"),
+            (Outcome::TimedOut, "RuntimeFailedConfig"),
+            (Outcome::Crashed, "RuntimeFailedConfig"),
+        ] {
+            let found = entry(&Record { outcome, ..record.clone() }, Map::new());
+            assert_eq!([&found["time"], &found["__error__"]], [error, error], "{outcome:?}");
+            assert_eq!(found.get("times"), None, "{outcome:?}");
+        }
+    }
+
+    #[test]
+    fn a_cache_is_of_one_device_and_one_image_size_and_baselines_have_none() {
+        let records = [
+            measured("host", "serial-f32", 0, 420.0),
+            measured("gpu", "naive", 8, 2.0),
+            Record { image_size: [80, 50], ..measured("gpu", "naive", 8, 1.0) },
+        ];
+        let told = |(name, text): &(String, String)| {
+            let cache: Value = serde_json::from_str(text).expect("JSON");
+            (name.clone(), cache["device_name"].clone(), cache["problem_size"].clone())
+        };
+        let found: Vec<_> = kernel_tuner_caches(&records).iter().map(told).collect();
+        let of = |size: [u32; 2]| (format!("teapot-{}x{}-gpu", size[0], size[1]), json!("gpu"), json!(size));
+        assert_eq!(found, [of([800, 500]), of([80, 50])]);
+    }
 }

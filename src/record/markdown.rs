@@ -326,4 +326,90 @@ mod tests {
         let point = |cell: &str| cell.find('.').or(cell.trim_end().len().into());
         assert_eq!(point(&naive[3]), point(&wide[3]), "{text}");
     }
+
+    #[test]
+    fn a_row_has_its_cells_in_the_order_of_the_columns() {
+        let record = Record {
+            local_size: Some([16, 2]),
+            limit_fraction: Some(0.25),
+            ..measured("gpu", "naive", 8, 10.0)
+        };
+        let text = summary_markdown(&judged([record]), &[], "?", "!");
+        let rows: Vec<Vec<&str>> = text
+            .lines()
+            .filter(|line| line.starts_with('|'))
+            .map(|line| line.trim_matches('|').split('|').map(str::trim).collect())
+            .collect();
+        let [head, _, cells] = &rows[..] else { panic!("{text}") };
+        let cell = |name: &str| cells[head.iter().position(|column| *column == name).expect("a column")];
+        for (name, expected) in [
+            ("strategy", "**naive**"),
+            ("local size", "16 x 2"),
+            ("median ms", "10.00"),
+            ("IQR ms", "0.20"),
+            ("n", "10 in 2"),
+            ("frame Mrays/s", "-"),
+            ("primary Mrays/s", "-"),
+            ("Gtests/s", "40.0"),
+            ("of peak", "25%"),
+            ("outcome", "measured"),
+        ] {
+            assert_eq!(cell(name), expected, "{name}\n{text}");
+        }
+        let ends: Vec<f64> =
+            cell("95% interval ms").split(" to ").map(|end| end.parse().expect("a number")).collect();
+        assert!(ends.len() == 2 && ends[0] < 10.0 && 10.0 < ends[1], "{text}");
+    }
+
+    #[test]
+    fn rows_are_ordered_from_the_fastest_to_points_without_a_time() {
+        let records = judged([
+            infeasible("gpu", "wide", 32, "too large"),
+            measured("gpu", "naive", 8, 20.0),
+            few("gpu", "naive", 4, 1.0, 3),
+            measured("gpu", "naive", 2, 10.0),
+        ]);
+        let text = summary_markdown(&records, &[], "?", "!");
+        let cell = |row: &str| row.split('|').nth(2).map(|cell| cell.trim().to_owned());
+        let sizes: Vec<_> =
+            text.lines().filter(|line| line.starts_with('|')).skip(2).filter_map(cell).collect();
+        assert_eq!(sizes, ["2 x 2", "8 x 8", "4 x 4", "32 x 32"], "{text}");
+    }
+
+    #[test]
+    fn warnings_reasons_and_notes_on_scenes_are_told_with_what_they_are_about() {
+        use crate::record::Outcome;
+        let records = judged([
+            Record { warning: Some("it throttled".into()), ..measured("gpu", "naive", 8, 10.0) },
+            Record {
+                outcome: Outcome::BuildFailed,
+                reason: Some("line 7: no such name\nand much more".into()),
+                ..infeasible("gpu", "wide", 4, "")
+            },
+            Record { scene_notes: vec!["it has no normals".into()], ..measured("gpu", "tile", 8, 12.0) },
+        ]);
+        let text = summary_markdown(&records, &[], "?", "!");
+        for expected in [
+            "\nWarnings:\n\n- naive at 8 x 8: it throttled\n",
+            "\nPoints without a time:\n\n- wide at 4 x 4, build-failed: line 7: no such name\n",
+            "\n## Notes on scenes\n\n- teapot: it has no normals\n",
+            " Differences below 2.1% cannot be detected here.\n",
+        ] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        assert!(!text.contains("much more"), "{text}");
+        let quiet = summary_markdown(&judged([measured("gpu", "naive", 8, 10.0)]), &[], "?", "!");
+        for heading in ["Warnings", "Points without a time", "Notes on scenes"] {
+            assert!(!quiet.contains(heading), "{quiet}");
+        }
+    }
+
+    #[test]
+    fn a_sample_of_two_modes_is_said_in_the_row() {
+        let ms =
+            |place: u32| if place < 20 { 110.0 } else { 170.0 } * (1.0 + 0.001 * f64::from(place * 7 % 10));
+        let record = crate::record::fixtures::sampled("naive", (0..30).map(|place| (place / 10, ms(place))));
+        let text = summary_markdown(&judged([record]), &[], "?", "!");
+        assert!(text.contains("| measured, two modes |") && text.contains("| 30 in 3 |"), "{text}");
+    }
 }

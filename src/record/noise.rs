@@ -145,4 +145,65 @@ mod tests {
         let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
         assert!(gpu.between_launches.is_some_and(|part| part > 0.05), "{gpu:?}");
     }
+
+    #[test]
+    fn causes_of_noise_are_those_of_the_folder_and_of_the_devices_own_points() {
+        use crate::record::RoundLoad;
+        use crate::sensor::SensorReading;
+        let sensed =
+            |clock_mhz: f64| SensorReading { clock_mhz: Some(clock_mhz), ..SensorReading::default() };
+        let gpu = |name: &str, clock_mhz: f64| Record {
+            sensed: Some(sensed(clock_mhz)),
+            throttled_samples: Some(3),
+            preempted_samples: Some(2),
+            ..measured("gpu", name, 8, 10.0)
+        };
+        let cpu =
+            Record { threads: Some(4), preempted_samples: Some(5), ..measured("cpu", "naive", 8, 10.0) };
+        let load = |n: u32| RoundLoad {
+            ms: 500.0,
+            processors: 8,
+            others: 0.5,
+            stolen: 0.25,
+            core_to_core_ns: Some(f64::from(60 + n)),
+            ..RoundLoad::default()
+        };
+        let clocks =
+            serde_json::json!({ "governor": "powersave", "now_mhz": [1000.0, 2000.0], "max_mhz": 3000.0 });
+        let folder = Folder {
+            records: judged([gpu("naive", 1500.0), cpu, gpu("wide", 1700.0)]),
+            rounds: (0..10).map(load).collect(),
+            environment: serde_json::json!({ "host": { "clocks": clocks } }),
+            ..Folder::default()
+        };
+        let causes: Vec<Causes> = Noise::of(&folder).into_iter().map(|noise| noise.causes).collect();
+        let of_gpu = Causes {
+            processors: Some(8.0),
+            others: Some(0.5),
+            stolen: Some(0.25),
+            core_to_core_ns: Some([61.0, 68.0]),
+            governor: Some("powersave".into()),
+            clocks_mhz: Some([1000.0, 2000.0]),
+            device_clock_mhz: Some(1600.0),
+            preempted_samples: Some(4),
+            throttled_samples: Some(6),
+            threads: None,
+        };
+        let of_cpu = Causes {
+            device_clock_mhz: None,
+            preempted_samples: Some(5),
+            throttled_samples: None,
+            threads: Some(4),
+            ..of_gpu.clone()
+        };
+        assert_eq!(causes, [of_gpu, of_cpu]);
+        let [unknown] = &Noise::of(&Folder { records: vec![gpu("naive", 1.0)], ..Folder::default() })[..]
+        else {
+            panic!("one device")
+        };
+        assert_eq!(
+            (unknown.causes.processors, unknown.causes.clocks_mhz, &unknown.causes.governor),
+            (None, None, &None)
+        );
+    }
 }

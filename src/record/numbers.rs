@@ -50,6 +50,8 @@ mod tests {
         assert_eq!(ms(163_000.4), "163000");
         assert_eq!(duration(1234.4), "1.234 s");
         assert_eq!(duration(0.0123), "12.30 us");
+        let times = [0.0, 0.0999, 0.1, 999.9, 1000.0, -2000.0].map(duration);
+        assert_eq!(times, ["0 ms", "99.90 us", "0.1000 ms", "999.9 ms", "1.000 s", "-2.000 s"]);
         assert_eq!(significant(0.0, 3), "0");
     }
 

@@ -201,4 +201,36 @@ mod tests {
         assert!((mean.others - 0.3).abs() < 1e-12, "{mean:?}");
         assert_eq!(mean_load(&[]), None);
     }
+
+    #[test]
+    fn a_line_has_what_was_measured() {
+        let load = Load {
+            ms: 500.0,
+            others: 0.25,
+            stolen: 0.125,
+            processors: 4,
+            load_1m: Some(1.5),
+            core_to_core_ns: Some(60.0),
+        };
+        let expected = serde_json::json!({
+            "launch": 3, "round": 9, "ms": 500.0, "processors": 4, "others": 0.25, "stolen": 0.125, "load_1m": 1.5,
+            "core_to_core_ns": 60.0,
+        });
+        assert_eq!(serde_json::to_value(RoundLoad::of(3, 9, &load)).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_tenth_of_the_readings_lies_beyond_each_percentile() {
+        let of = |count: u32| -> Vec<RoundLoad> {
+            // Neighbouring readings are far apart, so that their order has to be found.
+            (0..count)
+                .map(|n| RoundLoad { core_to_core_ns: Some(f64::from(n * 7 % count)), ..line(0, 0.0) })
+                .collect()
+        };
+        assert_eq!(core_to_core_ns(&of(20)), Some([2.0, 17.0]));
+        assert_eq!(core_to_core_ns(&of(9)), None);
+        let mean =
+            mean_load(&[line(0, 0.5), RoundLoad { processors: 8, stolen: 1.0, ..line(0, 0.5) }]).unwrap();
+        assert_eq!((mean.processors, mean.others, mean.stolen), (8.0, 0.5, 0.5));
+    }
 }

@@ -153,4 +153,99 @@ mod tests {
         assert_eq!(cell(1, "median_ms"), "");
         assert_eq!(cell(1, "reason"), "too \"big\", really");
     }
+
+    /// Returns a record whose numbers are all different.
+    fn with_different_numbers() -> Record {
+        let resources = crate::program::compiled::Resources {
+            registers: Some(40),
+            spill_store_bytes: Some(41),
+            spill_load_bytes: Some(42),
+            ..Default::default()
+        };
+        let kernel = crate::program::CompiledKernel {
+            name: "cast_frame".into(),
+            resources,
+            occupancy: Some(0.43),
+            ..Default::default()
+        };
+        let sensed = crate::sensor::SensorReading {
+            clock_mhz: Some(44.0),
+            memory_clock_mhz: Some(45.0),
+            energy_mj: Some(46.0),
+            power_w: Some(47.0),
+            ..Default::default()
+        };
+        Record {
+            triangles: Some(1),
+            lights: Some(2),
+            reason: Some("a reason".into()),
+            stop_reason: Some("a rule".into()),
+            preset: Some("a preset".into()),
+            strategy: "a strategy".into(),
+            primary_ms: Some(3.0),
+            shadow_ms: Some(4.0),
+            shade_ms: Some(5.0),
+            host_median_ms: Some(6.0),
+            build_ms: Some(7.0),
+            rays_per_s: Some(8.0),
+            shadow_rays: Some(9),
+            shadow_rays_per_s: Some(10.0),
+            tests_per_s: Some(11.0),
+            max_difference: Some(12.0),
+            uncertain_pixels: Some(13),
+            unexplained_pixels: Some(14),
+            local_bytes: Some(15),
+            constant_bytes: Some(16),
+            scratch_bytes: Some(17),
+            private_bytes: Some(18),
+            batch: Some(19),
+            threads: Some(20),
+            limit_fraction: Some(0.21),
+            preempted_samples: Some(22),
+            throttled_samples: Some(23),
+            host: Some("a host".into()),
+            block: Some(24),
+            kernels: vec![kernel],
+            sensed: Some(sensed),
+            ..measured("a device", "naive", 8, 100.0)
+        }
+    }
+
+    #[test]
+    fn a_column_named_like_a_field_of_records_has_this_field() {
+        let records = judged([with_different_numbers()]);
+        let bytes = summary_csv(&records).unwrap();
+        let mut reader = csv::Reader::from_reader(bytes.as_slice());
+        let header = reader.headers().unwrap().clone();
+        let row = reader.records().next().unwrap().unwrap();
+        let fields = serde_json::to_value(&records[0]).unwrap();
+        let as_text =
+            |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        let mut same = 0;
+        for (name, cell) in header.iter().zip(row.iter()) {
+            if let Some(field) = fields.get(name) {
+                assert_eq!(cell, as_text(field), "{name}");
+                same += 1;
+            }
+        }
+        assert_eq!(same, 36, "of the fields");
+        let cell = |name: &str| &row[header.iter().position(|head| head == name).unwrap()];
+        let [low, high] = interval(&records[0]).unwrap();
+        for (name, expected) in [
+            ("ci95_low_ms", low.to_string()),
+            ("ci95_high_ms", high.to_string()),
+            ("samples", "10".into()),
+            ("launches", "2".into()),
+            // The frame of 400000 primary and 9 shadow rays takes 100 ms; its primary pass takes 3 ms.
+            ("frame_rays_per_s", "4000090.0".into()),
+            ("registers", "40".into()),
+            ("spill_store_bytes", "41".into()),
+            ("occupancy", "0.43".into()),
+            ("clock_mhz", "44.0".into()),
+            ("energy_mj", "46.0".into()),
+        ] {
+            assert_eq!(cell(name), expected, "{name}");
+        }
+        assert!((cell("primary_rays_per_s").parse::<f64>().unwrap() - 400_000.0 / 3e-3).abs() < 1.0);
+    }
 }

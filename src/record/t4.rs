@@ -115,4 +115,54 @@ mod tests {
         assert_eq!(reasons(infeasible("gpu", "naive", 32, "too large")), ["too large"]);
         assert!(reasons(measured("gpu", "naive", 8, 2.0)).is_empty());
     }
+
+    #[test]
+    fn a_point_has_its_configuration_and_its_times() {
+        let record = Record {
+            timestamp: Some("2026-01-02T03:04:05Z".into()),
+            build_ms: Some(12.5),
+            local_size: Some([16, 2]),
+            max_difference: Some(1e-4),
+            strategy: "vectors=local width=4".into(),
+            ..measured("gpu", "naive", 8, 2.0)
+        };
+        let found = result(&record);
+        assert_eq!(found["timestamp"], "2026-01-02T03:04:05Z");
+        let configuration = json!({
+            "block_size_x": 16, "block_size_y": 2, "vectors": "local", "width": 4, "scene": "teapot", "device": "gpu",
+            "image_width": 800, "image_height": 500, "name": "naive",
+        });
+        assert_eq!(found["configuration"], configuration);
+        let times = &found["times"];
+        // The point has ten samples of 2 ms each.
+        assert_eq!(
+            [&times["compilation"], &times["compilation_time"], &times["benchmark"]],
+            [12.5, 12.5, 20.0]
+        );
+        assert_eq!(times["runtimes"], json!(vec![2.0; 10]));
+        let named = |name: &str| {
+            let all = found["measurements"].as_array().expect("a list");
+            all.iter().find(|one| one["name"] == name).map(|one| (one["value"].clone(), one["unit"].clone()))
+        };
+        assert_eq!(named("time"), Some((json!(2.0), json!("ms"))));
+        assert_eq!(named("triangle_tests"), Some((json!(2e11), json!("1/s"))));
+        assert_eq!(named("max_relative_difference"), Some((json!(1e-4), json!(""))));
+    }
+
+    #[test]
+    fn each_outcome_has_its_word_and_only_a_measured_point_is_correct() {
+        for (outcome, word, correct) in [
+            (Outcome::Measured, "correct", 1),
+            (Outcome::Infeasible, "constraints", 0),
+            (Outcome::OtherKind, "constraints", 0),
+            (Outcome::BuildFailed, "compile", 0),
+            (Outcome::LaunchFailed, "runtime", 0),
+            (Outcome::Crashed, "runtime", 0),
+            (Outcome::WrongImage, "correctness", 0),
+            (Outcome::TimedOut, "timeout", 0),
+        ] {
+            let found = result(&Record { outcome, ..measured("gpu", "naive", 8, 2.0) });
+            assert_eq!((&found["invalidity"], &found["correctness"]), (&json!(word), &json!(correct)));
+        }
+    }
 }

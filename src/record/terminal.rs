@@ -300,4 +300,60 @@ mod tests {
         assert_eq!(word("seventeen letters: 2 B > 1 B"), "infeasible");
         assert_eq!(word("no colon"), "infeasible");
     }
+
+    #[test]
+    fn local_sizes_are_columns_in_the_order_of_their_products() {
+        let at = |size: [u32; 2], ms| Record {
+            local_size: Some(size),
+            key: format!("{size:?}"),
+            ..measured("gpu", "naive", 8, ms)
+        };
+        let records = judged([at([16, 2], 1.0), at([2, 16], 2.0), at([4, 4], 4.0), at([64, 1], 8.0)]);
+        let text = summary_terminal(&records, false).replace('│', " ");
+        let words = |start: &str| -> Vec<&str> {
+            let line = text.lines().find(|line| line.trim_start().starts_with(start)).unwrap_or_default();
+            line.split_whitespace().collect()
+        };
+        assert_eq!(words("strategy"), ["strategy", "4x4", "2x16", "16x2", "64x1"], "{text}");
+        assert_eq!(words("naive"), ["naive", "4.000", "2.000", "*1.000", "8.000"], "{text}");
+        assert!(text.starts_with("teapot, 800 x 500, gpu: median ms\n"), "{text}");
+    }
+
+    #[test]
+    fn a_warning_is_marked_and_counted_and_scenes_have_their_notes() {
+        let warned =
+            |name: &str, ms| Record { warning: Some("it throttled".into()), ..measured("gpu", name, 8, ms) };
+        let noted = Record { scene_notes: vec!["no normals".into()], ..measured("gpu", "tile", 4, 9.0) };
+        let text = summary_terminal(&judged([warned("naive", 10.0), warned("wide", 20.0), noted]), false);
+        for expected in [
+            " 10.00! ",
+            " 20.00! ",
+            " *9.000 ",
+            "! a warning on 2 of these times, for example naive at 8 x 8: it throttled\n",
+            "note on teapot: no normals\n",
+        ] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        assert!(!summary_terminal(&judged([measured("gpu", "tile", 4, 9.0)]), false).contains("warning"));
+    }
+
+    #[test]
+    fn the_legend_explains_each_word_once_for_each_strategy() {
+        use Outcome::{BuildFailed, Crashed, LaunchFailed, OtherKind, TimedOut, WrongImage};
+        for (outcome, line) in [
+            (OtherKind, "other-kind: its preset is meant for devices of another kind, "),
+            (BuildFailed, "build-failed: its program did not compile, "),
+            (LaunchFailed, "launch-failed: its kernel did not run, "),
+            (WrongImage, "wrong-image: its image differs from the reference, "),
+            (TimedOut, "timed-out: it took too long, "),
+            (Crashed, "crashed: its process crashed, "),
+        ] {
+            let at = |name: &str, side| Record { outcome, ..infeasible("gpu", name, side, "first\nsecond") };
+            let text = summary_terminal(&[at("naive", 4), at("naive", 8), at("wide", 8)], false);
+            for example in ["for example naive at 4 x 4: first\n", "for example wide at 8 x 8: first\n"] {
+                assert!(text.contains(&format!("{line}{example}")), "{line:?} is not in\n{text}");
+            }
+            assert_eq!(text.matches("for example").count(), 2, "{text}");
+        }
+    }
 }

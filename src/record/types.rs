@@ -370,4 +370,30 @@ mod tests {
             assert_eq!(record.main_kernel().map(|kernel| kernel.name.as_str()), main);
         }
     }
+
+    #[test]
+    fn an_outcome_has_the_same_name_in_tables_as_in_records() {
+        use Outcome::{
+            BuildFailed, Crashed, Infeasible, LaunchFailed, Measured, OtherKind, TimedOut, WrongImage,
+        };
+        let fine = [Measured, Infeasible, OtherKind];
+        let failures = [BuildFailed, LaunchFailed, WrongImage, TimedOut, Crashed];
+        for outcome in fine.into_iter().chain(failures) {
+            assert_eq!(serde_json::to_value(outcome).unwrap(), outcome.name());
+        }
+        assert!(fine.iter().all(|outcome| outcome.is_fine()));
+        assert!(!failures.iter().any(|outcome| outcome.is_fine()));
+    }
+
+    #[test]
+    fn casters_differ_in_which_triangles_they_test() {
+        let of = |device: &str, strategy: &str| {
+            let record = Record { device: device.into(), strategy: strategy.into(), ..Record::default() };
+            (record.tests_every_triangle(), record.walks_tree())
+        };
+        assert_eq!(of(HOST, "serial-f32"), (true, false));
+        assert_eq!(of("gpu", "traversal=exhaustive"), (true, false));
+        assert_eq!(of("gpu", "traversal=raster"), (false, false));
+        assert_eq!([of("gpu", "traversal=bvh"), of("gpu", "traversal=tile")], [(false, true); 2]);
+    }
 }

@@ -175,4 +175,45 @@ mod tests {
         assert_eq!(write_whole(&taken, b"new").unwrap_err().exit_code(), 1);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
+
+    #[test]
+    fn a_new_file_is_written_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        assert!(write_new(&path, b"first").unwrap());
+        assert!(!write_new(&path, b"second").unwrap());
+        assert_eq!(std::fs::read(&path).unwrap(), b"first");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
+        assert_eq!(write_new(&folder.path().join("missing/a"), b"").unwrap_err().exit_code(), 1);
+    }
+
+    #[test]
+    fn a_file_written_piece_by_piece_has_all_pieces_or_is_not_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("samples.jsonl");
+        write_whole_by(&path, |file| {
+            ["a\n", "b\n"].iter().try_for_each(|piece| file.write_all(piece.as_bytes()))
+        })
+        .unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"a\nb\n");
+        let failed = write_whole_by(&path, |file| {
+            file.write_all(b"c\n")?;
+            Err(IoError::other("no more"))
+        });
+        assert!(failed.unwrap_err().to_string().ends_with("no more"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"a\nb\n");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn files_can_be_read_by_whom_the_system_lets() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [usual, whole, new] = ["usual", "whole", "new"].map(|name| folder.path().join(name));
+        std::fs::write(&usual, "").unwrap();
+        write_page(&whole, b"").unwrap();
+        write_new(&new, b"").unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode();
+        assert_eq!([mode(&whole), mode(&new)], [mode(&usual); 2]);
+    }
 }

@@ -265,4 +265,35 @@ mod tests {
         }
         assert_eq!(distinct(marks(&[[0.0, 1.0], [1.0, 1.0], [1.0, 2.0]]).iter()), 1, "0 has no logarithm");
     }
+
+    #[test]
+    fn each_device_has_plots_of_its_own_at_the_size_and_of_the_scene_with_the_most_points() {
+        let on = |device: &str, record: Record| Record {
+            key: format!("{device} {}", record.key),
+            device: device.into(),
+            ..record
+        };
+        let mut records = Vec::new();
+        for device in ["a", "b"] {
+            // A scene at a size of its own belongs to neither plot.
+            records.push(on(device, record(7, [80, 50], "naive", 1e6)));
+            for triangles in [1_000, 10_000, 100_000] {
+                records.push(on(device, record(triangles, [800, 500], "naive", triangles as f64)));
+            }
+            records.push(on(device, record(1_000, [1600, 1000], "naive", 4_000.0)));
+        }
+        let records = judged(records);
+        let groups = groups(&records);
+        let plots = growth(&groups, &Looks::of(&groups));
+        let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
+        assert_eq!(names, ["triangles", "pixels", "triangles-2", "pixels-2"]);
+        let told = |plot: &Plot, parts: &[&str]| {
+            parts.iter().for_each(|part| assert!(plot.svg.contains(part), "{part} is not in {}", plot.svg));
+        };
+        told(&plots[2], &["Time against the number of triangles, at 800 x 500: b", "triangles in the scene"]);
+        told(&plots[3], &["Time against the number of pixels, terrain-1000: b", "pixels in the image"]);
+        assert!(plots[2].caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plots[2].caption);
+        assert!(plots[2].caption.ends_with("the fit ignores these other differences."));
+        assert!(plots[3].caption.contains("too few different values for a fit"), "{}", plots[3].caption);
+    }
 }

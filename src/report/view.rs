@@ -263,4 +263,68 @@ mod tests {
         assert!(plot.svg.contains("2.0 times as slow"), "{}", plot.svg);
         assert!(plot.svg.contains("its image differs from the reference; naive at"), "{}", plot.svg);
     }
+
+    #[test]
+    fn every_outcome_without_a_time_has_a_code_and_a_meaning() {
+        use crate::record::fixtures::infeasible;
+        for (outcome, expected, means) in [
+            (Outcome::OtherKind, "kind", "its preset is meant for devices of another kind; naive"),
+            (Outcome::BuildFailed, "build", "its program did not compile; naive"),
+            (Outcome::LaunchFailed, "launch", "its kernel did not run; naive"),
+            (Outcome::WrongImage, "wrong", "its image differs from the reference; naive"),
+            (Outcome::TimedOut, "slow", "it took too long; naive"),
+            (Outcome::Crashed, "crash", "its process crashed; naive"),
+        ] {
+            let record = Record { outcome, ..infeasible("gpu", "naive", 8, "first\nsecond") };
+            assert_eq!(code(&record), expected);
+            let told = meaning(&record);
+            assert!(told.starts_with(means) && told.ends_with(": first"), "{told}");
+        }
+        let of = |reason: &str| code(&infeasible("gpu", "naive", 8, reason));
+        assert_eq!([of("__local memory: 2 B > 1 B"), of("no colon")], ["local", "infeasib"]);
+    }
+
+    #[test]
+    fn sizes_and_strategies_are_listed_once_in_their_order() {
+        let at = |name: &str, size: [u32; 2]| Record {
+            local_size: Some(size),
+            key: format!("{name} {size:?}"),
+            ..measured("gpu", name, 8, 10.0)
+        };
+        let records =
+            judged([at("wide", [16, 2]), at("naive", [2, 16]), at("naive", [4, 4]), at("wide", [4, 4])]);
+        assert_eq!(sizes(records.iter()), [[4, 4], [2, 16], [16, 2]]);
+        assert_eq!(size_names(&[[16, 2]]), ["16x2"]);
+        assert_eq!(names(&groups(&records)[0]), ["naive", "wide"]);
+    }
+
+    #[test]
+    fn of_many_points_only_the_fastest_have_their_samples_shown() {
+        let shown = |count: u32| {
+            let records: Vec<Record> =
+                (1..=count).map(|side| measured("gpu", "naive", side, f64::from(side))).collect();
+            let records = judged(records);
+            strip(&groups(&records)[0], "samples").unwrap()
+        };
+        let all = shown(14);
+        assert!(!all.caption.contains("are shown") && all.svg.contains("naive 14x14"), "{}", all.caption);
+        let some = shown(16);
+        assert!(some.caption.ends_with(" The 14 fastest of 16 points are shown."), "{}", some.caption);
+        assert!(some.svg.contains("naive 14x14") && !some.svg.contains("naive 15x15"));
+        assert!(
+            strip(&groups(&[Record { median_ms: None, ..measured("gpu", "naive", 8, 1.0) }])[0], "a")
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn a_row_of_samples_has_the_points_name_time_and_bars() {
+        let record = Record { q1_ms: Some(9.0), q3_ms: Some(12.0), ..measured("gpu", "naive", 8, 10.0) };
+        let row = strip_row(&judged([record])[0]).unwrap();
+        assert_eq!((row.name.as_str(), row.value.as_str()), ("naive 8x8", "10.00 ms"));
+        let [low, high] = row.quartiles.unwrap();
+        assert!((low + 10.0).abs() < 1e-9 && (high - 20.0).abs() < 1e-9, "{low} {high}");
+        let [low, high] = row.interval.unwrap();
+        assert!(low < 0.0 && high > 0.0, "{low} {high}");
+    }
 }

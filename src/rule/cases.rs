@@ -156,4 +156,23 @@ mod tests {
             assert!(case.is_of_its_kinds(&task), "{}: {task:?}", case.name);
         }
     }
+
+    #[test]
+    fn a_case_is_of_the_kinds_that_hold_and_of_no_others() {
+        let case = |kinds: &[Kind]| Case {
+            name: "a".into(),
+            scene: "a.toml".into(),
+            set: BTreeMap::new(),
+            size: [10, 10],
+            kinds: kinds.to_vec(),
+            devices: Vec::new(),
+        };
+        let task = |triangles, inside| Task { triangles, pixels: 100, inside, ..Task::default() };
+        let is = |kinds: &[Kind], task: Task| case(kinds).is_of_its_kinds(&task);
+        assert!(is(&[Kind::Few], task(49, false)) && !is(&[Kind::Few], task(50, false)));
+        assert!(is(&[Kind::Dense], task(401, false)) && !is(&[Kind::Dense], task(400, false)));
+        assert!(is(&[], task(400, false)) && !is(&[], task(49, false)) && !is(&[], task(401, false)));
+        assert!(is(&[Kind::Inside], task(100, true)) && !is(&[], task(100, true)));
+        assert!(is(&[Kind::Watertight], task(100, false)), "the task takes this kind from the case");
+    }
 }

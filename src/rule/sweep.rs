@@ -126,3 +126,27 @@ fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::
     let one_ms = caster.cast()?.frame_ms.max(1e-6);
     Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_choice_is_compared_with_the_fastest_candidate() {
+        let class = Class::TilesInVectors;
+        let constants = class.constants(false).expect("constants");
+        // With a million triangles, the rule never chooses exhaustive casting.
+        let task = Task { triangles: 1_000_000, pixels: 400_000, ..Task::default() };
+        let choice = constants.way(&task, 2);
+        let verdict = |times: &[(&str, f64)]| {
+            let least_ms = times.iter().map(|(name, ms)| ((*name).to_owned(), *ms)).collect();
+            Measured { name: "a".into(), task, least_ms }.verdict(constants, 2)
+        };
+        let found = verdict(&[("exhaustive", 3.0), (choice.name(), 6.0), ("another", 4.0)]).expect("times");
+        assert_eq!((found.choice, found.choice_ms), (choice, Some(6.0)));
+        assert_eq!((found.best.clone(), found.ratio()), (("exhaustive".to_owned(), 3.0), 2.0));
+        let refused = verdict(&[("exhaustive", 3.0)]).expect("times");
+        assert_eq!((refused.choice_ms, refused.ratio()), (None, f64::INFINITY));
+        assert!(verdict(&[]).is_none());
+    }
+}

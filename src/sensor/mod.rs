@@ -67,3 +67,39 @@ impl SensorReading {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_of_each_value_where_it_is_known() {
+        let one = SensorReading {
+            clock_mhz: Some(1000.0),
+            memory_clock_mhz: Some(2000.0),
+            power_w: Some(100.0),
+            temperature_c: Some(50.0),
+            throttled: false,
+            energy_mj: Some(10.0),
+        };
+        let other = SensorReading {
+            clock_mhz: Some(1200.0),
+            memory_clock_mhz: None,
+            power_w: Some(300.0),
+            temperature_c: Some(60.0),
+            throttled: true,
+            energy_mj: Some(30.0),
+        };
+        let expected = SensorReading {
+            clock_mhz: Some(1100.0),
+            memory_clock_mhz: Some(2000.0),
+            power_w: Some(200.0),
+            temperature_c: Some(55.0),
+            throttled: true,
+            energy_mj: Some(20.0),
+        };
+        assert_eq!(SensorReading::mean([one, other].iter()), Some(expected));
+        assert_eq!(SensorReading::mean([one].iter()), Some(one));
+        assert_eq!(SensorReading::mean([].iter()), None);
+    }
+}

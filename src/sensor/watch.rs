@@ -162,4 +162,30 @@ mod tests {
         drop(found);
         assert_eq!(Watch::start(|| None).sense(Instant::now(), Instant::now(), 1.0), None);
     }
+
+    #[test]
+    fn the_oldest_readings_are_forgotten() {
+        let readings = Mutex::new(Readings::default());
+        let start = Instant::now();
+        for n in 0..KEPT as u64 + 2 {
+            keep(&readings, (at(start, n), Reading::default()));
+        }
+        let kept = locked(&readings);
+        assert_eq!((kept.len(), kept[0].0), (KEPT, at(start, 2)));
+    }
+
+    #[test]
+    fn a_counter_that_stands_still_or_covers_too_little_time_tells_no_power() {
+        let start = Instant::now();
+        let power_w = |end: u64, counters: [Option<f64>; 2]| {
+            let reading = |energy_counter_mj| Reading { shown: SensorReading::default(), energy_counter_mj };
+            let readings: Readings =
+                [(start, reading(counters[0])), (at(start, end), reading(counters[1]))].into_iter().collect();
+            sense(&readings, start, at(start, end), 1.0).and_then(|sensed| sensed.power_w)
+        };
+        assert_eq!(power_w(500, [Some(1e5), Some(1.5e5)]), Some(100.0), "50 J in half a second");
+        assert_eq!(power_w(499, [Some(1e5), Some(1.5e5)]), None);
+        assert_eq!(power_w(500, [Some(1e5), Some(1e5)]), None);
+        assert_eq!(power_w(500, [None, Some(1e5)]), None);
+    }
 }

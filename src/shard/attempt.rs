@@ -65,23 +65,32 @@ pub struct Attempt {
 impl About {
     /// Describes this process, from the variables of its scheduler.
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
-        let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
-        let first = |names: &[&str]| names.iter().find_map(|name| variable(name));
-        // Slurm's virtual nodes share a machine, so the node's name is used. Inside a Kubernetes pod, the host name
-        // is the pod's name.
-        let host = first(&["SLURMD_NODENAME"]).or(Host::read().name);
-        let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
-        Self {
+        let own = Self {
             shard: shard.number,
             of: shard.of,
-            host: host.unwrap_or_else(|| "machine".to_owned()),
-            job: first(&["SLURM_JOB_ID", "CI_JOB_ID", "GITHUB_RUN_ID", "HQ_JOB_ID"])
-                .unwrap_or_else(|| "0".to_owned()),
-            restart: restart.and_then(|count| count.parse().ok()).unwrap_or(0),
             process: std::process::id(),
             hang_limit_s,
             devices,
             command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
+            ..Self::default()
+        };
+        own.started_by(&|name| std::env::var(name).ok(), Host::read().name)
+    }
+
+    /// Adds the machine, the job and the restart, from the variables of the scheduler and from the machine's own name.
+    fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
+        let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
+        let first = |names: &[&str]| names.iter().find_map(set);
+        // Slurm's virtual nodes share a machine, so the node's name is used. Inside a Kubernetes pod, the host name
+        // is the pod's name.
+        let host = first(&["SLURMD_NODENAME"]).or(machine);
+        let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
+        Self {
+            host: host.unwrap_or_else(|| "machine".to_owned()),
+            job: first(&["SLURM_JOB_ID", "CI_JOB_ID", "GITHUB_RUN_ID", "HQ_JOB_ID"])
+                .unwrap_or_else(|| "0".to_owned()),
+            restart: restart.and_then(|count| count.parse().ok()).unwrap_or(0),
+            ..self
         }
     }
 }
@@ -202,5 +211,41 @@ mod tests {
         });
         let distinct: std::collections::HashSet<_> = names.iter().collect();
         assert_eq!(distinct.len(), 8);
+    }
+
+    #[test]
+    fn an_attempt_names_the_job_that_its_scheduler_started() {
+        let told = |variables: &str, machine: Option<&str>| {
+            let variable = |name: &str| {
+                variables
+                    .split(' ')
+                    .find_map(|one| one.strip_prefix(name)?.strip_prefix('=').map(str::to_owned))
+            };
+            let about = About { shard: 3, of: 16, ..About::default() };
+            let About { shard, of, host, job, restart, .. } =
+                about.started_by(&variable, machine.map(str::to_owned));
+            assert_eq!((shard, of), (3, 16));
+            format!("{host} {job} {restart}")
+        };
+        for (variables, machine, expected) in [
+            ("SLURMD_NODENAME=node7 SLURM_JOB_ID=4711 SLURM_RESTART_COUNT=2", Some("m"), "node7 4711 2"),
+            ("GITHUB_RUN_ID=99 GITHUB_RUN_ATTEMPT=3", Some("m"), "m 99 3"),
+            ("CI_JOB_ID=55", Some("m"), "m 55 0"),
+            ("HQ_JOB_ID=8", Some("m"), "m 8 0"),
+            ("SLURM_JOB_ID=1 CI_JOB_ID=2", Some("m"), "m 1 0"),
+            ("SLURMD_NODENAME= SLURM_JOB_ID= CI_JOB_ID=2 SLURM_RESTART_COUNT=x", Some("m"), "m 2 0"),
+            ("", None, "machine 0 0"),
+        ] {
+            assert_eq!(told(variables, machine), expected, "{variables}");
+        }
+    }
+
+    #[test]
+    fn this_process_describes_itself() {
+        let shard = Shard { number: 3, of: 16 };
+        let about = About::of_this_process(shard, vec!["a gpu".into()], 12.5);
+        assert_eq!((about.shard, about.of, about.process), (3, 16, std::process::id()));
+        assert_eq!((about.devices, about.hang_limit_s), (vec!["a gpu".to_owned()], 12.5));
+        assert!(!about.host.is_empty() && !about.command[0].is_empty());
     }
 }

@@ -145,4 +145,28 @@ mod tests {
         devices.sort_unstable();
         assert_eq!(devices, ["cpu", "gpu"]);
     }
+
+    #[test]
+    fn a_kinds_file_is_named_by_its_device_and_is_another_for_another_identity() {
+        let file = |device: &str, identity: &str| Kind::file(Path::new("out"), device, identity);
+        let name = file("NVIDIA H200 (1)", "a").file_name().unwrap().to_string_lossy().into_owned();
+        assert!(name.starts_with("nvidia-h200-1-") && name.ends_with(".jsonl"), "{name}");
+        assert_eq!(file("a", "b"), file("a", "b"));
+        assert_ne!(file("a", "b"), file("a", "c"));
+        assert_ne!(file("a b", "c"), file("a-b", "c"));
+    }
+
+    #[test]
+    fn kinds_with_the_same_identity_differ_in_their_programs() {
+        let kind = |key: &str| {
+            let planned = PlannedPoint { key: key.into(), ..PlannedPoint::default() };
+            Kind {
+                device: "cpu".into(),
+                identity: "PoCL | x".into(),
+                points: vec![KindPoint { point: 0, planned }],
+            }
+        };
+        let told = Kind::distinctions(&[kind("a"), kind("b")]);
+        assert_eq!(told, [Some("another program".to_owned()), Some("another program".to_owned())]);
+    }
 }

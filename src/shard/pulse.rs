@@ -182,4 +182,81 @@ mod tests {
         }
         drop(pulse);
     }
+
+    /// Stores the name and the arguments of every call.
+    #[derive(Default)]
+    struct Heard(Vec<String>);
+
+    impl Observer for Heard {
+        fn enters(&mut self, stage: &str) {
+            self.0.push(format!("enters {stage}"));
+        }
+        fn begins(&mut self, points: usize, steps: usize) {
+            self.0.push(format!("begins {points} {steps}"));
+        }
+        fn resumes(&mut self, points: usize, steps: usize) {
+            self.0.push(format!("resumes {points} {steps}"));
+        }
+        fn advances(&mut self, steps: usize) {
+            self.0.push(format!("advances {steps}"));
+        }
+        fn works_on(&mut self, what: &str) {
+            self.0.push(format!("works on {what}"));
+        }
+        fn says(&mut self, line: &str) {
+            self.0.push(format!("says {line}"));
+        }
+        fn finished(&mut self, record: &Record) {
+            self.0.push(format!("finished {}", record.name));
+        }
+        fn ends(&mut self) {
+            self.0.push("ends".to_owned());
+        }
+    }
+
+    #[test]
+    fn every_call_is_passed_on_and_those_that_show_progress_are_steps() {
+        let folder = tempfile::tempdir().unwrap();
+        let pulse = Pulse::start(folder.path()).unwrap();
+        let mut heard = Heard::default();
+        let mut steps = pulse.listening(&mut heard);
+        let mut taken = Vec::new();
+        let calls: [&dyn Fn(&mut Steps<'_>); 8] = [
+            &|steps| steps.enters("a"),
+            &|steps| steps.begins(4, 8),
+            &|steps| steps.resumes(1, 2),
+            &|steps| steps.advances(3),
+            &|steps| steps.works_on("b"),
+            &|steps| steps.says("c"),
+            &|steps| steps.finished(&Record { name: "d".into(), ..Record::default() }),
+            &|steps| steps.ends(),
+        ];
+        for call in calls {
+            call(&mut steps);
+            taken.push(pulse.steps.load(Ordering::Relaxed));
+        }
+        assert_eq!(taken, [0, 0, 0, 1, 2, 2, 3, 3]);
+        let expected = [
+            "enters a",
+            "begins 4 8",
+            "resumes 1 2",
+            "advances 3",
+            "works on b",
+            "says c",
+            "finished d",
+            "ends",
+        ];
+        assert_eq!(heard.0, expected);
+    }
+
+    #[test]
+    fn a_beat_is_read_as_it_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let beat = Beat { beats: 12, quiet: 3, steps: 45 };
+        std::fs::write(folder.path().join(FILE), beat.line()).unwrap();
+        assert_eq!(Beat::read(folder.path()), Some(beat));
+        assert_eq!(beat.line().len(), Beat::default().line().len());
+        std::fs::write(folder.path().join(FILE), "12 3\n").unwrap();
+        assert_eq!(Beat::read(folder.path()), None);
+    }
 }

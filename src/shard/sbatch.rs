@@ -126,4 +126,41 @@ mod tests {
     fn a_jobs_name_is_one_word() {
         assert_eq!(plain("figure 6/b_2-c.toml"), "figure-6-b_2-c-toml");
     }
+
+    #[test]
+    fn a_script_has_the_limits_and_the_commands_that_its_comment_states() {
+        let has = |text: &str, lines: &[&str]| {
+            for line in lines {
+                assert!(text.lines().any(|found| found == *line), "{line}\n{text}");
+            }
+        };
+        let short = scripts(&wishes(20, true));
+        has(
+            &short,
+            &[
+                "# 16 shards; the longest takes about 20 s (based on earlier times). The time limit is twice this time \
+                 plus ten minutes.",
+                "#SBATCH --job-name=figure-6",
+                "#SBATCH --ntasks-per-node=1",
+                "#SBATCH --time=11",
+                "exec srun --kill-on-bad-exit=0 raycl run 'a b.toml' --out o --shard auto",
+                "#SBATCH --job-name=figure-6-merge",
+                "exec raycl merge o",
+            ],
+        );
+        let unknown = scripts(&Wishes { on_gpu: None, out: "a b".into(), ..wishes(20, false) });
+        has(
+            &unknown,
+            &[
+                "#SBATCH --array=1-16",
+                "#SBATCH --ntasks=1",
+                "#SBATCH --exclusive",
+                "# for GPUs, instead of the line above: #SBATCH --gres=gpu:1",
+                "exec raycl merge 'a b'",
+            ],
+        );
+        assert!(unknown.contains("(a guess: nothing was measured before)"), "{unknown}");
+        let is_array = |seconds| scripts(&wishes(seconds, true)).contains("--array");
+        assert_eq!([is_array(119), is_array(120)], [false, true]);
+    }
 }

@@ -136,4 +136,40 @@ mod tests {
         let found = read_twice(folder.path(), || std::fs::remove_file(&pulse).unwrap());
         assert_eq!(found[0].state, State::Lost);
     }
+
+    #[test]
+    fn a_step_that_takes_just_its_limit_is_no_hang() {
+        let beat = |beats, quiet| Some(Beat { beats, quiet, steps: 1 });
+        assert_eq!(state(None, [beat(1, 598), beat(3, 600)], 600.0), State::Going);
+        assert_eq!(state(None, [beat(1, 599), beat(3, 601)], 600.0), State::Hung(601));
+        assert_eq!(state(None, [None, beat(3, 601)], 600.0), State::Hung(601));
+    }
+
+    #[test]
+    fn a_status_has_its_attempts_name_its_limit_and_the_second_reading() {
+        let folder = tempfile::tempdir().unwrap();
+        let about = About { shard: 1, of: 2, host: "n1".into(), hang_limit_s: 2.0, ..About::default() };
+        let attempt = Attempt::begin(folder.path(), &about).unwrap();
+        let count = |line: &str| std::fs::write(attempt.folder.join("pulse"), line).unwrap();
+        count("7 0 4\n");
+        let found = read_twice(folder.path(), || count("10 3 5\n"));
+        let beat = Beat { beats: 10, quiet: 3, steps: 5 };
+        assert_eq!(found, [Status { name: "shard-00001.n1..r00".into(), state: State::Hung(3), beat }]);
+    }
+
+    #[test]
+    fn every_state_is_told_in_words() {
+        for (state, words) in [
+            (State::Begun, "begun: it has not counted yet"),
+            (State::Going, "going"),
+            (State::Hung(42), "hung: no step for 42 s"),
+            (State::Lost, "lost: its counter stands still"),
+            (State::Ended(End::Done), "done"),
+            (State::Ended(End::Interrupted), "interrupted"),
+            (State::Ended(End::LauncherLost("sh has ended".into())), "launcher lost: sh has ended"),
+            (State::Ended(End::Failed("no disk".into())), "failed: no disk"),
+        ] {
+            assert_eq!(state.to_string(), words);
+        }
+    }
 }

@@ -66,4 +66,24 @@ mod tests {
         assert_eq!(second.others(1).map(|other| other.taken()).collect::<Vec<_>>(), [2, 3]);
         assert_eq!(Choices::of(3, []).others(1).count(), 0);
     }
+
+    #[test]
+    fn presets_for_other_kinds_of_device_are_no_choice() {
+        use crate::device::DeviceKind;
+        let naive = crate::strategy::preset("naive").expect("a preset").strategy;
+        let asleep = crate::experiment::asleep::device(1.0);
+        let of = |kind| {
+            let choices = strategies(naive, &DeviceInfo { kind, ..asleep.clone() });
+            assert_eq!(choices.taken(), naive);
+            choices.all
+        };
+        let meant = |kind: DeviceKind, all: &[Strategy]| {
+            let named = |preset: &&crate::strategy::Preset| all.contains(&preset.strategy);
+            PRESETS.iter().filter(named).all(|preset| preset.meant_for.is_none_or(|own| own == kind))
+        };
+        let [cpu, gpu] = [DeviceKind::Cpu, DeviceKind::Gpu].map(|kind| (kind, of(kind)));
+        assert!(meant(cpu.0, &cpu.1) && meant(gpu.0, &gpu.1) && cpu.1 != gpu.1);
+        let sizes = local_sizes([8, 8]);
+        assert_eq!(sizes.others(1).next().map(|size| size.taken()), Some([1, 1]));
+    }
 }

@@ -313,4 +313,45 @@ mod tests {
             assert!((half_height(&camera, [200, 80]) - top).abs() < 1e-12, "{fov_is_vertical}: {top}");
         }
     }
+
+    use super::super::tests::live;
+
+    #[test]
+    fn shadow_rays_of_all_lights_and_of_the_sky_are_counted() {
+        let rays = |options: &[&str]| {
+            let frame = live(options, 1).cast(&Pose::START).expect("it casts").expect("a frame");
+            let background = frame.picture.get_pixel(0, 0);
+            let hits = frame.picture.pixels().filter(|pixel| *pixel != background).count();
+            (frame.rays as usize - 800, hits)
+        };
+        let (of_light, hits) = rays(&[]);
+        assert!(of_light > 50 && of_light == hits, "{of_light} {hits}");
+        let (of_light_and_sky, _) = rays(&["--set", "sky.zenith=1"]);
+        assert_eq!(of_light_and_sky, 2 * of_light);
+    }
+
+    #[test]
+    fn another_local_size_or_strategy_begins_a_new_picture_and_steps_back_return() {
+        let mut live = live(&[], 2);
+        let (strategy, own) = (live.strategy(), live.local_size());
+        let cast = |live: &mut Live| {
+            live.cast(&Pose::START).expect("it casts").expect("a frame");
+            live.progress()
+        };
+        assert_eq!((own, cast(&mut live)), ([8, 8], [1, 2]));
+        live.next_local_size(1).expect("another size");
+        assert_eq!((live.local_size(), live.strategy(), live.progress()), ([1, 1], strategy, [0, 2]));
+        cast(&mut live);
+        live.next_local_size(-1).expect("the first size");
+        assert_eq!((live.local_size(), live.progress()), (own, [0, 2]));
+        cast(&mut live);
+        live.next_strategy(1).expect("another strategy");
+        assert_eq!(live.progress(), [0, 2]);
+        assert_ne!(live.strategy(), strategy);
+        live.next_strategy(-1).expect("the first strategy");
+        assert_eq!((live.strategy(), live.local_size()), (strategy, own));
+        cast(&mut live);
+        live.moved();
+        assert_eq!(live.progress(), [0, 2]);
+    }
 }

@@ -295,13 +295,4 @@ fn dragged(input: &Input) -> Action {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_scene_follows_the_pointer_that_drags_it() {
-        let to_the_right_and_down = Input { orbit: [0.1, 0.2], ..Input::default() };
-        let Action::Orbit([right, up]) = dragged(&to_the_right_and_down) else { panic!("the eye orbits") };
-        assert!(right < 0.0 && up > 0.0, "the eye goes {right} to the right and {up} up");
-    }
-}
+mod tests;

@@ -120,3 +120,76 @@ fn equal_times_of_other_launches_were_not_measured_together() {
     let records = judged([one, other]);
     assert!(!are_together(&records[0], &records[1]));
 }
+
+#[test]
+fn each_device_is_compared_with_its_own_anchor() {
+    let on = |device: &str, ms| {
+        let record = launches("naive", ms, 0.0);
+        Record { device: device.into(), key: device.into(), ..record }
+    };
+    let anchor = |name: &str, device: &str, launch: u32, ms: f64| AnchorSample {
+        anchor: name.into(),
+        device: device.into(),
+        launch,
+        ms,
+        ..AnchorSample::default()
+    };
+    let both = |launch: u32| {
+        let each = move |round: u32| {
+            let at_ms = f64::from(5 * launch + round) + 0.5;
+            let [one, other] = [anchor("one", "gpu", launch, 2.0), anchor("one", "cpu", launch, 5.0)];
+            [AnchorSample { at_ms, round, ..one }, AnchorSample { at_ms, round, ..other }]
+        };
+        (0..5).flat_map(each)
+    };
+    // The last anchor belongs to a launch in which none of these records was measured.
+    let anchors: Vec<AnchorSample> = both(0).chain(both(1)).chain([anchor("third", "tpu", 9, 1.0)]).collect();
+    let mut records = vec![on("gpu", 10.0), on("cpu", 10.0), on("tpu", 10.0)];
+    judge_beside_anchors(&mut records, &anchors);
+    let found: Vec<_> = records
+        .iter()
+        .map(|record| anchored(record).map(|(name, ratio)| (name, ratio.middle.round())))
+        .collect();
+    assert_eq!(found, [Some(("one", 5.0)), Some(("one", 2.0)), None]);
+    let mean = anchored_mean(&[&records[0]]).expect("an anchor");
+    assert_eq!(mean.middle.round(), 5.0);
+    judge(&mut records);
+    assert!(records.iter().all(|record| anchored(record).is_none()), "anchors were not requested");
+}
+
+#[test]
+fn a_devices_kind_decides_how_much_runs_differ_and_only_without_it_its_threads() {
+    let of = |device: &str, kind: Option<&str>, threads| {
+        let record = Record {
+            device: device.into(),
+            device_kind: kind.map(str::to_owned),
+            threads,
+            ..Record::default()
+        };
+        between_runs(&record)
+    };
+    for on_processors in [of("a", Some("cpu"), None), of("a", None, Some(2)), of(HOST, None, None)] {
+        assert_eq!(on_processors, BetweenRuns::ON_PROCESSORS);
+    }
+    for elsewhere in [of("a", Some("gpu"), Some(2)), of("a", Some("accelerator"), None), of("a", None, None)]
+    {
+        assert_eq!(elsewhere, BetweenRuns::ON_OTHER_DEVICES);
+    }
+}
+
+#[test]
+fn records_without_launch_numbers_were_measured_together_if_all_that_is_compared_is_the_same() {
+    let old = |name: &str| Record { sample_launches: Vec::new(), ..measured("gpu", name, 8, 10.0) };
+    let records = judged([
+        old("naive"),
+        old("wide"),
+        Record { device: "cpu".into(), ..old("naive") },
+        Record { image_size: [80, 50], ..old("naive") },
+        Record { scene: "room".into(), ..old("naive") },
+        Record { scene_hash: Some("1".into()), ..old("naive") },
+    ]);
+    let together: Vec<usize> =
+        (0..records.len()).filter(|place| are_together(&records[0], &records[*place])).collect();
+    assert_eq!(together, [0, 1]);
+    assert_eq!((super::launches(&records[0]), super::launches(&Record::default())), (1, 0));
+}

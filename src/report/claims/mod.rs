@@ -355,4 +355,90 @@ mod tests {
         assert_eq!([told(6.0, 0), told(3.0, 0)], [Verdict::Held, Verdict::NotHeld]);
         assert_eq!([told(6.0, 7), told(0.0, 0)], [Verdict::Cannot; 2], "another launch, or no time");
     }
+
+    /// Returns the claim that a memory's latency is about this many cycles.
+    fn of_latency(folder: &Folder, memory: &str, cycles: u32) -> Claim {
+        let test = format!("kind = 'latency', memory = '{memory}', cycles = {cycles}, within = 1.1");
+        claim_in(folder, &test, &[&[measured("gpu", "naive", 8, 10.0)]])
+    }
+
+    #[test]
+    fn each_memory_has_its_own_latency() {
+        let place = tempfile::tempdir().unwrap();
+        let of = |ns: f64| Figure { q1: ns, median: ns, q3: ns, repeats: 9 };
+        let peak = |device: &str, by: f64, max_clock_mhz| Peak {
+            device: device.into(),
+            max_clock_mhz,
+            private_ns: of(by * 20.0),
+            private_array_ns: of(by * 30.0),
+            local_ns: of(by * 40.0),
+            global_ns: of(by * 400.0),
+            ..Peak::default()
+        };
+        let write = |max_clock_mhz| {
+            let both = [peak("other", 7.0, Some(1000)), peak("gpu", 0.5, max_clock_mhz)];
+            Peak::write(&both, &place.path().join(FILE)).unwrap();
+        };
+        // Half a nanosecond is a cycle of 2000 MHz.
+        write(Some(2000));
+        let run = |kind: &str| Folder {
+            path: place.path().into(),
+            environment: serde_json::json!({ "devices": [{ "device": "gpu", "kind": kind }] }),
+            ..Folder::default()
+        };
+        for (memory, cycles) in [("private", 20), ("local", 40), ("global", 400)] {
+            let held = of_latency(&run("gpu"), memory, cycles);
+            assert_eq!(held.verdict, Verdict::Held, "{held:?}");
+            let text = format!("{memory} memory: {cycles}");
+            assert!(
+                held.lines[0].text.starts_with(&text) && held.lines[0].text.contains(" at 2000 MHz"),
+                "{held:?}"
+            );
+            assert_eq!(of_latency(&run("gpu"), memory, 2 * cycles).verdict, Verdict::NotHeld, "{memory}");
+        }
+        let on_cpu = ["private", "local", "global"].map(|memory| of_latency(&run("cpu"), memory, 20));
+        assert_eq!(
+            on_cpu.each_ref().map(|claim| claim.verdict),
+            [Verdict::Held, Verdict::Cannot, Verdict::Cannot]
+        );
+        assert_eq!(on_cpu[1].decides(), ["a GPU"]);
+        write(None);
+        assert_eq!(of_latency(&run("gpu"), "local", 40).decides(), ["the clock frequency in MHz"]);
+        std::fs::remove_file(place.path().join(FILE)).unwrap();
+        let unknown = of_latency(&run("gpu"), "local", 40);
+        assert_eq!(
+            (unknown.verdict, unknown.lines[0].text.as_str()),
+            (Verdict::Cannot, "no record of the latency of local memory")
+        );
+        assert!(unknown.decides()[0].contains("--peak"), "{unknown:?}");
+    }
+
+    #[test]
+    fn an_attempt_that_did_not_end_decides_nothing_and_a_driver_that_refuses_does() {
+        use crate::record::Outcome;
+        let told = |outcome| {
+            let record = Record { outcome, ..infeasible("gpu", "naive", 8, "why") };
+            let test = "kind = 'runs', points = ['naive 8x8 on teapot'], runs = false";
+            claim(test, &[&[record]]).verdict
+        };
+        for outcome in [Outcome::BuildFailed, Outcome::LaunchFailed, Outcome::Infeasible] {
+            assert_eq!(told(outcome), Verdict::Held, "{outcome:?}");
+        }
+        for outcome in [Outcome::TimedOut, Outcome::Crashed, Outcome::WrongImage, Outcome::OtherKind] {
+            assert_eq!(told(outcome), Verdict::Unclear, "{outcome:?}");
+        }
+    }
+
+    #[test]
+    fn what_would_decide_a_claim_is_told_once_and_only_if_it_is_open() {
+        let points = "of = ['naive 1x1 on teapot', 'naive 2x2 on teapot'], to = 'naive 4x4 on teapot'";
+        let ratio = format!("kind = 'ratio', {points}, at_least = 5");
+        let all = [(1, 100.0), (2, 100.0), (4, 10.0)].map(|(side, ms)| measured("gpu", "naive", side, ms));
+        let open = claim(&ratio, &[&all[2..]]);
+        assert_eq!((open.lines.len(), open.decides().len()), (2, 1), "{open:?}");
+        assert!(claim(&ratio, &[&all]).decides().is_empty());
+        let failed = claim(&ratio, &[&[measured("gpu", "naive", 1, 20.0), all[2].clone()]]);
+        assert_eq!(failed.verdict, Verdict::NotHeld);
+        assert!(failed.decides().is_empty(), "one part is missing, but the verdict is certain: {failed:?}");
+    }
 }

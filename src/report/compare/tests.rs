@@ -302,3 +302,92 @@ fn devices_correspond_by_name_in_any_order() {
     assert_eq!(comparison.summary(), "0 faster, 0 slower, 2 same, 0 unclear");
     assert!(comparison.pairs.iter().all(|pair| pair.before.device == pair.after.device));
 }
+
+#[test]
+fn a_pair_is_told_in_json_and_in_a_table_with_the_first_folder_first() {
+    let before = Folder { notes: vec!["a note".into()], ..folder("old", vec![timed("a", "naive", 10.0)]) };
+    let after = Folder { notes: vec!["another".into()], ..folder("new", vec![timed("b", "naive", 20.0)]) };
+    let comparison = Comparison::of(&before, &after, 0.02, true);
+    let line = serde_json::to_value(&comparison.lines()[0]).unwrap();
+    for (key, expected) in [
+        ("scene", serde_json::json!("teapot")),
+        ("image_size", serde_json::json!([800, 500])),
+        ("device", serde_json::json!(["a", "b"])),
+        ("name", serde_json::json!("naive")),
+        ("local_size", serde_json::json!([8, 8])),
+        ("median_ms", serde_json::json!([10.0, 20.0])),
+        ("against", serde_json::json!("bare-times")),
+        ("verdict", serde_json::json!("slower")),
+    ] {
+        assert_eq!(line[key], expected, "{key}: {line}");
+    }
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let [low, middle, high] =
+        [&line["interval_percent"][0], &line["change_percent"], &line["interval_percent"][1]].map(number);
+    assert!((middle - 100.0).abs() < 1e-6 && 0.0 < low && low < middle && middle < high, "{line}");
+    let markdown = comparison.markdown();
+    for part in [
+        "# new against old\n",
+        "| point | old, ms | new, ms | change | verdict |\n",
+        "| teapot 800 x 500, naive 8x8 | 10.00 | 20.00 | +100.0% (",
+        "\nNote: old: a note\n",
+        "\nNote: new: another\n",
+        "\nNote: Plain times are compared",
+    ] {
+        assert!(markdown.contains(part), "{part:?} is not in\n{markdown}");
+    }
+}
+
+#[test]
+fn notes_tell_what_changes_are_relative_to() {
+    let about =
+        |comparison: &Comparison, what: &str| comparison.notes.iter().any(|note| note.starts_with(what));
+    let starts = ["Changes are relative to work that is the same", "No baseline was measured", "Plain times"];
+    let told = |comparison: &Comparison| starts.map(|start| about(comparison, start));
+    let kernels = || vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0), timed("a", "bvh", 2.0)];
+    let with_host = || [kernels(), vec![timed("host", "serial", 100.0)]].concat();
+    assert_eq!(told(&of(&folder("old", with_host()), &folder("new", with_host()))), [true, false, false]);
+    assert_eq!(told(&of(&folder("old", kernels()), &folder("new", kernels()))), [false, true, false]);
+    let bare = Comparison::of(&folder("old", kernels()), &folder("new", kernels()), 0.02, true);
+    assert_eq!(told(&bare), [false, false, true]);
+    let anchor = anchored("a", 1.0, |_| 1.0);
+    assert_eq!(told(&of(&anchor, &anchor)), [true, false, false]);
+}
+
+#[test]
+fn a_point_that_fails_now_is_a_regression_and_one_that_failed_before_is_none() {
+    let fails = |name: &str| infeasible("a", name, 8, "no");
+    let before = folder("old", vec![timed("a", "naive", 10.0), fails("wide"), fails("bvh")]);
+    let after = folder("new", vec![fails("naive"), timed("a", "wide", 1.0), fails("bvh")]);
+    let comparison = of(&before, &after);
+    let [broken, mended] = [
+        "teapot 800 x 500, naive 8x8: was measured, is infeasible",
+        "teapot 800 x 500, wide 8x8: was infeasible, is measured",
+    ];
+    assert_eq!(
+        (comparison.others.clone(), comparison.regressions(5.0)),
+        (vec![broken.into(), mended.into()], vec![broken.into()])
+    );
+}
+
+#[test]
+fn kernels_are_compared_only_with_those_of_the_same_point() {
+    let with = |kernels: &str, side: u32, ms: f64| {
+        let record = measured("a", "naive", side, ms);
+        Record { kernels_of: Some(kernels.into()), key: format!("{kernels} {side}"), ..record }
+    };
+    let room = Record { scene: "room".into(), key: "room".into(), ..with("new", 8, 3.0) };
+    let small = Record { image_size: [80, 50], key: "small".into(), ..with("new", 8, 4.0) };
+    let same = Record { kernels_of: None, ..measured("a", "wide", 8, 5.0) };
+    let run = folder(
+        "run",
+        vec![with("old", 4, 1.0), with("old", 8, 2.0), room, small, same, with("new", 8, 20.0)],
+    );
+    let comparison = Comparison::of_kernels(&run, 0.02);
+    let times: Vec<_> =
+        comparison.pairs.iter().map(|pair| (median(&pair.before), median(&pair.after))).collect();
+    assert_eq!(times, [(Some(2.0), Some(20.0))]);
+    assert!(comparison.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::SameRounds)))));
+    let none = Comparison::of_kernels(&folder("run", vec![timed("a", "naive", 1.0)]), 0.02);
+    assert!(none.notes[0].contains("compile to the same programs"), "{:?}", none.notes);
+}

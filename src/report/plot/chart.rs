@@ -235,4 +235,67 @@ mod tests {
             text.split("data-series=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
         assert_eq!(numbers[..3], ["0", "0", "1"], "{numbers:?}");
     }
+
+    /// Returns the positions of the markers, which are discs.
+    fn places(svg: &str) -> Vec<[f64; 2]> {
+        let marks = svg.split("class=\"mark\"").skip(1);
+        let place = |mark: &str| {
+            let path = mark.split("class=\"dot\"").nth(1)?.split(" d=\"M").nth(1)?;
+            let (x, y) = path.split('a').next()?.split_once(' ')?;
+            // A disc begins at its left end, four pixels from its middle.
+            Some([x.parse::<f64>().ok()? + 4.0, y.parse().ok()?])
+        };
+        marks.filter_map(place).collect()
+    }
+
+    #[test]
+    fn marks_stand_above_their_names_and_longer_times_are_further_up() {
+        let chart = chart("naive");
+        let [one, other] = places(&chart.svg())[..] else { panic!("two marks") };
+        // The x axis is 640 pixels long and begins at 66; each of the two names has half of it.
+        assert_eq!([one[0], other[0]], [66.0 + 160.0, 66.0 + 480.0]);
+        assert!(one[1] < other[1], "10 ms at {one:?}, 1 ms at {other:?}");
+        let frame = chart.frame(WIDE);
+        assert!(frame.top < one[1] && other[1] < frame.bottom);
+        let ends = [15.0, 5.0].map(|ms| frame.up.place(ms).map(super::super::svg::number).expect("a place"));
+        let bar = format!("M226 {}V{}", ends[1], ends[0]);
+        assert!(chart.svg().contains(&bar), "{bar}: {}", chart.svg());
+    }
+
+    #[test]
+    fn labels_stand_at_their_axes_and_the_legend_beside_or_below() {
+        let chart = chart("naive");
+        for svg in [chart.svg(), chart.narrow_svg()] {
+            let upright = svg.split("rotate(-90)").nth(1).and_then(|rest| rest.split("</g>").next());
+            assert!(upright.is_some_and(|label| label.contains(">ms<")), "{svg}");
+            assert!(
+                svg.contains("<desc>ms against local size</desc>") && svg.contains("aria-label=\"naive\""),
+                "{svg}"
+            );
+            assert_eq!(svg.matches("class=\"entry s0\"").count(), 1);
+        }
+        let legend = |svg: &str| -> [f64; 2] {
+            let entry = svg.split("class=\"hit\"").nth(1).expect("an entry");
+            ["x", "y"].map(|name| {
+                let value =
+                    entry.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+                value.and_then(|text| text.parse().ok()).expect("a number")
+            })
+        };
+        let (wide, narrow) = (chart.frame(WIDE), chart.frame(NARROW));
+        let [beside, below] = [legend(&chart.svg()), legend(&chart.narrow_svg())];
+        assert!(beside[0] > wide.right && beside[1] < wide.bottom, "{beside:?}");
+        assert!(below[0] < narrow.right && below[1] > narrow.bottom, "{below:?}");
+    }
+
+    #[test]
+    fn equal_times_are_marked_only_where_both_axes_have_the_same_values() {
+        let with = |diagonal: bool, x: f64| {
+            let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
+            let mut chart = Chart { across: Across::Numbers(Kind::Log), diagonal, ..chart("naive") };
+            chart.series[0].marks = vec![mark(x, 1.0), mark(10.0 * x, 10.0)];
+            chart.svg().contains(">equal<")
+        };
+        assert_eq!([with(true, 1.0), with(false, 1.0), with(true, 1e6)], [true, false, false]);
+    }
 }

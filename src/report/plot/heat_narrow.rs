@@ -158,4 +158,31 @@ mod tests {
         assert!(svg.contains("16x16") && svg.contains("by arithmetic"));
         assert!(svg.contains("hatch-teapot-narrow"), "a pattern is found by name in the whole page");
     }
+
+    #[test]
+    fn a_long_row_continues_below_and_each_cell_has_its_column_and_its_value() {
+        let svg = map().narrow_svg();
+        let value = |part: &str, name: &str| -> f64 {
+            let rest = part.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+            rest.and_then(|text| text.parse().ok()).expect("a number")
+        };
+        let marks: Vec<&str> = svg.split("class=\"mark\"").skip(1).collect();
+        let place = |mark: &str| {
+            let cell = mark.split("class=\"cell\"").nth(1).expect("a cell");
+            ["x", "y", "width"].map(|name| value(cell, name))
+        };
+        let [first, sixth, seventh] = [0, 5, 6].map(|number| place(marks[number]));
+        assert_eq!([first[1], first[0]], [sixth[1], seventh[0]]);
+        assert_eq!(seventh[1] - first[1], HEIGHT);
+        assert!(sixth[0] - first[0] > 5.0 * first[2] && sixth[0] + sixth[2] < NARROW.whole_width());
+        let texts = |mark: &str| -> Vec<String> {
+            let of = |part: &str| Some(part.split('>').nth(1)?.split('<').next()?.to_owned());
+            mark.split("</g>").next().unwrap_or_default().split("<text").skip(1).filter_map(of).collect()
+        };
+        assert_eq!([texts(marks[0]), texts(marks[7])], [["1x1", "1"], ["16x16", "L"]]);
+        assert!(svg.contains("7.0 times as slow"), "{svg}");
+        assert_eq!(lines_of("one two three", 7), ["one two", "three"]);
+        assert_eq!(lines_of("one two three", 6), ["one", "two", "three"]);
+        assert_eq!(lines_of("one elephant", 4), ["one", "elephant"]);
+    }
 }

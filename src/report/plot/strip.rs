@@ -206,4 +206,52 @@ mod tests {
         let beyond = LETTER * LABEL.chars().count() as f64 - BESIDE.layout.width;
         assert!(beyond / 2.0 <= BESIDE_MARGIN, "{beyond}");
     }
+
+    #[test]
+    fn shorter_times_are_further_left_and_earlier_ones_further_up() {
+        let row = Row {
+            name: "naive".into(),
+            value: "10 ms".into(),
+            deviations: vec![0.0, -10.0, 10.0],
+            interval: Some([-2.0, 3.0]),
+            quartiles: Some([-5.0, 5.0]),
+            tip: "a tip".into(),
+        };
+        let svg = Strip { title: "Samples".into(), rows: vec![row.clone(), row] }.svg();
+        let rows: Vec<&str> = svg.split("class=\"mark s0\"").skip(1).collect();
+        let dots = |row: &str| -> Vec<[f64; 2]> {
+            let path = row.split("class=\"dots\" d=\"").nth(1).and_then(|rest| rest.split('"').next());
+            let dot = |text: &str| {
+                let (x, y) = text.strip_suffix("h0")?.split_once(' ')?;
+                Some([x.parse().ok()?, y.parse().ok()?])
+            };
+            path.expect("dots").split('M').filter_map(dot).collect()
+        };
+        let [middle, left, right] = dots(rows[0])[..] else { panic!("three dots") };
+        // The axis begins at 262 and is 510 pixels long.
+        assert_eq!(middle[0], 262.0 + 255.0);
+        assert!((middle[0] - left[0] - (right[0] - middle[0])).abs() < 0.02 && left[0] < middle[0]);
+        assert!(middle[1] < left[1] && left[1] < right[1]);
+        assert_eq!(dots(rows[1])[0][1] - middle[1], BESIDE.row);
+        let bar = |class: &str| -> [f64; 2] {
+            let rest = rows[0].split(&format!("class=\"{class}\"")).nth(1).expect("a bar");
+            ["x", "width"].map(|name| {
+                let value = rest.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+                value.and_then(|text| text.parse().ok()).expect("a number")
+            })
+        };
+        let ([quartiles, wide], [sure, narrow]) = (bar("quartiles"), bar("sure"));
+        // Ten per cent are `unit` pixels wide.
+        let unit = right[0] - middle[0];
+        assert!((wide - unit).abs() < 0.1 && (narrow - unit / 2.0).abs() < 0.1, "{wide} {narrow} {unit}");
+        assert!(
+            (quartiles - (middle[0] - unit / 2.0)).abs() < 0.1
+                && (sure - (middle[0] - unit / 5.0)).abs() < 0.1
+        );
+        assert!(
+            rows[0].contains(">naive<")
+                && rows[0].contains(">10 ms<")
+                && rows[0].contains("data-tip=\"a tip\"")
+        );
+    }
 }

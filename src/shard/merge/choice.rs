@@ -164,4 +164,23 @@ mod tests {
         assert!(notes[0].contains("measured in one, wrong-image in two"), "{notes:?}");
         assert!(notes[1].starts_with("1 point was measured by several attempts (one, two)"), "{notes:?}");
     }
+
+    #[test]
+    fn points_of_several_attempts_are_counted_and_only_contradictions_are_named() {
+        let attempt = |name: &str| Attempt { folder: "x".into(), name: name.into() };
+        let of = |key: &str, outcome| Record { key: key.into(), ..record(outcome, 5) };
+        let mut chosen = Chosen::default();
+        for (attempt, key) in [(2, "a"), (0, "a"), (0, "b"), (1, "b"), (1, "c")] {
+            chosen.offer(attempt, of(key, Outcome::Measured));
+        }
+        let notes = chosen.notes(&["one", "two", "three"].map(attempt));
+        assert_eq!(
+            notes,
+            ["2 points were measured by several attempts (one, three, two); one record per point is used."]
+        );
+        assert_eq!([chosen.has("c"), chosen.has("d")], [true, false]);
+        assert!(Chosen::default().notes(&[]).is_empty());
+        let names = ["a", "b", "c", "d", "e"];
+        assert_eq!([few(&names[..4]), few(&names)], ["a, b, c, d", "a, b, c, d, and 1 more"]);
+    }
 }

@@ -242,4 +242,105 @@ mod tests {
             "Of 4 attempts, 1 was killed or is still running, 2 were interrupted."
         );
     }
+
+    #[test]
+    fn words_select_kinds_by_device_or_identity_and_the_host_is_always_selected() {
+        let kind = |device: &str, identity: &str| Kind {
+            device: device.into(),
+            identity: identity.into(),
+            ..Kind::default()
+        };
+        let all = [kind("host", "amd"), kind("NVIDIA H200", "CUDA | driver 580"), kind("cpu", "PoCL | 7.0")];
+        let told = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            let (kinds, not_begun) = meant_kinds(&all, &words);
+            (kinds.into_iter().map(|kind| kind.device).collect::<Vec<_>>(), not_begun)
+        };
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        assert_eq!(told(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
+        assert_eq!(told(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
+        assert_eq!(told(&["POCL"]), (names(&["host", "cpu"]), vec![]));
+        assert_eq!(told(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
+    }
+
+    #[test]
+    fn lines_of_launches_that_records_use_are_joined_with_the_launches_new_numbers() {
+        use crate::record::JsonLines;
+        use crate::shard::About;
+        let out = tempfile::tempdir().unwrap();
+        let attempts = [1, 2].map(|shard| {
+            let about = About { shard, of: 2, ..About::default() };
+            let attempt = Attempt::begin(out.path(), &about).unwrap();
+            let mut rounds = JsonLines::append_to(&attempt.folder.join(ROUNDS)).unwrap();
+            let mut samples = JsonLines::append_to(&attempt.folder.join(SAMPLES)).unwrap();
+            for launch in 0..3 {
+                let ms = f64::from(10 * shard + launch);
+                rounds.append(&RoundLoad { launch, ms, ..RoundLoad::default() }).unwrap();
+                for key in ["k", "other"] {
+                    samples.append(&Sample { key: key.into(), launch, ms, ..Sample::default() }).unwrap();
+                }
+            }
+            attempt
+        });
+        let record = |launches: &[u32]| Record {
+            key: "k".into(),
+            sample_launches: launches.to_vec(),
+            ..Record::default()
+        };
+        let records = [(0, record(&[2, 2])), (1, record(&[0, 1]))];
+        let launches = Launches::of(records.iter());
+        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |line| &mut line.launch)
+            .unwrap();
+        let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
+        let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
+        assert_eq!(told, [(0, 12.0), (1, 20.0), (2, 21.0)]);
+        assert_eq!(write_samples(out.path(), &attempts, &records, &launches).unwrap(), [3, 9]);
+        let samples = read_lines::<Sample>(&out.path().join(SAMPLES)).unwrap().lines;
+        let told: Vec<_> =
+            samples.iter().map(|sample| (sample.launch, sample.ms, sample.key.as_str())).collect();
+        assert_eq!(told, [(0, 12.0, "k"), (1, 20.0, "k"), (2, 21.0, "k")]);
+    }
+
+    #[test]
+    fn of_several_peaks_of_a_device_the_first_attempts_is_kept() {
+        use crate::shard::About;
+        let out = tempfile::tempdir().unwrap();
+        let attempts = [1, 2]
+            .map(|shard| Attempt::begin(out.path(), &About { shard, of: 2, ..About::default() }).unwrap());
+        write_peak(out.path(), &attempts).unwrap();
+        assert!(!out.path().join(peak::FILE).exists(), "no attempt has measured any");
+        let peak = |device: &str, driver: &str| Peak {
+            device: device.into(),
+            driver: driver.into(),
+            ..Peak::default()
+        };
+        Peak::write(&[peak("gpu", "first")], &attempts[0].folder.join(peak::FILE)).unwrap();
+        Peak::write(&[peak("gpu", "second"), peak("cpu", "second")], &attempts[1].folder.join(peak::FILE))
+            .unwrap();
+        write_peak(out.path(), &attempts).unwrap();
+        assert_eq!(Peak::kept_in(out.path()).unwrap(), [peak("gpu", "first"), peak("cpu", "second")]);
+    }
+
+    #[test]
+    fn each_way_to_end_early_has_its_words() {
+        let ends = [
+            Some(End::LauncherLost("sh".into())),
+            Some(End::Failed("a".into())),
+            Some(End::Failed("b".into())),
+            Some(End::LauncherLost("sh".into())),
+            Some(End::LauncherLost("sh".into())),
+            None,
+            None,
+        ];
+        assert_eq!(
+            ended_early(&ends).as_deref(),
+            Some(
+                "Of 7 attempts, 2 were killed or are still running, 3 lost their launcher, 2 ended with an error."
+            )
+        );
+        assert_eq!(
+            ended_early(&ends[..2]).as_deref(),
+            Some("Of 2 attempts, 1 lost its launcher, 1 ended with an error.")
+        );
+    }
 }

@@ -80,4 +80,34 @@ mod tests {
         }
         assert!(!stays_inside("../a.png") && !stays_inside("/a.png") && stays_inside("images/a.png"));
     }
+
+    #[test]
+    fn every_picture_of_a_record_is_copied_and_a_lost_one_is_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let [out, attempt] = ["out", "attempt"].map(|name| folder.path().join(name));
+        std::fs::create_dir_all(attempt.join("images")).unwrap();
+        let names = ["image", "difference", "reference", "certainty", "tests", "nodes"];
+        for name in names {
+            std::fs::write(attempt.join(format!("images/{name}.png")), name).unwrap();
+        }
+        let picture = |name: &str| Some(format!("images/{name}.png"));
+        let mut record = Record {
+            image: picture("image"),
+            difference_image: picture("difference"),
+            reference_image: picture("reference"),
+            certainty_image: picture("certainty"),
+            tests_image: picture("tests"),
+            nodes_image: picture("nodes"),
+            ..Record::default()
+        };
+        let before = record.clone();
+        copy(&out, &attempt, &mut record).unwrap();
+        assert_eq!(record, before);
+        for name in names {
+            assert_eq!(std::fs::read_to_string(out.join(format!("images/{name}.png"))).unwrap(), name);
+        }
+        let mut lost = Record { image: picture("lost"), ..Record::default() };
+        copy(&out, &attempt, &mut lost).unwrap();
+        assert_eq!(lost.image, picture("lost"));
+    }
 }

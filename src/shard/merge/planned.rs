@@ -53,3 +53,60 @@ impl Planned {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shard::KindPoint;
+
+    /// Returns a kind of device with these points of the plan.
+    fn kind(device: &str, identity: &str, points: &[usize]) -> Kind {
+        let point = |point: &usize| {
+            let key = format!("{identity} {point}");
+            let planned = PlannedPoint {
+                key,
+                device: device.into(),
+                name: format!("s{point}"),
+                ..PlannedPoint::default()
+            };
+            KindPoint { point: *point, planned }
+        };
+        Kind { device: device.into(), identity: identity.into(), points: points.iter().map(point).collect() }
+    }
+
+    #[test]
+    fn points_follow_cases_then_kinds_then_the_plan_and_namesakes_are_told_apart() {
+        // Points 0 and 2 are of the second case.
+        let plan = ShardPlan { cases: vec![1, 0, 1, 0], ..ShardPlan::default() };
+        let kinds = [kind(HOST, "amd", &[3]), kind(HOST, "intel", &[2, 3]), kind("gpu", "x", &[2, 1, 0])];
+        let planned = Planned::of(&plan, &kinds);
+        assert_eq!(planned.keys().collect::<Vec<_>>(), ["amd 3", "intel 3", "x 1", "intel 2", "x 0", "x 2"]);
+        let names: Vec<_> =
+            planned.points.iter().map(|point| (point.device.as_str(), point.name.as_str())).collect();
+        let expected = [
+            (HOST, "s3 (amd)"),
+            (HOST, "s3 (intel)"),
+            ("gpu", "s1"),
+            (HOST, "s2 (intel)"),
+            ("gpu", "s0"),
+            ("gpu", "s2"),
+        ];
+        assert_eq!(names, expected);
+        let told = |key: &str| {
+            let mut record = Record { key: key.into(), strategy: "serial-f32".into(), ..Record::default() };
+            planned.tell_apart(&mut record);
+            record.strategy
+        };
+        assert_eq!([told("intel 3"), told("x 1")], ["serial-f32 (intel)", "serial-f32"]);
+    }
+
+    #[test]
+    fn devices_of_one_name_get_their_differences_and_a_point_of_two_kinds_is_there_once() {
+        let plan = ShardPlan { cases: vec![0], ..ShardPlan::default() };
+        let twin = Kind { identity: "PoCL | 2 units".into(), ..kind("cpu", "PoCL | 1 units", &[0]) };
+        let kinds = [kind("cpu", "PoCL | 1 units", &[0]), twin];
+        let planned = Planned::of(&plan, &kinds);
+        let devices: Vec<_> = planned.points.iter().map(|point| point.device.as_str()).collect();
+        assert_eq!(devices, ["cpu (1 units)"]);
+    }
+}

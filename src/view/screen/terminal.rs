@@ -182,4 +182,66 @@ mod tests {
         assert_eq!(meant(KeyCode::Esc), Some(Key::Escape));
         assert_eq!(meant(KeyCode::F(1)), None);
     }
+
+    /// Returns a terminal of 80 x 24 characters, of 10 x 20 pixels each, in which no user presses keys.
+    fn terminal(graphics: Graphics) -> Terminal {
+        Terminal {
+            out: std::io::stdout(),
+            cells: [80, 24],
+            cell_pixels: [10, 20],
+            graphics,
+            is_interactive: false,
+            dragged: None,
+            pointer: None,
+            line: String::new(),
+        }
+    }
+
+    #[test]
+    fn arrows_mean_arrows() {
+        for (code, key) in [
+            (KeyCode::Left, Key::Left),
+            (KeyCode::Right, Key::Right),
+            (KeyCode::Up, Key::Up),
+            (KeyCode::Down, Key::Down),
+        ] {
+            assert_eq!(meant(code), Some(key));
+        }
+    }
+
+    #[test]
+    fn drags_are_counted_in_heights_of_the_picture() {
+        let mut terminal = terminal(Graphics::Kitty);
+        // The last line is left for text.
+        assert_eq!(terminal.size(), [800, 460]);
+        let mut input = Input::default();
+        let mut mouse = |kind, at| {
+            terminal.mouse(&mut input, kind, at);
+            (input.orbit, input.pan)
+        };
+        mouse(MouseEventKind::Drag(MouseButton::Left), [3, 3]);
+        mouse(MouseEventKind::Down(MouseButton::Left), [10, 10]);
+        mouse(MouseEventKind::Drag(MouseButton::Left), [33, 10]);
+        let (orbit, pan) = mouse(MouseEventKind::Drag(MouseButton::Left), [33, 8]);
+        // 23 characters of 10 pixels to the right, 2 of 20 pixels up.
+        assert_eq!((orbit, pan), ([230.0 / 460.0, -40.0 / 460.0], [0.0; 2]));
+        mouse(MouseEventKind::Up(MouseButton::Left), [33, 8]);
+        mouse(MouseEventKind::Down(MouseButton::Right), [0, 0]);
+        let (still, pan) = mouse(MouseEventKind::Drag(MouseButton::Right), [0, 23]);
+        assert_eq!((still, pan), (orbit, [0.0, 1.0]));
+    }
+
+    #[test]
+    fn the_wheel_zooms_and_the_pointer_is_in_the_middle_of_its_character() {
+        let mut input = Input::default();
+        let mut pixels = terminal(Graphics::Sixel);
+        pixels.mouse(&mut input, MouseEventKind::ScrollUp, [2, 3]);
+        assert_eq!((input.wheel, pixels.pointer), (1.0, Some([24, 69])));
+        pixels.mouse(&mut input, MouseEventKind::ScrollDown, [2, 23]);
+        assert_eq!((input.wheel, pixels.pointer), (0.0, None), "the last line is no part of the picture");
+        let mut blocks = terminal(Graphics::Blocks);
+        blocks.mouse(&mut input, MouseEventKind::Moved, [2, 3]);
+        assert_eq!((blocks.size(), blocks.pointer), ([80, 46], Some([2, 6])));
+        assert_eq!(blocks.input().expect("no input").pointer, Some([2, 6]));
+    }
 }

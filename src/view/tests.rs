@@ -1,0 +1,203 @@
+//! Tests of the viewer, with a screen that follows a script.
+
+use super::*;
+use crate::cli::subject::Subject;
+use clap::Parser as _;
+use keys::Key;
+use std::collections::VecDeque;
+
+#[derive(clap::Parser)]
+struct Command {
+    #[command(flatten)]
+    subject: Subject,
+}
+
+/// Returns the paper's triangle in a picture of 40 x 20 pixels, cast by PoCL.
+pub(super) fn live(options: &[&str], samples: u32) -> Live {
+    live_in(["40", "20"], options, samples)
+}
+
+fn live_in([width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/triangle.toml");
+    let usual =
+        ["view", scene, "--device", "cpu", "--strategy", "naive", "--width", width, "--height", height];
+    let command = Command::parse_from([&usual[..], options].concat());
+    Live::open(command.subject, samples).expect("it can be cast")
+}
+
+/// A screen whose user follows a script. It stores what it shows.
+#[derive(Default)]
+struct Script {
+    inputs: VecDeque<Input>,
+    pictures: Vec<RgbImage>,
+    lines: Vec<String>,
+}
+
+impl Screen for &mut Script {
+    fn show(&mut self, picture: &RgbImage) -> Result<()> {
+        self.pictures.push(picture.clone());
+        Ok(())
+    }
+
+    fn tell(&mut self, line: &str) -> Result<()> {
+        self.lines.push(line.to_owned());
+        Ok(())
+    }
+
+    fn input(&mut self) -> Result<Input> {
+        Ok(self.inputs.pop_front().unwrap_or_default())
+    }
+}
+
+#[test]
+fn the_scene_follows_the_pointer_that_drags_it() {
+    let to_the_right_and_down = Input { orbit: [0.1, 0.2], ..Input::default() };
+    let Action::Orbit([right, up]) = dragged(&to_the_right_and_down) else { panic!("the eye orbits") };
+    assert!(right < 0.0 && up > 0.0, "the eye goes {right} to the right and {up} up");
+}
+
+#[test]
+fn the_users_input_moves_the_eye() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    let mut after = |input: Input| (viewer.obey(&input), viewer.pose);
+    let (ends, pose) = after(Input { wheel: 10.0, ..Input::default() });
+    assert_eq!((ends, pose), (false, Pose { distance: 0.5, ..Pose::START }));
+    // The field of view is 90 degrees across, and the picture is half as high as wide. So it is as high as the distance
+    // to its plane, and the scene moves as far as the pointer.
+    let (_, pose) = after(Input { pan: [0.1, 0.2], ..Input::default() });
+    let [right, up] = pose.aside;
+    assert!((right + 0.1).abs() < 1e-6 && (up - 0.2).abs() < 1e-6, "{pose:?}");
+    let (_, pose) = after(Input { keys: vec![Key::Char('x'), Key::Char('r')], ..Input::default() });
+    assert_eq!(pose, Pose::START);
+    let (_, pose) = after(Input { orbit: [-0.1, 0.0], ..Input::default() });
+    assert!((pose.turn - 0.1 * DRAG).abs() < 1e-12, "{pose:?}");
+    let (ends, _) = after(Input { keys: vec![Key::Left, Key::Char('q')], ..Input::default() });
+    assert!(ends, "the user quits");
+}
+
+#[test]
+fn a_view_ends_after_its_frames_its_time_or_when_nothing_is_left_to_cast() {
+    let run = |until: Until, inputs: Vec<Input>| {
+        let mut screen = Script { inputs: inputs.into(), ..Script::default() };
+        let (live, total) =
+            Viewer::new(live(&[], 3), &mut screen, false).run(until, || false).expect("it casts");
+        assert_eq!(
+            (live.progress(), screen.pictures.len()),
+            ([total.frames as usize, 3], total.frames as usize)
+        );
+        total.frames
+    };
+    let frames = |frames| Until { frames: Some(frames), seconds: None };
+    assert_eq!([run(frames(2), vec![]), run(frames(9), vec![])], [2, 3]);
+    assert_eq!(run(Until { frames: None, seconds: Some(0.0) }, vec![]), 1);
+    assert_eq!(run(Until::default(), vec![Input { closed: true, ..Input::default() }]), 0);
+    let quits = Input { keys: vec![Key::Escape], ..Input::default() };
+    assert_eq!(run(Until::default(), vec![Input::default(), quits]), 1);
+}
+
+#[test]
+fn the_line_beside_the_picture_tells_how_it_is_cast() {
+    let mut screen = Script::default();
+    let frames = Until { frames: Some(1), seconds: None };
+    let (live, _) = Viewer::new(live(&["--local-size", "16x2"], 3), &mut screen, false)
+        .run(frames, || false)
+        .expect("it casts");
+    let parts: Vec<&str> = screen.lines[0].split(" | ").collect();
+    let [scene, strategy, local_size, rays, frames, samples, device] = parts[..] else { panic!("{parts:?}") };
+    assert_eq!([scene, strategy, local_size, samples], ["triangle", "naive", "16x2", "1 of 3 samples"]);
+    assert!(rays.ends_with("rays/s") && frames.ends_with(" frames/s"), "{parts:?}");
+    assert_eq!(device, live.device().name);
+}
+
+#[test]
+fn a_scene_that_changed_is_cast_again() {
+    let mut screen = Script::default();
+    let mut changes = [false, true].into_iter();
+    let until = Until { frames: Some(9), seconds: None };
+    let viewer = Viewer::new(live(&[], 2), &mut screen, false);
+    let (_, total) = viewer.run(until, || changes.next().unwrap_or(false)).expect("it casts");
+    // One sample before the change, and both samples after it.
+    assert_eq!(total.frames, 3);
+    assert!(screen.pictures[0] == screen.pictures[1] && screen.pictures[1] != screen.pictures[2]);
+}
+
+#[test]
+fn an_eye_that_spins_begins_at_the_scenes_own_camera() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, true);
+    let mut turns = Vec::new();
+    for _ in 0..3 {
+        assert!(viewer.show_next().expect("it casts"));
+        turns.push((viewer.pose.turn / SPIN).round());
+    }
+    viewer.act(Action::Spin);
+    assert!(!viewer.show_next().expect("it casts"), "nothing moves, and the only sample is cast");
+    assert_eq!((turns, viewer.rate.frames()), (vec![0.0, 1.0, 2.0], 3));
+}
+
+#[test]
+fn the_keys_are_drawn_over_the_picture_or_told_beside_a_small_one() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live_in(["700", "420"], &[], 1), &mut screen, false);
+    viewer.show_next().expect("it casts");
+    viewer.redraw().expect("nothing to draw");
+    viewer.act(Action::Help);
+    viewer.redraw().expect("it draws");
+    viewer.act(Action::Help);
+    viewer.redraw().expect("it draws");
+    assert_eq!(viewer.note, None);
+    let [plain, with_keys, again] = &screen.pictures[..] else {
+        panic!("{} pictures", screen.pictures.len())
+    };
+    assert_eq!(with_keys.get_pixel(0, 0).0, [255; 3]);
+    assert!(plain != with_keys && plain == again);
+
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    viewer.act(Action::Help);
+    assert!(
+        viewer.note.as_ref().is_some_and(|note| note.contains("orbit: go around the scene")),
+        "{:?}",
+        viewer.note
+    );
+    viewer.act(Action::Help);
+    assert_eq!(viewer.note, None);
+}
+
+#[test]
+fn a_change_that_fails_is_told_until_the_next_change() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
+    viewer.show_next().expect("it casts");
+    viewer.stale = false;
+    viewer.tried(|_| Err(Error::input("it does not fit")));
+    assert_eq!((viewer.note.as_deref(), viewer.stale), (Some("it does not fit"), true));
+    assert_eq!(viewer.live.progress(), [0, 2], "the picture is cast again");
+    viewer.tell().expect("it tells");
+    viewer.tried(|_| Ok(()));
+    assert_eq!(viewer.note, None);
+    assert!(screen.lines[0].contains(" | it does not fit | "), "{:?}", screen.lines);
+}
+
+#[test]
+fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 2), &mut screen, false);
+    let all = |viewer: &mut Viewer<&mut Script>| -> Vec<RgbImage> {
+        std::iter::from_fn(|| viewer.next_picture().expect("it casts")).collect()
+    };
+    let pictures = all(&mut viewer);
+    viewer.act(Action::Tests);
+    let maps = all(&mut viewer);
+    // Each pixel's primary ray is tested against the triangle, and the shadow ray of a hit too.
+    assert_eq!((pictures.len(), maps.len(), viewer.most_tests), (2, 3, 2));
+    assert!(maps.iter().all(|map| !pictures.contains(map)));
+    viewer.tell().expect("it tells");
+    viewer.act(Action::Zoom(1.0));
+    assert_eq!(all(&mut viewer).len(), 3);
+    viewer.act(Action::Reset);
+    viewer.act(Action::Tests);
+    assert!(all(&mut viewer) == pictures, "the picture is cast again");
+    assert!(screen.lines[0].contains(" | at most 2 tests per pixel | "), "{:?}", screen.lines);
+}
