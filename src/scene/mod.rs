@@ -235,4 +235,61 @@ mod tests {
         hash_words(&mut hasher, words);
         assert_eq!(hasher.finalize(), blake3::hash(&bytes));
     }
+
+    #[test]
+    fn a_displayed_colour_is_the_radiance_of_the_middle_of_its_step() {
+        let display = Display { exposure: 2.0, gamma: 2.0 };
+        // Half of 255 is 127.5, the middle of the step 127.
+        assert_eq!(display.radiance_of([0, 127, 255]), Vec3::new(0.0, 0.125, 0.5));
+        assert_eq!(Display { exposure: 0.0, ..display }.radiance_of([0, 127, 255]), Vec3::ZERO);
+        assert_eq!(Display::default(), Display { exposure: 15.0, gamma: 2.2 }, "as in the paper");
+    }
+
+    #[test]
+    fn whatever_changes_the_picture_changes_the_hash_and_the_name_does_not() {
+        let mut scene = single_triangle();
+        scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::Y, up: Vec3::Y, reach: 5.0, picture: None });
+        let changed = |change: &dyn Fn(&mut Scene)| {
+            let mut other = scene.clone();
+            change(&mut other);
+            other.content_hash() != scene.content_hash()
+        };
+        assert!(!changed(&|scene| scene.name.push('a')));
+        let changes: [(&str, &dyn Fn(&mut Scene)); 22] = [
+            ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
+            ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
+            ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
+            ("triangles", &|scene| scene.mesh_mut().triangles.clear()),
+            ("k_L", &|scene| scene.mesh_mut().materials[0].lambertian.y += 0.1),
+            ("k_G", &|scene| scene.mesh_mut().materials[0].glossy.z += 0.1),
+            ("s", &|scene| scene.mesh_mut().materials[0].shininess += 1.0),
+            ("position of a light", &|scene| scene.lights[0].position.x += 1.0),
+            ("power", &|scene| scene.lights[0].power.z += 1.0),
+            ("radius", &|scene| scene.lights[0].radius = 0.5),
+            ("eye", &|scene| scene.camera.position.x += 1.0),
+            ("forward", &|scene| scene.camera.forward = Vec3::X),
+            ("field of view", &|scene| scene.camera.tan_half_fov *= 2.0),
+            ("vertical", &|scene| scene.camera.fov_is_vertical = !scene.camera.fov_is_vertical),
+            ("near", &|scene| scene.camera.z_near += 0.1),
+            ("transparent", &|scene| scene.transparent = true),
+            ("bias", &|scene| scene.shadow_bias *= 2.0),
+            ("exposure", &|scene| scene.display.exposure = 7.0),
+            ("gamma", &|scene| scene.display.gamma = 1.0),
+            ("sky", &|scene| scene.sky = None),
+            ("horizon", &|scene| scene.sky.as_mut().unwrap().horizon = Vec3::Z),
+            ("reach", &|scene| scene.sky.as_mut().unwrap().reach = 6.0),
+        ];
+        for (what, change) in changes {
+            assert!(changed(change), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_hit_casts_a_shadow_ray_to_each_light_and_to_the_sky() {
+        let mut scene = single_triangle();
+        let lights = scene.lights.len();
+        assert_eq!(scene.shadow_rays_per_hit(), lights);
+        scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::X, up: Vec3::Y, reach: 5.0, picture: None });
+        assert_eq!(scene.shadow_rays_per_hit(), lights + 1);
+    }
 }
