@@ -157,3 +157,31 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         assert!(error.ends_with("a.mtl:2: expected one or three numbers from 0 to 1e6"), "{error}");
     }
 }
+
+#[test]
+fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let read = |mtl: &str, faces: &str| {
+        std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\nusemtl a\n{faces}");
+        let file = parse("test.obj", reach, text.as_bytes()).unwrap();
+        (file.mesh.textures.list.len(), file.notes)
+    };
+    let face = "f 1/1 2/1 3/1\n";
+    for name in ["C:\\work\\dot.png", "/home/somebody/dot.png", "dot.png"] {
+        assert_eq!(read(&format!("newmtl a\nmap_Kd {name}\n"), face), (1, vec![]), "{name}");
+    }
+    let (count, notes) = read("newmtl a\nmap_Kd none.png\nmap_d no.png\n", face);
+    assert_eq!((count, notes.len()), (0, 2), "{notes:?}");
+    assert!(notes[0].contains("m.mtl:2: texture `none.png` cannot be read ("), "{notes:?}");
+    assert!(notes[0].ends_with("): its material's own colour is used"), "{notes:?}");
+    assert!(notes[1].contains("m.mtl:3: mask `no.png` cannot be read ("), "{notes:?}");
+    assert!(notes[1].ends_with("): its surface has no holes"), "{notes:?}");
+    let textured = "newmtl a\nmap_Kd dot.png\n";
+    let one = "1 triangle has a texture but no texture coordinates: its material's own colour is used";
+    assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3/1\n").1, [one]);
+    let two = "2 triangles have a texture but no texture coordinates: their materials' own colour is used";
+    assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3\nf 1/1 2/1 3/1\n").1, [two]);
+}
