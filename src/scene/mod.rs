@@ -292,4 +292,26 @@ mod tests {
         scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::X, up: Vec3::Y, reach: 5.0, picture: None });
         assert_eq!(scene.shadow_rays_per_hit(), lights + 1);
     }
+
+    /// The hashes are those of records in docs/results, from several machines. If a scene or the hash changed, stored
+    /// times would no longer be those of the scenes in the repository, and raycl would measure everything again.
+    #[test]
+    fn the_scenes_of_stored_records_are_those_of_the_repository() {
+        let thousand = [("object.0.triangles".to_owned(), toml::Value::Integer(1000))];
+        for (name, values, expected) in [
+            ("triangle", &[][..], "12aeae492fcd81c3"),
+            ("figure-4", &[], "0084ce7bf0fe2074"),
+            ("pyramid-upper", &[], "01ff83f22368085b"),
+            ("pyramid-lower", &[], "ca4fa660a1b59130"),
+            ("gourd", &[], "d70e9b73854276ef"),
+            ("teapot", &[], "7483843f6ce33b13"),
+            ("still-life", &[], "3fbfcd9bd93a4bb5"),
+            ("atrium", &[], "a6450b75a1d5868f"),
+            ("terrain", &thousand, "7d20f80ffa3f561f"),
+        ] {
+            let path = format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            let scene = load_scene_with(std::path::Path::new(&path), values).unwrap().scene;
+            assert_eq!(scene.content_hash(), expected, "{name}");
+        }
+    }
 }
