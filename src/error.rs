@@ -291,4 +291,47 @@ mod tests {
         let own = Error::input("a").with_help("b\u{1b}").placed(place);
         assert_eq!(own.remedy(), "b\\u001b");
     }
+
+    #[test]
+    fn each_kind_of_error_has_its_exit_code_words_and_remedy() {
+        for (error, code, words, remedy) in [
+            (Error::input("a"), 2, "a", "`raycl help COMMAND`"),
+            (Error::run("a"), 1, "a", "run the command again; `raycl devices`"),
+            (Error::fault("a"), 1, "a", "this is a bug in raycl"),
+            (Error::interrupted("a"), 130, "interrupted: a", "run the same command again to continue"),
+            (Error::unwritable("a.csv", &"b"), 1, "cannot write a.csv: b", "free up space on its disk"),
+            (Error::withheld("a.mtl", 7, "b"), 2, "a.mtl:7: expected b", "the file's text is not shown"),
+        ] {
+            assert_eq!((error.exit_code(), error.to_string().as_str()), (code, words));
+            assert!(error.remedy().starts_with(remedy), "{words}: {}", error.remedy());
+            assert_eq!(error.with_help("c").remedy(), "c");
+        }
+    }
+
+    #[test]
+    fn an_error_without_a_place_keeps_its_own_remedy_when_it_is_placed() {
+        let place =
+            |message| Error::in_file("a.toml", "a = 1\nb = 2\n", 6..7, message, "here").with_help("new");
+        assert_eq!(Error::input("a").placed(place).remedy(), "new");
+        let own = Error::input("a").with_help("own").placed(place);
+        assert_eq!((own.to_string().as_str(), own.remedy()), ("a", "own"));
+        let Error::Input(placed) = own else { panic!("not an input error") };
+        assert_eq!(placed.span.map(|span| (span.offset(), span.len())), Some((6, 1)));
+        assert_eq!(Error::run("a").placed(place).exit_code(), 1, "only input errors have places");
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_read_is_named_and_a_damaged_one_is_to_be_packed_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.obj.gz");
+        std::fs::write(&path, b"\x1f\x8b").unwrap();
+        let damage = crate::filetype::Opened::at(&path).unwrap_err();
+        let error = Error::unreadable("mesh", &path, &damage, "other");
+        assert!(
+            error
+                .to_string()
+                .starts_with(&format!("cannot read the mesh `{}`: it cannot be", path.display()))
+        );
+        assert!(error.remedy().starts_with("the file may be cut off or damaged"), "{}", error.remedy());
+    }
 }

@@ -224,6 +224,9 @@ fn impossible_layouts_are_refused() {
     for (width, leaf_size) in [(3, 8), (8, 2), (8, 64)] {
         assert!(WideBvh::new(&bvh, width, leaf_size).is_err(), "{width} wide, {leaf_size} a leaf");
     }
+    assert!(WideBvh::new(&bvh, 2, 4).is_ok() && WideBvh::new(&bvh, 32, WideBvh::MAX_LEAF_SIZE).is_ok());
+    let message = WideBvh::new(&bvh, 8, 2).unwrap_err().to_string();
+    assert!(message.starts_with("a leaf size of 2 is not possible; expected 4 to "), "{message}");
 }
 
 #[test]
@@ -236,6 +239,13 @@ fn a_wrong_tree_is_found_out() {
         bad.validate(&mesh).unwrap_err()
     };
     assert!(spoil(&|bvh| bvh.order[0] = bvh.order[1]).contains("twice"));
+    let beyond = spoil(&|bvh| bvh.order[0] = 999);
+    assert_eq!(beyond, "triangle 999 occurs twice, or is not one of 500");
+    let missing = spoil(&|bvh| bvh.order.truncate(499));
+    assert_eq!(missing, "triangles in leaf order: 499, expected 500");
+    let last = good.nodes.len() - 1;
+    assert!(good.nodes[last].is_leaf());
+    assert!(spoil(&|bvh| bvh.nodes[last].high = bvh.nodes[last].low).contains("does not enclose"));
     assert!(spoil(&|bvh| bvh.nodes[0].high[1] = 0.0).contains("enclose"));
     assert!(spoil(&|bvh| bvh.nodes[0].right = 5000).contains("beyond"));
     assert!(spoil(&|bvh| bvh.depth += 1).contains("depth"));

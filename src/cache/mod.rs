@@ -257,4 +257,31 @@ mod tests {
         symlink(&elsewhere, &file).unwrap();
         assert_eq!(cache.get("program", "key"), None);
     }
+
+    #[test]
+    fn only_the_caches_own_files_are_cleared() {
+        let (_place, cache) = cache(10_000);
+        assert!(cache.put("program", "key", b"content"));
+        let bytes = cache.entries()[0].bytes;
+        let folder = cache.folder().unwrap();
+        let digits = "0".repeat(32);
+        let others =
+            ["notes".to_owned(), format!("-{digits}"), format!("{digits}-program"), format!("a-{digits}0")];
+        for name in &others {
+            std::fs::write(folder.join(name), "mine").unwrap();
+        }
+        std::fs::create_dir(folder.join(format!("a-{digits}"))).unwrap();
+        std::fs::write(folder.join(".unfinished-x"), "12345").unwrap();
+        assert_eq!(cache.clear().unwrap(), (2, bytes + 5));
+        assert!(others.iter().all(|name| folder.join(name).exists()) && cache.entries().is_empty());
+    }
+
+    #[test]
+    fn an_entry_may_be_as_large_as_the_cache() {
+        let (_place, large) = cache(10_000);
+        assert!(large.put("program", "a", &[0; 200]));
+        let bytes = large.entries()[0].bytes;
+        let [(_full, full), (_small, small)] = [bytes, bytes - 1].map(cache);
+        assert_eq!([full, small].map(|cache| cache.put("program", "a", &[0; 200])), [true, false]);
+    }
 }

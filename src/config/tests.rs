@@ -136,6 +136,15 @@ fn a_preset_is_meant_for_its_kind_of_device_unless_its_entry_says_any_kind() {
         load_with(&text, &[]).unwrap().strategies[2].meant_for
     };
     assert_eq!([meant_for(""), meant_for("any_kind = true\n")], [Some(DeviceKind::Cpu), None]);
+    let listed = |before: &str, overrides: &[(&str, &str)]| {
+        let text = format!("{before}{}", GOOD.replace("\"naive\"", "\"wide\""));
+        load_with(&text, overrides).unwrap().strategies[0].meant_for
+    };
+    assert_eq!(listed("", &[]), Some(DeviceKind::Cpu));
+    assert_eq!(listed("any_kind = true\n", &[]), None);
+    assert_eq!(listed("", &[("timing.seed", "3")]), Some(DeviceKind::Cpu));
+    let asked = listed("", &[("timing.seed", "3"), ("strategies", "[\"wide\"]")]);
+    assert_eq!(asked, None, "the command line names the preset");
 }
 
 #[test]
@@ -325,10 +334,15 @@ fn a_bad_override_is_shown_in_its_own_words() {
     let report = refusal(GOOD, &[("timing.seed", "-3")]);
     assert!(report.contains("seed -3 is out of range") && report.contains("--set:1:15"), "{report}");
     assert!(refusal(GOOD, &[("scenes.first", "3")]).contains("expected a list"));
-    assert!(refusal(GOOD, &[("timing..seed", "3")]).contains("'timing..seed' is not a key"));
+    assert!(
+        refusal(GOOD, &[("timing..seed", "3")]).contains("--set timing..seed=3: 'timing..seed' is not a key")
+    );
     assert!(refusal(GOOD, &[("strategy.5.width", "3")]).contains("expected a list"));
     let with_one = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n");
     assert!(refusal(&with_one, &[("strategy.1.width", "8")]).contains("expected a list"));
+    assert!(
+        refusal(&with_one, &[("strategy", "{ 0 = { width = 8 }, first = 1 }")]).contains("expected a list")
+    );
 }
 
 #[test]
@@ -337,4 +351,110 @@ fn a_file_of_blank_lines_is_empty() {
         let report = refusal(text, &[]);
         assert!(report.contains(" is empty"), "{report}");
     }
+}
+
+#[test]
+fn every_key_reaches_its_own_setting() {
+    let text = format!(
+        "compare_scenes = true\ndevices = [\"nvidia\", \"pocl\", \"nvidia\"]\n\
+         baselines = [\"serial-f64\", \"parallel\", \"serial\", \"parallel\"]\n{GOOD}\
+         [emulate]\nlocal_bytes = 1024\nconstant_bytes = 2048\n\
+         [timing]\nwarmup = 3\nlaunches = 5\nmin_samples = 6\nmax_samples = 7\ntime_limit_ms = 8\n\
+         seed = 9\nrelative_sigma = 0.25\n"
+    );
+    let experiment = load_with(&text, &[]).unwrap();
+    assert_eq!((experiment.question.as_str(), experiment.expectation.as_str()), ("Which?", "This."));
+    assert!(experiment.compare_scenes && !load_with(GOOD, &[]).unwrap().compare_scenes);
+    assert_eq!(experiment.devices, ["nvidia", "pocl"]);
+    assert_eq!(experiment.baselines, [Baseline::SerialF64, Baseline::Parallel, Baseline::Serial]);
+    let emulate = Emulate { local_bytes: Some(1024), constant_bytes: Some(2048) };
+    assert_eq!(experiment.emulate, emulate);
+    let timing = Timing {
+        warmup: 3,
+        launches: 5,
+        min_samples: 6,
+        max_samples: 7,
+        time_limit_ms: 8.0,
+        seed: 9,
+        relative_sigma: 0.25,
+    };
+    assert_eq!(experiment.timing, timing);
+    assert_eq!(experiment.path.file_name().unwrap(), "test.toml");
+    assert_eq!(experiment.path.parent(), Some(experiment.scenes[0].named_in.as_path()));
+    assert!(experiment.scenes[0].path.ends_with("scenes/teapot.toml"));
+}
+
+#[test]
+fn the_bounds_of_a_setting_are_allowed_and_what_is_beyond_is_not() {
+    for (table, key, least, most) in [
+        ("timing", "warmup", "0", "1000"),
+        ("timing", "launches", "1", "100"),
+        ("timing", "min_samples", "1", "1000000"),
+        ("timing", "max_samples", "1", "1000000"),
+        ("timing", "time_limit_ms", "1", "100000000"),
+        ("timing", "seed", "0", "4294967295"),
+        ("timing", "relative_sigma", "0", "1"),
+        ("emulate", "local_bytes", "0", "4294967295"),
+        ("emulate", "constant_bytes", "0", "4294967295"),
+    ] {
+        let with = |value: &str| format!("{GOOD}[{table}]\n{key} = {value}\n");
+        for value in [least, most] {
+            assert!(load_with(&with(value), &[]).is_ok(), "{key} = {value}");
+        }
+        for beyond in [least.parse::<i64>().unwrap() - 1, most.parse::<i64>().unwrap() + 1] {
+            let message = format!("{key} {beyond} is out of range");
+            refuses(&with(&beyond.to_string()), &[&message, &format!(" from {least} to {most}")]);
+        }
+    }
+}
+
+/// The message says what is wrong; the label under the marked place says what was expected there.
+#[test]
+fn a_message_and_its_label_are_not_mixed_up() {
+    for (text, message) in [
+        (GOOD.replace("[64, 1]", "[128, 64]"), "local size 128 x 64 is too large"),
+        (GOOD.replace("[64, 1]", "[1, 2, 3]"), "a local size has two sides, not 3"),
+        (GOOD.replace("[64, 1]", "[64, -1]"), "local size -1 is out of range"),
+        (GOOD.replace("Which?", " "), "the question is empty"),
+        (GOOD.replace("This.", "\t"), "the expectation is empty"),
+        (format!("devices = []\n{GOOD}"), "'devices' is empty"),
+        (format!("devices = [\"\"]\n{GOOD}"), "the device is empty"),
+        (GOOD.replace("[[800, 500]]", "[]"), "'image_sizes' is empty"),
+        (GOOD.replace("scenes = ", "# "), "there is no scene"),
+        (GOOD.replace("strategies", "#"), "there is nothing to measure"),
+        (format!("{GOOD}[[strategy]]\npreset = \"deferred\"\nwidth = []\n"), "'width' is empty"),
+        (format!("{GOOD}[[strategy]]\nwidth = 4\n"), "this strategy has no preset"),
+        (GOOD.replace("local_sizes", "#"), "strategy 'naive' has no local sizes"),
+        (GOOD.replace("teapot", "xyz"), "there is no scene file '../scenes/xyz.toml'"),
+        (GOOD.replace("question", "#"), "the key 'question' is missing"),
+    ] {
+        assert_eq!(load_with(&text, &[]).expect_err("it was accepted").to_string(), message);
+    }
+}
+
+#[test]
+fn a_file_of_another_type_is_named() {
+    let (_folder, path) = folder("[camera]\nz_near = 0.1\n");
+    let error = load(&path, &[]).expect_err("a scene");
+    assert_eq!(error.to_string(), format!("{} is a scene, not an experiment", path.display()));
+    std::fs::write(&path, "v 0 0 0\nf 1 1 1\n").unwrap();
+    let error = load(&path, &[]).expect_err("a mesh");
+    assert_eq!(error.to_string(), format!("{} is an OBJ mesh, not an experiment", path.display()));
+    std::fs::write(&path, GOOD).unwrap();
+    let scene = path.parent().unwrap().join("../scenes/teapot.toml");
+    std::fs::write(&scene, "GIF89a").unwrap();
+    let error = load(&path, &[]).expect_err("a picture");
+    let place = format!("{}:3: {}", path.display(), scene.display());
+    assert_eq!(error.to_string(), format!("{place} is a GIF picture, which raycl does not read"));
+}
+
+#[test]
+fn a_list_of_one_value_is_like_the_value() {
+    let names = |entry: &str| {
+        let text = format!("{GOOD}[[strategy]]\npreset = \"deferred\"\n{entry}\n");
+        load_with(&text, &[]).unwrap().strategies[2].name.clone()
+    };
+    assert_eq!(names("shading = [\"deferred\"]"), "deferred");
+    assert_eq!(names("math = [\"fast\"]\nname = \"mine\""), "mine");
+    assert_eq!(names("math = [\"fast\"]"), "deferred+math=fast");
 }

@@ -228,6 +228,36 @@ mod tests {
         assert_eq!(SceneChoice::file(&path).load().unwrap().scene.name, "dots");
     }
 
+    #[test]
+    fn a_strategy_for_cpus_is_not_measured_on_gpus() {
+        let named = |meant_for| NamedStrategy {
+            name: "wide".to_owned(),
+            preset: None,
+            strategy: crate::strategy::preset("wide").unwrap().strategy,
+            local_sizes: vec![[1, 1]],
+            meant_for,
+        };
+        let reason = named(Some(DeviceKind::Cpu)).not_for(DeviceKind::Gpu).unwrap();
+        assert!(reason.starts_with("meant for CPUs; set any_kind = true"), "{reason}");
+        assert_eq!(named(Some(DeviceKind::Cpu)).not_for(DeviceKind::Cpu), None);
+        assert_eq!(named(None).not_for(DeviceKind::Gpu), None);
+    }
+
+    #[test]
+    fn records_and_configs_name_the_casters_on_the_host() {
+        let names = Baseline::ALL.iter().map(|baseline| (baseline.name(), baseline.strategy()));
+        let expected = [("serial", "serial-f32"), ("serial-f64", "serial-f64"), ("parallel", "parallel-f32")];
+        assert_eq!(names.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn a_points_key_names_each_emulated_limit() {
+        let emulate = Emulate { local_bytes: Some(49152), constant_bytes: None };
+        assert_eq!(emulate.to_string(), "local_bytes=49152 constant_bytes=-");
+        let emulate = Emulate { local_bytes: None, constant_bytes: Some(7) };
+        assert_eq!(emulate.to_string(), "local_bytes=- constant_bytes=7");
+    }
+
     /// The keys of records contain these settings. If the defaults changed, raycl would measure points again whose
     /// records were stored with the old defaults.
     #[test]

@@ -65,4 +65,32 @@ mod tests {
         let lines = [0, 1, 2, 3, 4].map(|offset| line_of("a\nb\n", offset));
         assert_eq!(lines, [1, 1, 2, 2, 3]);
     }
+
+    #[test]
+    fn a_long_text_keeps_its_beginning_and_its_end() {
+        let long = "a".repeat(300) + &"b".repeat(300);
+        assert_eq!(shortened(long), format!("{} ... {}", "a".repeat(200), "b".repeat(133)));
+        assert_eq!(shortened("c".repeat(400)), "c".repeat(400));
+    }
+
+    #[test]
+    fn a_boundary_is_the_start_of_a_character_or_the_end_of_the_text() {
+        assert_eq!([0, 1, 2, 3, 9].map(|place| boundary("\u{fc}b", place)), [0, 0, 2, 3, 3]);
+    }
+
+    #[test]
+    fn a_long_line_is_cut_and_the_places_behind_it_move() {
+        let text = format!("short\n{}\nbad\n", "x".repeat(500));
+        let cut = format!("short\n{} ...\nbad\n", "x".repeat(200));
+        assert_eq!(cut_long_lines(text.clone(), 2), (cut.clone(), 0));
+        // A line of 501 bytes becomes one of 205.
+        assert_eq!(cut_long_lines(text, 507), (cut, 296));
+        let most = format!("{}\n", "x".repeat(400));
+        assert_eq!(cut_long_lines(most.clone(), 3), (most, 0));
+    }
+
+    #[test]
+    fn tabs_and_line_ends_are_shown_and_other_control_characters_are_not() {
+        assert_eq!(printable("a\tb\r\n\u{1b}\u{9b}c".to_owned()), "a\tb\r\n???c");
+    }
 }

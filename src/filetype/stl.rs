@@ -85,4 +85,21 @@ mod tests {
         zeros[HEADER_BYTES..].fill(0);
         assert!(!is_cut(&zeros) && !is_cut(&[0; 50]), "no triangle has three different corners");
     }
+
+    #[test]
+    fn triangles_with_two_equal_corners_are_no_triangles() {
+        for [from, to] in [[12, 24], [24, 36], [12, 36]] {
+            let mut flat = file(9, &[Vec3::Z]);
+            let corner = flat[HEADER_BYTES + from..][..12].to_vec();
+            flat[HEADER_BYTES + to..][..12].copy_from_slice(&corner);
+            assert!(!is_cut(&flat), "{from} and {to}");
+        }
+    }
+
+    #[test]
+    fn every_byte_of_the_count_counts() {
+        let said = 0x0102_0304;
+        assert!(is_whole(&file(said, &[]), 84 + 50 * u64::from(said)));
+        assert!(!is_whole(&file(said, &[]), 84 + 50 * u64::from(said) - 1));
+    }
 }

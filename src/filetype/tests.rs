@@ -203,3 +203,72 @@ fn json_is_gltf_if_it_has_one_of_the_keys_of_gltf() {
         assert_ne!(of(text), FileType::Mesh(MeshFormat::Gltf), "{text}");
     }
 }
+
+#[test]
+fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
+    let (stl, toml) = (FileType::Mesh(MeshFormat::Stl), FileType::Toml);
+    let [fbx, gif] = [&b"; FBX 7"[..], b"GIF8"].map(|head| FileType::of(head, 99));
+    let reads = [
+        "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
+        "`mesh` reads OBJ, PLY, STL and glTF, also as .gz",
+        "`raycl run` reads experiments (TOML), such as configs/quick.toml",
+    ];
+    let export = "; export it as glTF or OBJ, with Blender for example";
+    let [scene, mesh, experiment] = [Wanted::Scene, Wanted::Mesh, Wanted::Experiment];
+    let foreign = "an FBX scene (ASCII), which raycl does not read";
+    let run = format!("`raycl render a.x` renders this mesh; {}", reads[2]);
+    for (filetype, wanted, is, help) in [
+        (fbx, scene, foreign, format!("{}{export}", reads[0])),
+        (fbx, mesh, foreign, format!("{}{export}", reads[1])),
+        (fbx, experiment, foreign, reads[2].to_owned()),
+        (gif, mesh, "a GIF picture, which raycl does not read", reads[1].to_owned()),
+        (stl, experiment, "an STL mesh, not an experiment", run),
+        (toml, mesh, "a TOML file, not a mesh", reads[1].to_owned()),
+    ] {
+        let error = filetype.refusal("a.x", wanted).unwrap();
+        assert_eq!((error.to_string(), error.remedy()), (format!("a.x is {is}"), help.as_str()));
+    }
+    for wanted in [scene, mesh, experiment] {
+        let error = FileType::Utf16.refusal("a.x", wanted).unwrap();
+        assert_eq!(error.to_string(), "a.x:1: UTF-16 text, which raycl does not read; expected UTF-8");
+        assert_eq!(error.remedy(), "save the file as UTF-8");
+        assert!(FileType::Unclear.refusal("a.x", wanted).is_none());
+    }
+    let read = [(stl, scene), (stl, mesh), (toml, scene), (toml, experiment)];
+    assert!(read.iter().all(|(filetype, wanted)| filetype.refusal("a.x", *wanted).is_none()));
+}
+
+#[test]
+fn an_unknown_file_named_stl_is_one_and_a_picture_named_stl_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let opened = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        Opened::at(&path).unwrap().filetype
+    };
+    let unknown = b"\x01\x02\0\x03 nothing known";
+    assert_eq!(opened("a.stl", unknown), FileType::Mesh(MeshFormat::Stl));
+    assert!(matches!(opened("a.xyz", unknown), FileType::Foreign(Foreign { name: UNKNOWN, .. })));
+    assert!(matches!(opened("b.stl", b"GIF89a"), FileType::Foreign(Foreign { name: "a GIF picture", .. })));
+    assert_eq!(opened("b.gltf", b"v 0 0 0\n"), FileType::Mesh(MeshFormat::Obj), "the contents go first");
+}
+
+#[test]
+fn text_may_have_some_control_characters() {
+    let text = |controls: &str| called(format!("strange words {controls}").as_bytes());
+    assert_eq!(text("\u{1}"), "unclear");
+    assert_eq!(text("\u{1}\u{2}\u{3}"), UNKNOWN, "more than a tenth");
+    assert_eq!(text("\t\u{c}\u{1b}\t\u{c}\u{1b}"), "unclear", "tabs, page ends and escapes are text");
+    assert_eq!(called(b"strange words and one zero byte \0"), UNKNOWN);
+}
+
+#[test]
+fn a_3ds_scene_may_begin_with_any_chunk_if_its_length_is_right() {
+    let file = |said: u32, length: usize| {
+        let head = [b"MM", &said.to_le_bytes()[..], b"\x00\xb0"].concat();
+        called(&padded(&head, length))
+    };
+    assert_eq!(file(300, 300), "a 3DS scene");
+    assert_ne!(file(300, 301), "a 3DS scene");
+    assert_eq!(called(&padded(b"MM\x10\0\0\0\x3d\x3d", 99)), "a 3DS scene", "an editor chunk");
+}

@@ -126,6 +126,17 @@ mod tests {
         assert_eq!(light(1.0), light(50.0));
     }
 
+    #[test]
+    fn the_map_goes_from_purple_to_yellow() {
+        // The second is halfway between the map's first two colours.
+        let colours = [0.0, 1.0 / 16.0, 0.5, 1.0].map(viridis);
+        assert_eq!(colours, [[68, 1, 84], [70, 23, 103], [33, 144, 141], [253, 231, 37]]);
+        assert_eq!(
+            [1e-7, 1e-3, 1.0, f64::NAN].map(|relative| of_difference(relative).0),
+            [[0; 3], [33, 144, 141], [253, 231, 37], [255, 0, 0]]
+        );
+    }
+
     /// Returns the dots of two characters below a scale; `left` is the column of the first
     /// character.
     fn text(picture: &RgbImage, left: u32) -> [String; 5] {
@@ -164,5 +175,30 @@ mod tests {
         for width in [0, 1, 2, 30, 500] {
             draw_scale(&mut RgbImage::new(width, SCALE_HEIGHT), 0);
         }
+    }
+
+    #[test]
+    fn scales_stand_below_the_row_that_is_asked_for() {
+        let (mut decades, mut counts) = (RgbImage::new(500, 30), RgbImage::new(500, 30));
+        draw_scale(&mut decades, 7);
+        draw_count_scale(&mut counts, 7, 29);
+        for picture in [decades, counts] {
+            // Column 100 has no tick: two empty rows, six of colour, and nothing below.
+            let coloured: Vec<u32> = (0..30).filter(|&y| picture[(100, y)].0 != [0; 3]).collect();
+            assert_eq!(coloured, [9, 10, 11, 12, 13, 14]);
+            let written: Vec<u32> =
+                (18..30).filter(|&y| (0..500).any(|x| picture[(x, y)].0 == [255; 3])).collect();
+            assert_eq!(written, [18, 19, 20, 21, 22]);
+        }
+    }
+
+    #[test]
+    fn both_scales_have_a_zero_at_one_end() {
+        let zero = ["###", "# #", "# #", "# #", "###"];
+        let (mut decades, mut counts) = (RgbImage::new(500, SCALE_HEIGHT), RgbImage::new(500, SCALE_HEIGHT));
+        draw_scale(&mut decades, 0);
+        draw_count_scale(&mut counts, 0, 29);
+        assert_eq!(text(&decades, 491), zero.map(|row| format!("    {row}")));
+        assert_eq!(text(&counts, 0), zero.map(|row| format!("{row}    ")));
     }
 }

@@ -137,4 +137,14 @@ mod tests {
         let picture = difference_image(&small, &flat(1.0));
         assert_eq!([(2, 0), (3, 2)].map(|(x, y)| picture.get_pixel(x, y).0), [colour::WRONG; 2]);
     }
+
+    #[test]
+    fn each_difference_stands_at_its_own_pixel() {
+        let (mut found, expected) = (flat(1.0), flat(1.0));
+        found.pixels[2 * 4 + 1] = [1.5; 3];
+        let picture = difference_image(&found, &expected);
+        let above_the_scale = picture.enumerate_pixels().filter(|(_, y, _)| *y < 3);
+        let different = above_the_scale.filter(|(.., pixel)| pixel.0 != [0; 3]).map(|(x, y, _)| (x, y));
+        assert_eq!(different.collect::<Vec<_>>(), [(1, 2)]);
+    }
 }

@@ -389,4 +389,80 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn an_exr_with_alpha_keeps_the_coverage_of_each_pixel() {
+        let pixels = (0..6).map(|place| [place as f32, 10.0, 20.0]).collect();
+        let coverage = vec![0.0, 0.125, 0.25, 0.5, 0.75, 1.0];
+        let image = Radiance { width: 3, height: 2, pixels, coverage: coverage.clone() };
+        let (_folder, path) = saved("a.exr", &image);
+        let read = image::open(path).unwrap().to_rgba32f();
+        assert_eq!(read.dimensions(), (3, 2));
+        assert_eq!(read.pixels().map(|pixel| pixel.0[0]).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        assert_eq!(read.pixels().map(|pixel| pixel.0[3]).collect::<Vec<_>>(), coverage);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_an_error_in_every_format() {
+        let image = gradient(3, 2);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        std::fs::write(&path, "").unwrap();
+        let file = || std::fs::File::open(&path).unwrap(); // for reading only
+        let display = Display::default();
+        assert!(exr(&image, &mut file()).is_err() && hdr(&image, &mut file()).is_err());
+        assert!(shown_png(&image, display, None, &mut file()).is_err());
+        assert!(jpeg(&to_rgb8(&image, display), &mut file()).is_err());
+    }
+
+    #[test]
+    fn a_jpeg_has_the_quality_95() {
+        let (image, mut expected) = (gradient(3, 2), Vec::new());
+        let shown = to_rgb8(&image, Display::default());
+        image::codecs::jpeg::JpegEncoder::new_with_quality(&mut expected, 95).encode_image(&shown).unwrap();
+        let tables = |file: &[u8]| {
+            let begin = file.windows(2).position(|marker| marker == [0xff, 0xdb]).unwrap();
+            file[begin..begin + 69].to_vec()
+        };
+        let (_folder, path) = saved("a.jpg", &image);
+        assert_eq!(tables(&std::fs::read(path).unwrap()), tables(&expected));
+    }
+
+    #[test]
+    fn an_8_bit_picture_is_a_jpeg_only_if_its_name_says_so() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, begin) in [("a.jpg", &b"\xff\xd8"[..]), ("a.JPEG", b"\xff\xd8"), ("a.png", b"\x89PNG")] {
+            let path = folder.path().join(name);
+            save_rgb8(&RgbImage::new(2, 2), &target(&path, false)).unwrap();
+            assert!(std::fs::read(&path).unwrap().starts_with(begin), "{name}");
+            assert!(shows_8_bits(&path) && is_jpeg(&path) == (name != "a.png"), "{name}");
+        }
+        assert!(!shows_8_bits(Path::new("a.exr")) && !is_jpeg(Path::new("a.exr")));
+    }
+
+    #[test]
+    fn a_frame_keeps_its_key_and_another_picture_has_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a-1.png");
+        let key = "7".repeat(64);
+        save_frame(&gradient(3, 2), Display::default(), &key, &target(&path, false)).unwrap();
+        assert_eq!(frame_key(&path), Some(key));
+        assert_eq!(image::open(&path).unwrap().to_rgb8(), to_rgb8(&gradient(3, 2), Display::default()));
+        let (_folder, other) = saved("a.png", &gradient(3, 2));
+        assert_eq!(frame_key(&other), None);
+    }
+
+    #[test]
+    fn a_refusal_names_files_that_would_do() {
+        let remedy = |error: Error| error.remedy().to_owned();
+        let of = |name: &str| target(Path::new(name), false);
+        for name in ["b/a.jpg", "b/a.hdr"] {
+            let refused = check_alpha(&of(name)).unwrap_err();
+            assert_eq!(remedy(refused), "name the file 'b/a.png' or 'b/a.exr'");
+        }
+        assert!(check_alpha(&of("a.hdr")).unwrap_err().to_string().contains(": an HDR has no alpha"));
+        assert_eq!(remedy(check_png(&of("b/a.exr")).unwrap_err()), "name the file 'b/a.png'");
+        assert_eq!(remedy(format(Path::new("b/a.jpgg")).unwrap_err()), "did you mean 'b/a.jpg'?");
+        assert_eq!(remedy(format(Path::new("b/a")).unwrap_err()), "name the file 'b/a.png'");
+    }
 }

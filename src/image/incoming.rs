@@ -77,4 +77,19 @@ mod tests {
         let Incoming::Whole(picture, _) = incoming else { panic!("a PNG is stored whole") };
         assert_eq!(picture.into_raw(), [1, 1, 1, 2, 2, 2, 2, 2, 2, 3, 3, 3]);
     }
+
+    #[test]
+    fn a_picture_that_came_in_rows_is_the_file_that_its_name_says() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, together, begin) in [("a.png", 1, &b"\x89PNG"[..]), ("a.jpg", 128, b"\xff\xd8")] {
+            let target = Target::of_results(folder.path().join(name));
+            let mut incoming = Incoming::new(&target, [2, 3]);
+            assert_eq!(incoming.rows_together(), together, "{name}");
+            incoming.take(&[200; 18]);
+            incoming.save(&target).unwrap();
+            assert!(std::fs::read(target.path()).unwrap().starts_with(begin), "{name}");
+            let shown = image::open(target.path()).unwrap().to_rgb8();
+            assert_eq!(shown, RgbImage::from_pixel(2, 3, image::Rgb([200; 3])), "{name}");
+        }
+    }
 }

@@ -231,4 +231,37 @@ mod tests {
         assert_eq!(names(layers("a.exr", "a.exr").unwrap()), ["a.exr"], "one file may hold all");
         assert!(layers("a.txt", "b.png").is_err());
     }
+
+    #[test]
+    fn the_parts_of_a_normal_are_red_green_and_blue() {
+        let normal = vec![[1.0, -1.0, 0.0], [0.0, 0.5, -0.5], [0.0; 3]];
+        let layers = Layers { size: [3, 1], normal, ..Layers::default() };
+        let shown: Vec<[u8; 3]> = directions(&layers).pixels().map(|pixel| pixel.0).collect();
+        assert_eq!(shown, [[255, 0, 128], [128, 191, 64], [0; 3]]);
+    }
+
+    #[test]
+    fn each_layer_stands_in_the_file_of_its_name() {
+        let layers = Layers {
+            size: [3, 2],
+            depth: vec![1.0, 2.0, f32::INFINITY, 1.0, 1.0, 1.0],
+            normal: vec![[0.0, 0.0, 1.0]; 6],
+            triangle: vec![NOTHING, 1, 1, 1, 1, 1],
+            object: vec![1, 1, NOTHING, 1, 1, 1],
+            tests: vec![4; 6],
+            nodes: vec![4; 6],
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let target = |name: &str| Target::of_results(folder.path().join(name));
+        let targets = layer_targets(&target("a.PNG"), &target("picture.png")).unwrap();
+        save_layers(&Radiance::new(3, 2), &layers, &targets).unwrap();
+        let shown = |name: &str| image::open(folder.path().join(name)).unwrap().to_rgb8();
+        let black =
+            |name: &str| -> Vec<bool> { shown(name).pixels().map(|pixel| pixel.0 == [0; 3]).collect() };
+        assert_eq!(black("a-depth.png"), [false, false, true, false, false, false]);
+        assert_eq!(black("a-triangle.png"), [true, false, false, false, false, false]);
+        assert_eq!(black("a-object.png"), [false, false, true, false, false, false]);
+        assert_eq!(shown("a-normal.png")[(2, 1)].0, [128, 128, 255]);
+        assert_eq!(shown("a-depth.png")[(1, 0)].0, [40; 3], "the farthest");
+    }
 }

@@ -92,6 +92,9 @@ mod tests {
         assert_eq!((sum.pixels[1], sum.coverage[1]), ([5.0, 10.0, 0.0], 1.5));
         let mean = sum.part(2);
         assert_eq!((mean.pixels[1], mean.coverage[1]), ([2.5, 5.0, 0.0], 0.75));
+        let mut first = Radiance::new(2, 1);
+        first.add(&image(1.0, 0.5));
+        assert_eq!(first.coverage, [0.5; 2], "the first image that is added");
         let mut opaque = Radiance::new(2, 1);
         opaque.add(&Radiance::new(2, 1));
         assert!(opaque.coverage.is_empty());

@@ -284,4 +284,67 @@ mod tests {
             list.lines().filter_map(|line| line.split_once("  ")).map(|(_, name)| name).collect();
         assert_eq!(names, ["a1", "a2", "b1"]);
     }
+
+    #[test]
+    fn a_folder_is_known_once_raycl_wrote_into_it_or_if_it_has_records() {
+        let folder = tempfile::tempdir().unwrap();
+        let is_known = || OutFolder::open(folder.path(), KEEP).unwrap().is_known();
+        assert!(!is_known());
+        write(folder.path(), KEEP, "one").unwrap();
+        assert!(is_known());
+        let results = tempfile::tempdir().unwrap();
+        std::fs::write(results.path().join("records.jsonl"), "").unwrap();
+        assert!(OutFolder::open(results.path(), KEEP).unwrap().is_known());
+    }
+
+    /// In a folder of results there is no list; all files with raycl's names are its own.
+    #[test]
+    fn files_of_results_are_replaced_and_stale_plots_removed_without_a_list() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        std::fs::write(out.join("records.jsonl"), "").unwrap();
+        std::fs::create_dir(out.join("plots")).unwrap();
+        for name in ["page.html", "plots/one.svg", "plots/scenes.svg"] {
+            std::fs::write(out.join(name), "earlier").unwrap();
+        }
+        let mut opened = OutFolder::open(out, KEEP).unwrap();
+        opened.check(["page.html"]).unwrap();
+        opened.write(&files("new")).unwrap();
+        opened.remove_stale(&files("new")).unwrap();
+        let text = |name: &str| std::fs::read_to_string(out.join(name)).ok();
+        let new = Some("new".to_owned());
+        assert_eq!(
+            [text("page.html"), text("plots/one.svg"), text("plots/scenes.svg")],
+            [new.clone(), new, None]
+        );
+        assert_eq!(text(LIST), None);
+    }
+
+    #[test]
+    fn what_was_removed_is_no_longer_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path(), KEEP, "one").unwrap();
+        let mut opened = OutFolder::open(folder.path(), KEEP).unwrap();
+        opened.remove_listed(|name| name == "page.html").unwrap();
+        assert!(!folder.path().join("page.html").exists());
+        let list = std::fs::read_to_string(folder.path().join(LIST)).unwrap();
+        assert_eq!(list, format!("{}  plots/one.svg\n", hash(b"one")));
+    }
+
+    #[test]
+    fn only_lines_of_a_hash_and_a_name_are_a_list() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(LIST);
+        let opens = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            OutFolder::open(folder.path(), KEEP).is_ok()
+        };
+        let hash = hash(b"one");
+        assert!(opens(&format!("{hash}  a\n")));
+        for text in
+            [format!("{hash} a\n"), format!("{}  a\n", &hash[1..]), format!("{}  a\n", "x".repeat(64))]
+        {
+            assert!(!opens(&text), "{text}");
+        }
+    }
 }

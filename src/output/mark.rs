@@ -255,4 +255,21 @@ mod tests {
         assert!(chunk.starts_with(b"tEXtComment\0made by raycl"));
         assert_eq!(checksum, crc32fast::hash(chunk).to_be_bytes());
     }
+
+    /// Programs skip chunks that they do not know, by their lengths.
+    #[test]
+    fn the_chunks_of_a_frames_mark_and_key_have_right_lengths() {
+        let key = "5".repeat(DIGITS);
+        let (place, mut rest) = keyed_png(&key);
+        assert_eq!(place, PNG_CHUNK);
+        let mut texts = Vec::new();
+        while !rest.is_empty() {
+            let length = u32::from_be_bytes(rest[..4].try_into().unwrap()) as usize;
+            texts.push(String::from_utf8(rest[4..8 + length].to_vec()).unwrap());
+            rest = rest.split_off(12 + length);
+        }
+        let [mark, key] =
+            [blank(), format!("frame of raycl: {key}")].map(|text| format!("tEXtComment\0{text}"));
+        assert_eq!(texts, [mark, key]);
+    }
 }

@@ -148,4 +148,53 @@ mod tests {
         assert!(permit(&path, choice, unreadable).is_err());
         assert_eq!(permit(&path, choice, |_| Ok(Maker::Raycl)).unwrap(), Name::Replaceable);
     }
+
+    #[test]
+    fn a_refusal_names_the_path_the_reason_and_the_ways_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let name = |name: &str| folder.path().join(name);
+        std::fs::write(name("a.png"), "text").unwrap();
+        let refusal = |path: &Path, maker| permit(path, choice, |_| Ok(maker)).unwrap_err();
+        for (path, maker, why, help) in [
+            (name("a.png"), Maker::Other, "exists, and raycl did not make it", "`--force` replaces it, "),
+            (
+                name("a.png"),
+                Maker::Changed,
+                "has been changed since raycl made it",
+                "`--force` replaces it, ",
+            ),
+            (folder.path().to_owned(), Maker::Raycl, "is a folder; expected a file", ""),
+        ] {
+            let error = refusal(&path, maker);
+            assert_eq!(error.to_string(), format!("'{}' {why}", path.display()));
+            assert_eq!(error.remedy(), format!("{help}`-o FILE` writes elsewhere"));
+        }
+        assert_eq!(permit(&name("b.png"), choice, |_| Ok(Maker::Other)).unwrap(), Name::Free);
+        let error = folder_of(Path::new("nowhere/a.png")).unwrap_err();
+        assert_eq!(error.to_string(), "cannot write 'nowhere/a.png': there is no folder 'nowhere'");
+        assert_eq!(error.remedy(), "create this folder first: mkdir -p 'nowhere'");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_replaced_only_with_force_and_its_target_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let [link, target] = ["link.png", "target.png"].map(|name| folder.path().join(name));
+        std::fs::write(&target, "mine").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        let put_with = |force| {
+            let choice = Choice { force, elsewhere: "-o FILE" };
+            put(&link, choice, |_| Ok(Maker::Raycl), |file| std::io::Write::write_all(file, b"new"))
+        };
+        let error = put_with(false).unwrap_err();
+        assert_eq!(error.to_string(), format!("'{}' is a link that raycl did not make", link.display()));
+        assert!(error.remedy().starts_with("`--force` replaces the link and not its target, "));
+        put_with(true).unwrap();
+        assert!(!link.is_symlink());
+        assert_eq!(
+            [&link, &target].map(|path| std::fs::read(path).unwrap()),
+            [b"new".to_vec(), b"mine".to_vec()]
+        );
+    }
 }

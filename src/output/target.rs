@@ -185,4 +185,15 @@ mod tests {
         target.write(|file| write!(file, "{}", mark::blank())).unwrap();
         assert_ne!(std::fs::read(&path).unwrap(), b"mine");
     }
+
+    #[test]
+    fn a_missing_folder_is_told_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = Target::new(folder.path().join("nowhere/a.png"), KEEP);
+        for error in [target.check().unwrap_err(), target.check_folder().unwrap_err()] {
+            assert_eq!(error.exit_code(), 2);
+            assert!(error.to_string().contains("there is no folder '"), "{error}");
+        }
+        assert!(Target::new("-", KEEP).check().is_ok() && Target::new("-", KEEP).is_standard_output());
+    }
 }

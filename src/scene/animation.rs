@@ -175,3 +175,72 @@ impl Animation {
         self.document.error(span, message, label).with_help(remedy)
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::load_scene;
+    use glam::Vec3;
+
+    /// Returns the first scene and the animation of a triangle with these tracks, in three frames.
+    fn animated(tracks: &str) -> (tempfile::TempDir, Scene, Animation) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        let object = "[[object]]\nvertices = [[0, 0, -2], [1, 0, -2], [0, 1, -2]]\nfaces = [[0, 1, 2]]\n";
+        let light = "[[light]]\nposition = [0, 0, 0]\npower = 1\n";
+        std::fs::write(&path, format!("{object}{light}[animation]\nframes = 3\n{tracks}")).unwrap();
+        let loaded = load_scene(&path).unwrap();
+        (folder, loaded.scene, loaded.animation.unwrap())
+    }
+
+    #[test]
+    fn a_mesh_is_shared_by_the_frames_in_which_it_is_equal() {
+        let track = "[[animation.track]]\npath = \"object.0.translation\"\n\
+            values = [[0, 0, 0], [0, 0, 0], [5, 0, 0]]\n";
+        let (_folder, first, mut animation) = animated(track);
+        let second = animation.scene(2, &first).unwrap();
+        assert!(Arc::ptr_eq(&first.mesh, &second.mesh));
+        let third = animation.scene(3, &second).unwrap();
+        assert_eq!(third.mesh.positions[0], Vec3::new(5.0, 0.0, -2.0));
+        assert_eq!(second.mesh.positions[0], Vec3::new(0.0, 0.0, -2.0));
+    }
+
+    #[test]
+    fn each_track_sets_its_own_value_in_each_frame() {
+        let tracks = "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 0], [4, 0, 0]]\n\
+            [[animation.track]]\npath = \"light.0.power\"\nat = [2, 3]\nvalues = [6, 8]\n";
+        let (_folder, first, mut animation) = animated(tracks);
+        assert_eq!(
+            first.lights[0].power,
+            Vec3::splat(6.0),
+            "a track has its first value before its first frame"
+        );
+        let scenes = [2, 3].map(|frame| animation.scene(frame, &first).unwrap());
+        assert_eq!([&scenes[0], &scenes[1]].map(|scene| scene.camera.position.x), [2.0, 4.0]);
+        assert_eq!([&scenes[0], &scenes[1]].map(|scene| scene.lights[0].power.x), [6.0, 8.0]);
+        assert_eq!((animation.frames, animation.frames_per_second), (3, None));
+    }
+
+    #[test]
+    fn a_background_that_is_transparent_at_times_is_refused() {
+        let track =
+            "[[animation.track]]\npath = \"background\"\nat = [1, 3]\nvalues = [\"transparent\", 0]\n";
+        let (folder, _, animation) = animated(track);
+        animation.check(1..=2).unwrap();
+        let name = folder.path().join("a.toml");
+        let expected =
+            format!("{} at frame 3: the background is transparent in some frames only", name.display());
+        assert_eq!(animation.check(1..=3).unwrap_err().to_string(), expected);
+        assert_eq!(animation.check(3..=3).unwrap_err().to_string(), expected, "the first frame differs");
+    }
+
+    #[test]
+    fn a_value_that_is_wrong_in_a_frame_is_told_with_its_track() {
+        let track = "[[animation.track]]\npath = \"light.0.power\"\nvalues = [1, -3]\n";
+        let (_folder, _, animation) = animated(track);
+        animation.check(1..=1).unwrap();
+        let error = animation.check(1..=3).unwrap_err().to_string();
+        assert!(error.starts_with("`light.0.power` at frame 2: "), "{error}");
+    }
+}

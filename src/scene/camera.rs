@@ -193,4 +193,20 @@ mod tests {
         assert!(Camera::looking_at(Vec3::ZERO, Vec3::Y, Vec3::Y, 90.0, false).is_none());
         assert!(Camera::looking_at(Vec3::ZERO, Vec3::X, Vec3::ZERO, 90.0, false).is_none());
     }
+
+    #[test]
+    fn the_rays_of_a_picture_go_to_the_right_and_down_from_its_corner() {
+        let frame = Camera::PAPER.pixel_frame(4, 2);
+        assert_eq!(
+            (frame.corner, frame.eye, frame.z_near as f32),
+            (DVec3::new(-1.0, 0.5, -1.0), DVec3::ZERO, 0.1)
+        );
+        assert_eq!((frame.step_x, frame.step_y), (DVec3::X * 0.5, DVec3::Y * -0.5));
+        assert_eq!(frame.direction(1.0, 0.5), DVec3::new(-0.5, 0.25, -1.0));
+        let sample = Sample { offset: [0.5, 0.25], count: 4, ..Sample::CENTRE };
+        let shifted = Camera::PAPER.of_sample(&sample).pixel_frame(4, 2);
+        assert_eq!(shifted.corner, DVec3::new(-0.75, 0.375, -1.0));
+        let tall = Camera { fov_is_vertical: true, ..Camera::PAPER }.pixel_frame(4, 2);
+        assert_eq!(tall.corner, DVec3::new(-2.0, 1.0, -1.0));
+    }
 }

@@ -205,4 +205,62 @@ mod tests {
             assert_eq!(stem(Path::new(path)), "teapot", "{path}");
         }
     }
+
+    /// Returns the notes on a file, or the message of its error.
+    fn told(name: &str, text: &str, is_in_folder: bool) -> std::result::Result<Vec<String>, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let of = if is_in_folder { folder.path() } else { Path::new("/elsewhere") };
+        let shown = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
+        let loaded = crate::scene::load_scene_named_in(of, &path, &[]);
+        let loaded = loaded.map(|loaded| loaded.notes.into_iter().map(shown).collect());
+        loaded.map_err(|error| shown(error.to_string()))
+    }
+
+    #[test]
+    fn a_file_of_another_type_than_its_name_says_is_noted() {
+        let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+        for name in ["a.obj", "a", "a.OBJ"] {
+            assert_eq!(told(name, obj, true), Ok(vec![]), "{name}");
+        }
+        let note = "a.stl: read as an OBJ mesh, because of its contents and despite its name";
+        assert_eq!(told("a.stl", obj, true), Ok(vec![note.to_owned()]));
+        let scene = "[[object]]\nshape = \"sphere\"\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
+        let note = "a.obj: read as a scene (TOML), because of its contents and despite its name";
+        let notes = told("a.obj", scene, true).unwrap();
+        assert!(notes.contains(&note.to_owned()), "{notes:?}");
+        // If the contents do not tell the format, the name does.
+        let unclear = format!("Notes of the maker\n{obj}");
+        assert!(told("a.obj", &unclear, true).is_ok());
+    }
+
+    #[test]
+    fn text_that_is_nothing_that_raycl_reads_is_told_unless_its_name_says_toml() {
+        let text = "nothing known\n";
+        let other = told("a.xyz", text, true).unwrap_err();
+        assert!(other.starts_with("a.xyz:1: neither a scene (TOML) nor a mesh: "), "{other}");
+        assert_eq!(told("a.xyz", text, false).unwrap_err(), "a.xyz:1: neither a scene (TOML) nor a mesh");
+        let toml = told("a.toml", text, true).unwrap_err();
+        assert!(!toml.contains("neither"), "{toml}");
+    }
+
+    /// The file of another folder may be somebody else's, so its text is not quoted.
+    #[test]
+    fn a_mistake_in_another_folders_file_is_told_without_its_text() {
+        let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n";
+        let may = "expected a key or value that a scene may have there";
+        for (text, expected) in [
+            (format!("{object}faces = [[0, 1]]\n"), format!("a.toml:3: {may}")),
+            (object.to_owned(), format!("a.toml:2: {may} (these vertices are in no face)")),
+        ] {
+            assert_eq!(told("a.toml", &text, false).unwrap_err(), expected, "{text}");
+            assert!(!told("a.toml", &text, true).unwrap_err().contains("may have there"), "{text}");
+        }
+        let unknown = told("a.toml", &format!("{object}secret = 1\n"), false).unwrap_err();
+        assert!(unknown.starts_with("a.toml:3: expected one of `mesh`, "), "{unknown}");
+        assert!(unknown.ends_with(", but found another key") && !unknown.contains("secret"), "{unknown}");
+        let number = told("a.toml", &format!("{object}flat = 1\n"), false).unwrap_err();
+        assert!(number.starts_with("a.toml:3: expected ") && !number.contains("another key"), "{number}");
+    }
 }

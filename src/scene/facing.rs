@@ -154,4 +154,23 @@ mod tests {
             assert_eq!(averted_part(&mesh, &Camera::PAPER, aspect), Some(0.25), "{aspect}");
         }
     }
+
+    #[test]
+    fn a_floor_that_reaches_behind_the_eye_counts_by_its_part_of_the_picture() {
+        let rectangle = |corners: [Vec3; 4], normal: Vec3| Mesh {
+            positions: corners.to_vec(),
+            normals: vec![normal],
+            triangles: [[0, 1, 2], [0, 2, 3]]
+                .map(|positions| Triangle { positions, normals: [0; 3], material: 0 })
+                .to_vec(),
+            ..generate(&Shape::Ground)
+        };
+        // The floor fills the lower half of the picture.
+        let floor = [[-1e4, 1e4], [1e4, 1e4], [1e4, -1e4], [-1e4, -1e4]].map(|[x, z]| Vec3::new(x, -1.0, z));
+        let mut mesh = rectangle(floor, Vec3::Y);
+        let banner = [[-1.0, 0.5], [1.0, 0.5], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, -1.0));
+        mesh.append(rectangle(banner, Vec3::NEG_Z));
+        let part = averted_part(&mesh, &Camera::PAPER, 1.0).unwrap_or(0.0);
+        assert!((part - 1.0 / 3.0).abs() < 0.01, "{part}");
+    }
 }

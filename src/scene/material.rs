@@ -68,3 +68,15 @@ impl Material {
         [l0, l1, l2, g0, g1, g2, self.shininess, kind]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_gets_both_reflectances_the_exponent_and_the_kind() {
+        let glossy = Material::blinn_phong(Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0), 7.0);
+        assert_eq!(glossy.to_floats(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0]);
+        assert_eq!(Material::lambertian(Vec3::X).to_floats(), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+}

@@ -235,4 +235,83 @@ mod tests {
         hash_words(&mut hasher, words);
         assert_eq!(hasher.finalize(), blake3::hash(&bytes));
     }
+
+    #[test]
+    fn a_displayed_colour_is_the_radiance_of_the_middle_of_its_step() {
+        let display = Display { exposure: 2.0, gamma: 2.0 };
+        // Half of 255 is 127.5, the middle of the step 127.
+        assert_eq!(display.radiance_of([0, 127, 255]), Vec3::new(0.0, 0.125, 0.5));
+        assert_eq!(Display { exposure: 0.0, ..display }.radiance_of([0, 127, 255]), Vec3::ZERO);
+        assert_eq!(Display::default(), Display { exposure: 15.0, gamma: 2.2 }, "as in the paper");
+    }
+
+    #[test]
+    fn whatever_changes_the_picture_changes_the_hash_and_the_name_does_not() {
+        let mut scene = single_triangle();
+        scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::Y, up: Vec3::Y, reach: 5.0, picture: None });
+        let changed = |change: &dyn Fn(&mut Scene)| {
+            let mut other = scene.clone();
+            change(&mut other);
+            other.content_hash() != scene.content_hash()
+        };
+        assert!(!changed(&|scene| scene.name.push('a')));
+        let changes: [(&str, &dyn Fn(&mut Scene)); 22] = [
+            ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
+            ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
+            ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
+            ("triangles", &|scene| scene.mesh_mut().triangles.clear()),
+            ("k_L", &|scene| scene.mesh_mut().materials[0].lambertian.y += 0.1),
+            ("k_G", &|scene| scene.mesh_mut().materials[0].glossy.z += 0.1),
+            ("s", &|scene| scene.mesh_mut().materials[0].shininess += 1.0),
+            ("position of a light", &|scene| scene.lights[0].position.x += 1.0),
+            ("power", &|scene| scene.lights[0].power.z += 1.0),
+            ("radius", &|scene| scene.lights[0].radius = 0.5),
+            ("eye", &|scene| scene.camera.position.x += 1.0),
+            ("forward", &|scene| scene.camera.forward = Vec3::X),
+            ("field of view", &|scene| scene.camera.tan_half_fov *= 2.0),
+            ("vertical", &|scene| scene.camera.fov_is_vertical = !scene.camera.fov_is_vertical),
+            ("near", &|scene| scene.camera.z_near += 0.1),
+            ("transparent", &|scene| scene.transparent = true),
+            ("bias", &|scene| scene.shadow_bias *= 2.0),
+            ("exposure", &|scene| scene.display.exposure = 7.0),
+            ("gamma", &|scene| scene.display.gamma = 1.0),
+            ("sky", &|scene| scene.sky = None),
+            ("horizon", &|scene| scene.sky.as_mut().unwrap().horizon = Vec3::Z),
+            ("reach", &|scene| scene.sky.as_mut().unwrap().reach = 6.0),
+        ];
+        for (what, change) in changes {
+            assert!(changed(change), "{what}");
+        }
+    }
+
+    #[test]
+    fn a_hit_casts_a_shadow_ray_to_each_light_and_to_the_sky() {
+        let mut scene = single_triangle();
+        let lights = scene.lights.len();
+        assert_eq!(scene.shadow_rays_per_hit(), lights);
+        scene.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::X, up: Vec3::Y, reach: 5.0, picture: None });
+        assert_eq!(scene.shadow_rays_per_hit(), lights + 1);
+    }
+
+    /// The hashes are those of records in docs/results, from several machines. If a scene or the hash changed, stored
+    /// times would no longer be those of the scenes in the repository, and raycl would measure everything again.
+    #[test]
+    fn the_scenes_of_stored_records_are_those_of_the_repository() {
+        let thousand = [("object.0.triangles".to_owned(), toml::Value::Integer(1000))];
+        for (name, values, expected) in [
+            ("triangle", &[][..], "12aeae492fcd81c3"),
+            ("figure-4", &[], "0084ce7bf0fe2074"),
+            ("pyramid-upper", &[], "01ff83f22368085b"),
+            ("pyramid-lower", &[], "ca4fa660a1b59130"),
+            ("gourd", &[], "d70e9b73854276ef"),
+            ("teapot", &[], "7483843f6ce33b13"),
+            ("still-life", &[], "3fbfcd9bd93a4bb5"),
+            ("atrium", &[], "a6450b75a1d5868f"),
+            ("terrain", &thousand, "7d20f80ffa3f561f"),
+        ] {
+            let path = format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+            let scene = load_scene_with(std::path::Path::new(&path), values).unwrap().scene;
+            assert_eq!(scene.content_hash(), expected, "{name}");
+        }
+    }
 }

@@ -51,7 +51,9 @@ mod tests {
         let (camera, lights) = orbit.at(&scene, 0.25);
         assert!(camera.position.distance(Vec3::new(8.0, 0.5, 0.0)) < 1e-5);
         assert!(camera.forward.distance(Vec3::NEG_X) < 1e-6 && camera.right.distance(Vec3::NEG_Z) < 1e-6);
-        assert_eq!(lights, scene.lights);
+        assert_eq!((camera.up, lights), (Vec3::Y, scene.lights.clone()));
+        let rolled = Scene { camera: Camera { up: Vec3::Z, ..scene.camera }, ..scene.clone() };
+        assert!(orbit.at(&rolled, 0.25).0.up.distance(Vec3::X) < 1e-6);
         let (_, lights) = Orbit { with_lights: true, ..orbit }.at(&scene, 0.5);
         assert!((lights[0].position.x - (2.0 - scene.lights[0].position.x)).abs() < 1e-5);
         assert_eq!(orbit.at(&scene, 0.0).0, scene.camera);

@@ -130,6 +130,7 @@ mod tests {
         assert!(set("light.0.power", 7).unwrap().contains("power = 7"));
         assert_eq!(set("light.1.power", 7).unwrap().matches("[[light]]").count(), 2);
         assert!(set("display.exposure", 3).unwrap().contains("[display]\nexposure = 3"));
+        assert!(set("object.0.normals.0", 3).unwrap().contains("[[object]]\nnormals = [3]"));
     }
 
     #[test]
@@ -164,7 +165,11 @@ mod tests {
     #[test]
     fn a_path_through_a_number_or_out_of_an_array_is_refused() {
         for path in ["camera.z_near.x", "light.2.power", "light.first.power", "camera..x"] {
-            assert!(set(path, 1).unwrap_err().to_string().contains(path), "{path}");
+            let message = set(path, 1).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("override `{path}`: ")), "{message}");
         }
+        let message = set("light.2.power", 1).unwrap_err().to_string();
+        let expected = "`light` has 1 elements; expected an index from 0 to 1 (1 appends one), not `2`";
+        assert!(message.ends_with(expected), "{message}");
     }
 }

@@ -347,4 +347,37 @@ mod tests {
         assert_eq!(of(SampleLight::Unoccluded), [(0, 1, [0.0; 2], true)]);
         assert_eq!(of(SampleLight::Interleaved), [0, 1, 2].map(|number| (number, 3, [0.0; 2], true)));
     }
+
+    #[test]
+    fn the_counts_of_adaptive_samples_are_the_first_or_the_most() {
+        let sampling = Sampling { first: 1, most: 4, half_light: 0 };
+        let are_of = |counts: &[u32]| SampleCounts::new([6, 5], counts.to_vec()).are_of(&sampling);
+        assert!(are_of(&[1, 4, 4, 1]) && are_of(&[4; 4]) && are_of(&[1; 4]));
+        assert!(!are_of(&[1, 4, 2, 1]) && !are_of(&[0, 4, 4, 4]));
+    }
+
+    #[test]
+    fn light_of_a_half_picture_is_not_cast_again_by_the_whole_picture() {
+        let lights = |half_light| {
+            let [first, rest] = Sampling { half_light, first: 1, most: 4 }.rounds();
+            first.into_iter().chain(rest).map(|sample| sample.light).collect::<Vec<_>>()
+        };
+        assert_eq!(lights(0), [SampleLight::Own; 4]);
+        assert_eq!(lights(2), [SampleLight::Unoccluded; 4]);
+        assert_eq!((Sampling::all(4).half_light, Sampling::adaptive(4).half_light), (0, 0));
+    }
+
+    /// Otherwise the points of different lights would be correlated.
+    #[test]
+    fn each_seed_has_its_own_order_of_the_same_strata() {
+        let order = |seed: u32| -> Vec<u32> {
+            (0..8).map(|number| scrambled(sobol(number, 0), seed) >> 29).collect()
+        };
+        let [one, other] = [1, 0x1234_5678].map(order);
+        assert_ne!(one, other);
+        for mut strata in [one, other] {
+            strata.sort_unstable();
+            assert_eq!(strata, (0..8).collect::<Vec<_>>(), "each eighth has one of the numbers");
+        }
+    }
 }

@@ -87,7 +87,12 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     image.pixels[..=limit].fill([0.6; 3]);
     let verdict = judge(&image, &reference);
     assert!(!verdict.ok && verdict.unexplained_pixels == limit + 1, "{verdict:?}");
-    assert!(verdict.reason.unwrap_or_default().contains("are uncertain, and no slightly moved ray explains"));
+    let reason = verdict.reason.unwrap_or_default();
+    assert!(
+        reason.starts_with("17 of 4000 pixels are uncertain, and no slightly moved ray explains"),
+        "{reason}"
+    );
+    assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
 }
 
 /// Pixels that only a wide nudge changes do not depend on rounding, so they must agree.
@@ -136,7 +141,7 @@ fn hits_that_cannot_be_are_noticed() {
     }
     for hits in [0, fewest - 17, most + 17, 80 * 50] {
         let reason = verdict(Some(hits)).reason.unwrap_or_default();
-        assert!(reason.starts_with(&format!("{hits} pixels hit something")), "{reason}");
+        assert_eq!(reason, format!("{hits} pixels hit something; expected {fewest} to {most}"));
     }
 }
 
@@ -162,7 +167,19 @@ fn a_sample_judges_its_own_pixels_and_finiteness_everywhere() {
 fn an_image_of_another_size_is_wrong() {
     let reference = judged();
     let verdict = judge(&Radiance::new(50, 80), &reference);
-    assert!(!verdict.ok && verdict.reason.unwrap_or_default().contains("50 x 80"));
+    let expected = Verdict {
+        max_difference: f64::INFINITY,
+        worst_pixel: None,
+        uncertain_pixels: reference.uncertain_pixels(),
+        unexplained_pixels: reference.uncertain_pixels(),
+        wrong_pixels: 4000,
+        ok: false,
+        reason: Some("the image is 50 x 80 with 4000 pixels and should be 80 x 50".to_owned()),
+    };
+    assert_eq!(verdict, expected);
+    assert!(reference.uncertain_pixels() > 0);
+    let short = Radiance { pixels: vec![[0.0; 3]; 3999], ..Radiance::new(80, 50) };
+    assert!(!judge(&short, &reference).ok, "a pixel is missing");
 }
 
 #[test]

@@ -182,6 +182,8 @@ mod tests {
             let expected = between((&at, &all), begin, f64::from(frame), Interpolation::Smooth);
             assert_eq!(track.value(frame), expected, "at frame {frame}");
         }
+        let ends = [0, 1, 16, 20].map(|frame| track.value(frame));
+        assert_eq!(ends, [0.0, 0.0, 50.0, 50.0].map(Value::Float));
     }
 
     #[test]

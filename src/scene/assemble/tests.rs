@@ -226,3 +226,173 @@ fn a_sky_without_a_horizon_has_one_colour() {
     let graded = sky(&[("sky.zenith", 0.5), ("sky.horizon", 0.25)]);
     assert_eq!((graded.zenith, graded.horizon), (Vec3::splat(0.5), Vec3::splat(0.25)));
 }
+
+/// Returns a scene of one triangle in front of the paper's camera, with more keys before it.
+fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let object = "[[object]]\nvertices = [[0, 0, -2], [1, 0, -2], [0, 1, -2]]\nfaces = [[0, 1, 2]]\n";
+    std::fs::write(&path, format!("{before}{object}")).unwrap();
+    load_scene_with(&path, &[])
+}
+
+/// Returns an error's message and the line that it marks.
+fn told(text: &str) -> (String, usize) {
+    let crate::Error::Input(error) = loaded(text).unwrap_err() else { panic!("not an input error") };
+    let source = error.source_code.as_ref().unwrap().inner();
+    (error.message.clone(), crate::error::line_of(source, error.span.unwrap().offset()))
+}
+
+#[test]
+fn an_azimuth_or_an_elevation_alone_frames_the_scene() {
+    let camera = |keys: &str| loaded(&format!("[camera]\n{keys}\n")).unwrap().scene.camera;
+    assert_eq!(camera("").position, Vec3::ZERO);
+    let above = camera("elevation_degrees = 90");
+    assert!(above.forward.distance(Vec3::NEG_Y) < 1e-3 && above.position.y > 1.0, "{above:?}");
+    let beside = camera("azimuth_degrees = 90");
+    assert!(beside.forward.x < -0.5 && beside.position.x > 1.0, "{beside:?}");
+}
+
+#[test]
+fn a_scene_turns_about_its_upward_direction_whatever_its_length() {
+    let orbit =
+        loaded("[camera]\nup = [0, 0, 2]\nposition = [5, 0, 0]\nlook_at = [0, 0, 0]\n").unwrap().orbit;
+    assert_eq!(orbit.up, glam::DVec3::Z);
+}
+
+#[test]
+fn a_field_of_view_is_that_of_the_width_or_of_the_height_wherever_the_camera_stands() {
+    for place in ["", "position = [0, 0, 5]\n"] {
+        for (key, is_vertical) in [("fov_x_degrees", false), ("fov_y_degrees", true)] {
+            let camera = loaded(&format!("[camera]\n{key} = 60\n{place}")).unwrap().scene.camera;
+            assert_eq!(camera.fov_is_vertical, is_vertical, "{key}, {place}");
+            assert!((camera.tan_half_fov - 0.577_350_26).abs() < 1e-6, "{key}, {place}");
+        }
+    }
+    let (message, line) = told("[camera]\nfov_y_degrees = 60\nfov_x_degrees = 60\n");
+    assert_eq!((message.as_str(), line), ("both fov_x_degrees and fov_y_degrees", 2));
+}
+
+#[test]
+fn a_camera_without_a_direction_is_told_at_the_key_that_is_probably_wrong() {
+    let same = "the camera is at [1, 2, 3] and looks at the same point";
+    assert_eq!(told("[camera]\nposition = [1, 2, 3]\nlook_at = [1, 2, 3]\n"), (same.to_owned(), 3));
+    assert_eq!(told("[camera]\nlook_at = [0, 0, 0]\n").1, 2);
+    let parallel = "the camera's `up`, [0, 1, 0], is zero or parallel to its view direction [0, -4, 0]";
+    let keys = "position = [0, 4, 0]\nlook_at = [0, 0, 0]\n";
+    assert_eq!(told(&format!("[camera]\n{keys}up = [0, 1, 0]\n")), (parallel.to_owned(), 4));
+    assert_eq!(told(&format!("[camera]\n{keys}")), (parallel.to_owned(), 3));
+}
+
+#[test]
+fn a_sky_is_either_a_picture_or_colours() {
+    for (sky, message) in [
+        ("picture = \"a.hdr\"\nzenith = 1", "a sky is a picture, or has a zenith and a horizon"),
+        ("picture = \"a.hdr\"\nhorizon = 1", "a sky is a picture, or has a zenith and a horizon"),
+        ("zenith = 1\nstrength = 2", "strength and turn_degrees belong to a picture"),
+        ("zenith = 1\nturn_degrees = 2", "strength and turn_degrees belong to a picture"),
+        ("horizon = 1", "a sky has a zenith or a picture"),
+    ] {
+        assert_eq!(told(&format!("[sky]\n{sky}\n")).0, message, "{sky}");
+    }
+}
+
+#[test]
+fn faces_and_normals_that_do_not_fit_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let load = |keys: &str| {
+        std::fs::write(&path, format!("[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n{keys}\n"))
+            .unwrap();
+        load_scene_with(&path, &[])
+    };
+    for (keys, message) in [
+        ("", "`vertices` without `faces`"),
+        ("faces = []", "`faces` is empty: no triangles"),
+        ("faces = [[0, 1, 2]]\nnormals = []", "normal 0 does not exist; but there is no normal"),
+        (
+            "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 4]]",
+            "normal 4 does not exist; expected 0 to 0",
+        ),
+        (
+            "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0]]",
+            "the number of normals differs from the number of corners",
+        ),
+        (
+            "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 0], [0, 0, 0]]",
+            "2 lists of normals for 1 faces",
+        ),
+        (
+            "faces = [[0, 1, 2]]\nshape = \"sphere\"",
+            "an object is one of: mesh = \"FILE\", shape = \"NAME\", vertices and faces",
+        ),
+        ("faces = [[0, 1, 2]]\nseed = 3", "`seed` without `shape`"),
+    ] {
+        assert_eq!(load(keys).unwrap_err().to_string(), message, "{keys}");
+    }
+    let normals = "normals = [[0, 0, 1], [1, 0, 0]]\nface_normals = [[0, 1, 0]]";
+    let mesh = load(&format!("faces = [[0, 1, 2]]\n{normals}")).unwrap().scene.mesh;
+    assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::Z, Vec3::X, Vec3::Z]);
+}
+
+#[test]
+fn a_shape_has_its_parameters() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let load = |keys: &str| {
+        std::fs::write(&path, format!("[[object]]\nshape = \"terrain\"\ntriangles = 200\n{keys}\n")).unwrap();
+        load_scene_with(&path, &[]).unwrap().scene.mesh
+    };
+    let (one, other) = (load("seed = 1"), load("seed = 2"));
+    assert!((100..400).contains(&one.triangles.len()), "{}", one.triangles.len());
+    assert_ne!(one.positions, other.positions);
+}
+
+#[test]
+fn a_scenes_mesh_that_is_missing_or_none_is_told_with_its_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, mesh] = ["a.toml", "teapot.obj"].map(|name| folder.path().join(name));
+    std::fs::write(&mesh, "GIF89a").unwrap();
+    let error = |mesh: &str| {
+        std::fs::write(&path, format!("name = \"a\"\n[[object]]\nmesh = \"{mesh}\"\n")).unwrap();
+        load_scene_with(&path, &[]).unwrap_err()
+    };
+    let foreign =
+        format!("{}:3: {} is a GIF picture, which raycl does not read", path.display(), mesh.display());
+    assert_eq!(error("teapot.obj").to_string(), foreign);
+    let missing = error("taepot.obj");
+    assert_eq!(missing.to_string(), format!("no mesh file `{}`", folder.path().join("taepot.obj").display()));
+    assert!(missing.remedy().starts_with(&format!("did you mean `{}`? the path is", mesh.display())));
+}
+
+#[test]
+fn a_scene_that_is_seen_from_behind_is_noted() {
+    let notes = |position: &str| {
+        loaded(&format!("[camera]\nposition = {position}\nlook_at = [0.3, 0.3, -2]\n")).unwrap().notes
+    };
+    assert!(!notes("[0, 0, 0]").iter().any(|note| note.contains("faces away")));
+    assert!(
+        notes("[0, 0, -4]").iter().any(|note| note.starts_with("100% of the visible surface faces away"))
+    );
+}
+
+/// The mesh of another folder may be somebody else's: notes on it would tell what it contains.
+#[test]
+fn nothing_is_noted_about_a_mesh_of_another_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let two =
+        SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#).replace("[0, 1]", "[0, 1, 2]");
+    std::fs::write(&path, two).unwrap();
+    let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[]).unwrap().notes;
+    assert_eq!((notes(folder.path()).len(), notes(Path::new("/elsewhere")).len()), (1, 0));
+}
+
+#[test]
+fn the_text_of_a_scene_that_the_user_names_is_quoted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    std::fs::write(&path, "[[object]]\nvertices = []\n").unwrap();
+    let error = load_scene_for(&path, &[], Shot::SQUARE).unwrap_err();
+    assert_eq!(error.to_string(), "`vertices` without `faces`");
+}

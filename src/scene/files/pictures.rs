@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(pictures.file(reach, "a.png", repeat), Ok(0));
         assert_eq!(pictures.file(reach, "./a.png", repeat), Ok(0));
         assert_eq!(pictures.file(reach, "a.png", clamp), Ok(1));
-        assert_eq!(pictures.list[0].size, [3, 2]);
+        assert_eq!((pictures.list[0].size, pictures.list[0].least_alpha), ([3, 2], 0));
         assert_eq!(pictures.list[0].texels[4], 0xff07_0101);
         assert!(Arc::ptr_eq(&pictures.list[0].texels, &pictures.list[1].texels));
         let mask = Usage::mask(repeat.wrap, 0.5);
@@ -201,5 +201,26 @@ mod tests {
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));
+    }
+
+    /// Returns the beginning of a TGA of this size: 24 bits per texel, without a palette.
+    fn tga(width: u16, height: u16) -> Vec<u8> {
+        let size = [width.to_le_bytes(), height.to_le_bytes()].concat();
+        [&[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &size, &[24, 0]].concat()
+    }
+
+    #[test]
+    fn a_side_has_at_most_16384_texels() {
+        for (width, height) in [(16_385, 2), (2, 16_385)] {
+            let error = decoded(&tga(width, height), Some(ImageFormat::Tga)).unwrap_err();
+            let expected = format!("has {width} x {height} texels; expected 1 to 16384 in each direction");
+            assert_eq!(error, expected);
+        }
+        let whole = [tga(2, 1), vec![1, 2, 3, 4, 5, 6]].concat();
+        assert_eq!(decoded(&whole, Some(ImageFormat::Tga)).unwrap().0, [2, 1]);
+        assert!(
+            decoded(&whole, None).unwrap_err().contains("not a PNG"),
+            "only its name says that it is TGA"
+        );
     }
 }

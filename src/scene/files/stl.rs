@@ -225,4 +225,20 @@ mod tests {
             assert!(error.contains(message), "{error}");
         }
     }
+
+    #[test]
+    fn a_header_may_contain_the_word_vertex_and_a_text_a_zero_byte() {
+        let mut binary = binary_of(&[Vec3::ZERO, Vec3::X, Vec3::Y]);
+        binary[20..26].copy_from_slice(b"vertex");
+        assert_eq!(parse("b.stl", &binary).unwrap().mesh.triangles.len(), 1);
+        let text = TWO.replacen("solid a", "solid \0", 1);
+        assert_eq!(parse("a.stl", text.as_bytes()).unwrap().mesh.triangles.len(), 2);
+    }
+
+    #[test]
+    fn a_text_that_ends_in_a_facet_is_refused() {
+        let end = TWO.find("vertex 0 1 0").unwrap();
+        let error = parse("a.stl", &TWO.as_bytes()[..end]).err().unwrap().to_string();
+        assert!(error.contains("the last facet ends before its third vertex"), "{error}");
+    }
 }

@@ -53,6 +53,11 @@ fn a_mesh_of_which_nothing_can_be_seen_is_noted() {
     };
     assert_eq!(notes("f 1 2 3\nf 1 1 2\n"), ["nothing is visible: 2 triangles without area"]);
     assert_eq!(notes("f 1 2 3\nf 1 2 4\n"), Vec::<String>::new());
+    // An angle with the sine 1e-7, whichever side is the longer one.
+    for thin in ["v 0 0 0\nv 10000 0 0\nv 10000 0.001 0\n", "v 0 0 0\nv 1 0 0\nv 10000 0.001 0\n"] {
+        let noted = notes(&format!("{thin}f 5 6 7\n"));
+        assert_eq!(noted, ["nothing is visible: 1 triangle without area"], "{thin}");
+    }
     // None of these corners is at the origin.
     let shifted = "v 1 1 0\nv 2 1 0\nv 4 1 0\n";
     assert_eq!(notes(&format!("{shifted}f 5 6 7\n")), ["nothing is visible: 1 triangle without area"]);

@@ -187,3 +187,21 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
     assert_eq!([opening(0.82), opening(0.8)], [None, Some(DVec3::Z)]);
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }
+
+#[test]
+fn a_ball_is_around_the_bounding_box() {
+    let ball = Ball::around(&block(Vec3::new(2.0, 4.0, 4.0), Vec3::new(1.0, 2.0, 3.0)), DVec3::Y);
+    // Half of the diagonal of 2 x 4 x 4, which is 6.
+    assert_eq!(ball.place(), (DVec3::new(1.0, 2.0, 3.0), 3.0));
+    assert!(!ball.is_open());
+}
+
+#[test]
+fn a_turntable_stops_at_24_equal_steps_about_the_upward_direction() {
+    let view = View { up: DVec3::Z, shot: Shot { turns: true, ..Shot::SQUARE }, ..three_quarter(1.0) };
+    let turns = view.turns();
+    assert_eq!((turns.len(), turns[0]), (24, DMat3::IDENTITY));
+    assert!((turns[6] * DVec3::X).distance(DVec3::Y) < 1e-12, "a quarter");
+    assert!((turns[12] * DVec3::X).distance(DVec3::NEG_X) < 1e-12 && turns[5] * DVec3::Z == DVec3::Z);
+    assert_eq!(three_quarter(1.0).turns(), [DMat3::IDENTITY]);
+}

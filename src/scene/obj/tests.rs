@@ -50,7 +50,13 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         (format!("{CORNERS}f 1 4\nf 1 2 3\n"), "test.obj:4: vertex index `4`"),
         (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
         (format!("{CORNERS}f / / /\n"), "is not an index"),
-        (format!("{CORNERS}f 1/1/1/1 2 3\n"), "test.obj:4:"),
+        (format!("{CORNERS}f 1/1/1/1 2 3\n"), "test.obj:4: `1/1/1/1` has too many slashes"),
+        (format!("{CORNERS}f 1/x/1 2 3\n"), "test.obj:4: `x` in `1/x/1` is not an index; expected a whole"),
+        (
+            format!("f 1 2 9\n{CORNERS}"),
+            "test.obj:1: vertex index `9` in `9` does not exist; expected 1 to 3",
+        ),
+        (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1, since 3 come before this line"),
     ];
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text:?}: {}", message(&text));
@@ -125,6 +131,11 @@ fn vertices_of_two_numbers_lie_in_a_plane_if_all_are_so() {
 fn normals_at_some_corners_only_are_generated_at_all() {
     let file = read(&format!("{CORNERS}vn 1 0 0\nf 1//1 2 3\n")).unwrap();
     assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
+    let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
+    assert!(note.starts_with("line 5: a face has a normal index at some corners only"), "{note}");
+    for face in ["f 1 2 3", "f 1//1 2//1 3//1"] {
+        assert!(read(&format!("{CORNERS}vn 1 0 0\n{face}\n")).unwrap().notes.is_empty(), "{face}");
+    }
 }
 
 /// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.

@@ -266,4 +266,55 @@ mod tests {
         }
         assert_eq!(short_number(b"-0.0321981"), Some(-0.032_198_1));
     }
+
+    #[test]
+    fn a_mistake_is_told_by_the_form_that_its_line_should_have_if_it_may_not_be_quoted() {
+        for (line, expected) in [
+            ("v x", "`v x y z`: three finite numbers within +-1e12"),
+            ("vn x", "`vn x y z`: three finite numbers"),
+            ("f x", "`f 1 2 3`: the numbers of three or more vertices that the file has"),
+            ("newmtl", "`newmtl NAME`"),
+            ("Kd x", "one or three numbers from 0 to 1e6"),
+            ("Ks x", "one or three numbers from 0 to 1e6"),
+            ("Ns x", "a number from 0 to 1e6"),
+            ("", "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`"),
+        ] {
+            let text = format!("# one\n{line}\n");
+            let source = |quotes| Source { name: "a.obj", text: text.as_bytes(), quotes };
+            let withheld = source(false).error(Mistake::new(6, "`x` is wrong"));
+            assert_eq!(withheld.to_string(), format!("a.obj:2: expected {expected}"));
+            let told = source(true).error(Mistake::new(6, "`x` is wrong"));
+            assert_eq!(told.to_string(), "a.obj:2: `x` is wrong");
+            assert_eq!(told.remedy(), format!("expected {expected}"));
+            let Error::Input(told) = told else { panic!("not an input error") };
+            assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
+        }
+    }
+
+    #[test]
+    fn the_first_of_several_places_is_kept() {
+        let mut seen = [Seen::default(); 3];
+        seen[1].at(7);
+        seen[1].at(9);
+        seen[2].at(20);
+        let all = seen.into_iter().fold(Seen::default(), Seen::joined);
+        assert_eq!((all.count, all.first), (3, 7));
+    }
+
+    #[test]
+    fn pieces_are_whole_lines_and_none_is_lost() {
+        let text = "0123456789abcde\n".repeat(CHUNK_BYTES / 4);
+        let chunks = chunks(text.as_bytes());
+        assert!(chunks.len() > 1, "the text is four times as long as the shortest piece");
+        let mut end = 0;
+        for chunk in &chunks {
+            assert_eq!(chunk.start, end);
+            end += chunk.bytes.len();
+            assert!(
+                chunk.bytes.ends_with(b"e\n")
+                    && chunk.bytes.len() >= CHUNK_BYTES.min(text.len() - chunk.start)
+            );
+        }
+        assert_eq!(end, text.len());
+    }
 }

@@ -119,3 +119,25 @@ fn asked(wire: &Wire) -> Asked {
     }
     asked
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_texel_is_a_hole_below_the_cutoff_divided_by_the_factor() {
+        let of = |mode: &str, alpha: f32, cutoff: f32| {
+            let factor = format!("\"pbrMetallicRoughness\": {{\"baseColorFactor\": [1, 1, 1, {alpha}]}}");
+            let json = format!("{{\"alphaMode\": \"{mode}\", \"alphaCutoff\": {cutoff}, {factor}}}");
+            let wire: Wire = serde_json::from_str(&json).unwrap();
+            (least_alpha(&wire), is_hidden(&wire), uses_alpha(&wire))
+        };
+        assert_eq!(of("MASK", 0.5, 0.25), (0.5, false, true));
+        assert_eq!(of("MASK", 0.25, 0.25), (1.0, false, true));
+        assert_eq!(of("MASK", 0.25, 0.5), (0.0, true, true), "no texel reaches the cutoff");
+        assert_eq!(of("MASK", 0.0, 0.0), (0.0, true, true));
+        assert_eq!(of("BLEND", 0.25, 0.125).0, 0.5);
+        assert_eq!((of("OPAQUE", 0.5, 0.25).0, of("OPAQUE", 0.5, 0.25).2), (0.0, false));
+    }
+}

@@ -161,6 +161,7 @@ fn materials_cameras_and_lights() {
     assert_eq!(file.mesh.material(triangle).lambertian, Vec3::new(0.5, 0.25, 0.0));
     let camera = file.camera.unwrap();
     assert_eq!((camera.position, camera.forward, camera.fov_is_vertical), (Vec3::Z * 5.0, Vec3::NEG_Z, true));
+    assert_eq!((camera.z_near, camera.tan_half_fov), (0.1, 0.5_f32.tan()));
     assert_eq!(file.lights.len(), 1);
     let notes = file.notes.join("\n");
     for part in [
@@ -352,5 +353,61 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         let found = read(&text).err().map(|error| error.to_string()).unwrap_or_default();
         let version = to.contains("1.0");
         assert!(version || found.contains(message), "{from} -> {to}: {found}");
+    }
+}
+
+#[test]
+fn a_buffer_may_be_a_file_beside_the_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a b.bin"), bytes()).unwrap();
+    let data = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes()));
+    let reach = Reach { folder: folder.path(), permitted: PERMITTED };
+    let parsed = |uri: &str| parse("a.gltf", reach, triangle().replace(&data, uri).as_bytes());
+    assert_eq!(parsed("a%20b.bin").unwrap().mesh, read(&triangle()).unwrap().mesh);
+    let missing = parsed("c.bin").err().unwrap().to_string();
+    assert!(missing.contains("buffer 0") && missing.contains("`c.bin`"), "{missing}");
+}
+
+#[test]
+fn an_older_version_of_gltf_is_named() {
+    for version in ["\"1.0\"", "1"] {
+        let text = triangle().replace("\"2.0\"", version).replace("\"scenes\": [", "\"scenes\": [7, ");
+        let error = read(&text).err().unwrap().to_string();
+        let expected = format!("a.gltf: raycl does not read glTF of version `{}`", version.trim_matches('"'));
+        assert!(error.starts_with(&expected), "{error}");
+    }
+}
+
+#[test]
+fn without_scenes_the_nodes_that_are_no_children_are_shown() {
+    let nested = r#""nodes": [{"mesh": 0}, {"children": [0], "translation": [0, 0, 5]}]"#;
+    let text = triangle().replace(r#""nodes": [{"mesh": 0, "translation": [0, 0, 5]}]"#, nested);
+    let text = text.replace("\"scenes\": [{\"nodes\": [0]}],\n", "");
+    assert_eq!(corners(&read(&text).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+}
+
+#[test]
+fn a_rotation_of_length_zero_does_not_turn() {
+    let text = triangle().replace(r#""translation""#, r#""rotation": [0, 0, 0, 0], "translation""#);
+    assert_eq!(corners(&read(&text).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+    let long = triangle().replace(r#""translation""#, r#""rotation": [0, 0, 0, 2], "translation""#);
+    assert_eq!(corners(&read(&long).unwrap().mesh), corners(&read(&triangle()).unwrap().mesh));
+}
+
+#[test]
+fn parts_that_are_left_out_are_noted() {
+    let noted = |from: &str, to: &str| read(&triangle().replace(from, to)).unwrap().notes;
+    let indices = r#""indices": 1"#;
+    let targets = noted(indices, r#""indices": 1, "targets": [{}]"#);
+    assert_eq!(targets, ["1 primitive with morph targets is shown without them"]);
+    assert_eq!(noted(indices, r#""indices": 1, "targets": []"#), [""; 0]);
+    let lines = noted(r#""primitives": ["#, r#""primitives": [{"attributes": {"POSITION": 0}, "mode": 1}, "#);
+    assert_eq!(lines, ["1 primitive of lines or points is left out"]);
+    let material = r#""materials": [{"normalTexture": {"index": 0}, "occlusionTexture": {"index": 0},
+"emissiveTexture": {"index": 0}, "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}}], "scenes""#;
+    let text = triangle().replace(indices, r#""indices": 1, "material": 0"#).replace(r#""scenes""#, material);
+    let notes = read(&text).unwrap().notes.join("\n");
+    for name in ["normalTexture", "occlusionTexture", "emissiveTexture", "metallicRoughnessTexture"] {
+        assert!(notes.contains(name), "{name}: {notes}");
     }
 }

@@ -164,3 +164,27 @@ fn the_number_of_vertices_is_not_the_number_of_a_vertex() {
         assert!(error.contains(&expected), "{error}");
     }
 }
+
+#[test]
+fn faces_of_two_corners_are_left_out_with_a_note() {
+    let text = SQUARE.replacen("element face 1", "element face 2", 1).replacen(
+        "4 0 1 2 3\n",
+        "4 0 1 2 3\n2 0 1\n",
+        1,
+    );
+    let file = parse("a.ply", text.as_bytes()).unwrap();
+    assert_eq!(file.mesh.triangles.len(), 2);
+    let note = "1 faces of fewer than three corners are left out".to_owned();
+    assert!(file.notes.contains(&note), "{:?}", file.notes);
+    assert!(!parse("a.ply", SQUARE.as_bytes()).unwrap().notes.iter().any(|note| note.contains("fewer")));
+}
+
+#[test]
+fn a_message_begins_with_the_files_name() {
+    for (from, to) in
+        [("4 0 1 2 3\n0 1\n", ""), ("4 0 1 2 3", "4 0 1 2 9"), ("element vertex 4", "element vertex many")]
+    {
+        let error = parse("a.ply", SQUARE.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
+        assert!(error.starts_with("a.ply:"), "{error}");
+    }
+}

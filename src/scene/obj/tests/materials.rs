@@ -94,3 +94,94 @@ fn a_material_file_that_is_missing_is_noted_once() {
     let notes = parse("test.obj", nowhere(), text.as_bytes()).unwrap().notes;
     assert_eq!(notes.iter().filter(|note| note.contains("no.mtl")).count(), 1, "{notes:?}");
 }
+
+#[test]
+fn each_corner_has_the_texture_coordinates_that_its_face_names() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\n").unwrap();
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let mapped = |lines: &str| {
+        let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{lines}");
+        parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
+    };
+    // OBJ counts upwards from the lower edge; a second number that is missing is 0.
+    let coordinates = "vt 0.25 0\nvt 0.5\nvt 0 0.75\n";
+    for face in ["f 1/1 2/2 3/3", "f 1/-3 2/-2 3/-1", "f 1/1/ 2/2/ 3/3/"] {
+        let rows = mapped(&format!("{coordinates}{face}\n"));
+        assert_eq!(rows[0].corners, [[0.25, 1.0], [0.5, 1.0], [0.0, 0.25]], "{face}");
+        assert_eq!((rows[0].texture, rows[0].mask), (Some(0), None));
+    }
+    let rows = mapped(&format!("{coordinates}f 1/1 2/2 3/3\nf 1 2 3\n"));
+    assert_eq!(rows[1], crate::scene::Mapped::NONE);
+}
+
+#[test]
+fn a_material_has_its_three_channels_or_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let read = |line: &str| {
+        std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{line}\n")).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
+        parse("test.obj", reach(), text.as_bytes()).map(|file| *file.mesh.material(&file.mesh.triangles[0]))
+    };
+    assert_eq!(read("Kd 0.25 0.5 0.75").unwrap().lambertian, Vec3::new(0.25, 0.5, 0.75));
+    assert_eq!(read("Ks 0.25 0.5 0.75").unwrap().glossy, Vec3::new(0.25, 0.5, 0.75));
+    for (line, expected) in [
+        ("Kd 1 2", "m.mtl:2: Kd with 2 numbers; expected one or three"),
+        ("Ks x", "m.mtl:2: `x` in Ks; expected a number from 0 to 1e6"),
+        ("Ns -1", "m.mtl:2: `-1` in Ns; expected a number from 0 to 1e6"),
+    ] {
+        let error = read(line).unwrap_err().to_string();
+        assert!(error.ends_with(expected), "{line}: {error}");
+    }
+}
+
+/// A material file outside the mesh's folder may be somebody else's, so its text is not quoted.
+#[test]
+fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("inner");
+    std::fs::create_dir(&inner).unwrap();
+    for place in [folder.path(), &inner] {
+        std::fs::write(place.join("a.mtl"), "newmtl a\nKd secret\n").unwrap();
+    }
+    let told = |library: &str, quotes: bool| {
+        let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes } };
+        let text = format!("mtllib {library}\n{CORNERS}f 1 2 3\n");
+        parse("test.obj", reach, text.as_bytes()).err().unwrap().to_string()
+    };
+    assert!(told("a.mtl", true).contains("secret"));
+    for (library, quotes) in [("../a.mtl", true), ("a.mtl", false), ("../a.mtl", false)] {
+        let error = told(library, quotes);
+        assert!(error.ends_with("a.mtl:2: expected one or three numbers from 0 to 1e6"), "{error}");
+    }
+}
+
+#[test]
+fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let read = |mtl: &str, faces: &str| {
+        std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
+        let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\nusemtl a\n{faces}");
+        let file = parse("test.obj", reach, text.as_bytes()).unwrap();
+        (file.mesh.textures.list.len(), file.notes)
+    };
+    let face = "f 1/1 2/1 3/1\n";
+    for name in ["C:\\work\\dot.png", "/home/somebody/dot.png", "dot.png"] {
+        assert_eq!(read(&format!("newmtl a\nmap_Kd {name}\n"), face), (1, vec![]), "{name}");
+    }
+    let (count, notes) = read("newmtl a\nmap_Kd none.png\nmap_d no.png\n", face);
+    assert_eq!((count, notes.len()), (0, 2), "{notes:?}");
+    assert!(notes[0].contains("m.mtl:2: texture `none.png` cannot be read ("), "{notes:?}");
+    assert!(notes[0].ends_with("): its material's own colour is used"), "{notes:?}");
+    assert!(notes[1].contains("m.mtl:3: mask `no.png` cannot be read ("), "{notes:?}");
+    assert!(notes[1].ends_with("): its surface has no holes"), "{notes:?}");
+    let textured = "newmtl a\nmap_Kd dot.png\n";
+    let one = "1 triangle has a texture but no texture coordinates: its material's own colour is used";
+    assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3/1\n").1, [one]);
+    let two = "2 triangles have a texture but no texture coordinates: their materials' own colour is used";
+    assert_eq!(read(textured, "f 1 2 3\nf 1/1 2/1 3\nf 1/1 2/1 3/1\n").1, [two]);
+}
