@@ -43,7 +43,8 @@ fn linear_formats_hold_radiance_and_not_what_is_displayed() {
 fn json_has_every_field() {
     let size = ["--width", "64", "--height", "40"];
     let separate = ["scene.toml", "--repeat", "3", "--strategy", "wide-common-origin"];
-    let report = report(&place(), &[&separate[..], &size].concat());
+    let place = place();
+    let report = report(&place, &[&separate[..], &size].concat());
     let text = ["scene", "device", "strategy", "output"];
     let numbers = [
         "load_ms",
@@ -71,8 +72,28 @@ fn json_has_every_field() {
     assert!(ms("primary_ms") + ms("shadow_ms") <= 1.5 * ms("frame_ms"), "{report}");
     let parts = ["load_ms", "discover_ms", "build_ms", "upload_ms", "frame_ms", "read_ms", "save_ms"];
     assert!(parts.map(ms).iter().sum::<f64>() <= ms("total_ms"), "{report}");
-    let rays_per_s = 64.0 * 40.0 / ms("primary_ms") * 1e3;
-    assert!((ms("primary_rays_per_s") / rays_per_s - 1.0).abs() < 1e-9, "{report}");
+    let same = |one: f64, other: f64| assert!((one / other - 1.0).abs() < 1e-9, "{one} {other}: {report}");
+    for part in ["load", "discover", "build", "read", "save"] {
+        let parts = report["parts"].as_array().expect("parts").iter();
+        let own: f64 = parts.filter(|one| one["part"] == part).filter_map(|one| one["ms"].as_f64()).sum();
+        assert!((own - ms(&format!("{part}_ms"))).abs() < 1e-9, "{part}: {report}");
+    }
+    let primary_rays = 64.0 * 40.0;
+    same(ms("primary_rays_per_s"), primary_rays / ms("primary_ms") * 1e3);
+    // There is one triangle.
+    same(ms("tests_per_s"), ms("primary_rays_per_s"));
+    let all_rays = primary_rays + ms("shadow_rays_per_s") * ms("shadow_ms") * 1e-3;
+    same(ms("frame_rays_per_s"), all_rays / ms("frame_ms") * 1e3);
+    assert!(all_rays > primary_rays && all_rays < 2.0 * primary_rays, "{report}");
+    assert_eq!([&report["lights"], &report["samples"], &report["half_light_samples"]], [1, 1, 0]);
+    assert_eq!((report["mean_samples"].as_f64(), &report["output"]), (Some(1.0), &"scene.png".into()));
+    let bytes = |name: &str| report[name].as_u64().expect("a number of bytes");
+    assert!(bytes("device_bytes") >= 64 * 40 * 16 && bytes("host_bytes") > bytes("device_bytes"), "{report}");
+    assert!(bytes("peak_bytes") > 0, "{report}");
+    let listed: Value = serde_json::from_str(&place.output(&["devices", "--json"])).expect("JSON");
+    let own = |device: &&Value| device["label"] == report["device"];
+    let listed = listed["devices"].as_array().into_iter().flatten().find(own).expect("the device");
+    assert_eq!(listed["threads"], report["threads"]);
 }
 
 #[test]

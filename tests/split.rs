@@ -62,7 +62,12 @@ fn two_devices_cast_the_pixels_of_one() {
         assert_eq!(rows.len(), 2, "{two}");
         assert_eq!((rows[0][0], rows[0][1], rows[1][1]), (0, rows[1][0], 61), "{two}");
         assert!(rows.iter().all(|[first, end]| first < end), "{two}");
-        assert_eq!(two["strategy"], one["strategy"]);
+        for field in ["scene", "triangles", "strategy", "local_size", "image_size", "samples", "notes"] {
+            assert_eq!(two[field], one[field], "{field}");
+        }
+        assert_eq!((&two["output"], &two["frames"]), (&"two.exr".into(), &1.into()));
+        assert_eq!(two["verified"]["pixels"], 75 * 61);
+        same_rays(&one, &two);
         let longest = two["devices"].as_array().into_iter().flatten().filter_map(|d| d["frame_ms"].as_f64());
         assert_eq!(two["frame_ms"].as_f64(), longest.reduce(f64::max));
         assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
@@ -81,6 +86,7 @@ fn two_devices_cast_the_samples_of_one() {
         assert_eq!((&two["samples"], &two["samples"]), (&one["samples"], &Value::from(5)));
         assert_eq!(two["devices"].as_array().map(Vec::len), Some(2), "{two}");
         assert!(same_pixels(&place, "one.exr", "two.exr"), "{strategy:?}: other pixels");
+        same_rays(&one, &two);
     }
     let single = ["scenes/table/globe.obj", "--plain"];
     render_scene(&place, &single, None, ["bvh", "4x2"], "single.exr");
@@ -113,6 +119,15 @@ fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     let text = run(&[]);
     let rows = text.lines().filter(|line| line.contains(" to ")).count();
     assert_eq!(rows + text.matches("left out  ").count(), 2, "{text}");
+}
+
+/// Checks that two reports count the same rays.
+fn same_rays(one: &Value, two: &Value) {
+    let rays = |report: &Value| {
+        let number = |field: &str| report[field].as_f64().expect("a number");
+        number("frame_rays_per_s") * number("frame_ms") * 1e-3
+    };
+    assert!((rays(one) / rays(two) - 1.0).abs() < 1e-9, "{one}\n{two}");
 }
 
 fn same_pixels(place: &Place, one: &str, other: &str) -> bool {

@@ -151,3 +151,51 @@ fn text(peak: &Peak) -> String {
     let clock = peak.max_clock_mhz.map_or(String::new(), |mhz| format!(", cycles at {mhz} MHz"));
     format!("{} ({}, driver {}){clock}\n{table}", peak.device, peak.platform, peak.driver)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_row_has_its_own_rate_or_time_in_its_own_unit() {
+        let figure = |median: f64| Figure { median, q1: 0.9 * median, q3: 1.1 * median, repeats: 3 };
+        let peak = Peak {
+            device: "gpu".into(),
+            platform: "CUDA".into(),
+            driver: "580".into(),
+            max_clock_mhz: Some(2000),
+            fma_per_s: figure(1e12),
+            copy_bytes_per_s: figure(2e12),
+            local_bytes_per_s: figure(3e12),
+            launch_device_us: figure(4.0),
+            launch_host_us: figure(5.0),
+            launch_batched_us: figure(6.0),
+            private_ns: figure(10.0),
+            private_array_ns: figure(20.0),
+            local_ns: figure(30.0),
+            global_ns: figure(40.0),
+            ..Peak::default()
+        };
+        let text = text(&peak);
+        assert!(text.starts_with("gpu (CUDA, driver 580), cycles at 2000 MHz\n"), "{text}");
+        let cells = |name: &str| -> Vec<String> {
+            let rows = text.lines().map(|line| line.split('┆').map(|cell| cell.trim_matches(['│', ' '])));
+            let mut rows = rows.map(|row| row.map(str::to_owned).collect::<Vec<_>>());
+            rows.find(|row| row[0] == name).map_or_else(Vec::new, |row| row[1..].to_vec())
+        };
+        for (name, expected) in [
+            ("multiply-adds", ["1000", "900 to 1100", "Gfma/s", ""]),
+            ("copy, read + written", ["2000", "1800 to 2200", "GB/s", ""]),
+            ("__local reads", ["3000", "2700 to 3300", "GB/s", ""]),
+            ("launch, device's clock", ["4.00", "3.60 to 4.40", "us", ""]),
+            ("launch, host's clock", ["5.00", "4.50 to 5.50", "us", ""]),
+            ("launch, of many", ["6.00", "5.40 to 6.60", "us", ""]),
+            ("private multiply-add", ["10.0", "9.00 to 11.0", "ns", "20"]),
+            ("private array", ["20.0", "18.0 to 22.0", "ns", "40"]),
+            ("__local memory", ["30.0", "27.0 to 33.0", "ns", "60"]),
+            ("global memory", ["40.0", "36.0 to 44.0", "ns", "80"]),
+        ] {
+            assert_eq!(cells(name), expected, "{name}: {text}");
+        }
+    }
+}

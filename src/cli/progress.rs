@@ -257,11 +257,20 @@ mod tests {
     struct Heard(Arc<Mutex<Vec<String>>>);
 
     impl Observer for Heard {
-        fn begins(&mut self, points: usize, _: usize) {
-            self.0.lock().expect("no test panicked").push(format!("begins {points}"));
+        fn enters(&mut self, stage: &str) {
+            self.0.lock().expect("no test panicked").push(format!("enters {stage}"));
         }
-        fn resumes(&mut self, done: usize, _: usize) {
-            self.0.lock().expect("no test panicked").push(format!("resumes {done}"));
+        fn begins(&mut self, points: usize, steps: usize) {
+            self.0.lock().expect("no test panicked").push(format!("begins {points}, {steps} steps"));
+        }
+        fn resumes(&mut self, done: usize, steps: usize) {
+            self.0.lock().expect("no test panicked").push(format!("resumes {done}, {steps} steps"));
+        }
+        fn advances(&mut self, steps: usize) {
+            self.0.lock().expect("no test panicked").push(format!("advances {steps}"));
+        }
+        fn says(&mut self, line: &str) {
+            self.0.lock().expect("no test panicked").push(format!("says {line}"));
         }
         fn works_on(&mut self, what: &str) {
             self.0.lock().expect("no test panicked").push(what.to_owned());
@@ -277,19 +286,65 @@ mod tests {
     #[test]
     fn several_runs_count_as_one() {
         let heard = Heard::default();
-        let mut stages = Stages::of([5, 5], Box::new(heard.clone()));
+        let mut stages = Stages::of([5, 15], Box::new(heard.clone()));
         for (name, done) in [("a", 0), ("b", 1)] {
             stages.enter(name.to_owned());
-            stages.begins(2, 2);
-            stages.resumes(done, done);
+            stages.begins(2, 6);
+            stages.resumes(done, 3 * done);
             stages.works_on("timing");
+            stages.advances(2);
+            stages.says("waits");
             stages.finished(&Record::default());
             stages.ends();
         }
         assert_eq!(stages.done(), 3);
         stages.end();
-        let expected = ["begins 5", "a: timing", "finished", "resumes 2", "b: timing", "finished", "ends"];
+        let expected = [
+            "enters a",
+            "begins 5, 15 steps",
+            "a: timing",
+            "advances 2",
+            "says waits",
+            "finished",
+            "enters b",
+            "resumes 2, 5 steps",
+            "b: timing",
+            "advances 2",
+            "says waits",
+            "finished",
+            "ends",
+        ];
         assert_eq!(*heard.0.lock().expect("no test panicked"), expected);
+    }
+
+    #[test]
+    fn a_line_has_the_point_and_its_time_or_the_first_line_of_the_reason() {
+        let record = Record {
+            scene: "teapot".to_owned(),
+            image_size: [8, 5],
+            device: "gpu".to_owned(),
+            name: "naive".to_owned(),
+            local_size: Some([16, 4]),
+            samples_ms: vec![1.0; 7],
+            median_ms: Some(1.25),
+            outcome: Outcome::Measured,
+            ..Record::default()
+        };
+        assert_eq!(line(&record), "teapot 8x5 gpu naive 16x4: 1.250 ms, n = 7");
+        let reason = Some("line 1\nline 2".to_owned());
+        let failed =
+            Record { outcome: Outcome::BuildFailed, median_ms: None, local_size: None, reason, ..record };
+        assert_eq!(line(&failed), "teapot 8x5 gpu naive: build-failed: line 1");
+    }
+
+    #[test]
+    fn a_line_counts_the_points_of_earlier_sessions_as_done() {
+        let mut lines = Lines::default();
+        lines.begins(10, 30);
+        lines.resumes(4, 12);
+        assert_eq!((lines.taken, lines.line("a")), (12, "[4/10] a".to_owned()));
+        lines.finished(&Record::default());
+        assert_eq!(lines.line("b"), "[5/10] b");
     }
 
     #[test]

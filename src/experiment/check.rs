@@ -188,3 +188,79 @@ fn cast_host(baseline: Baseline, scene: &Scene, size: [u32; 2]) -> Cast {
     let (image, _) = host::cast(baseline, scene, size);
     Cast { image, hits: None, culling: Culling::None, ready: Ready::Host(baseline) }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::draft::Hashed;
+    use super::super::{Plan, fixtures};
+    use super::*;
+    use crate::config::Experiment;
+    use crate::device::{Device, discover};
+    use crate::program::Sources;
+    use crate::reference::reference;
+    use crate::strategy::Workload;
+    use std::path::Path;
+
+    /// Checks the last point of an experiment on a device, in a folder. `verified` is the hash of a picture that has
+    /// been compared already.
+    fn checked(
+        experiment: &Experiment,
+        device: &Device,
+        folder: &Path,
+        verified: Option<&str>,
+    ) -> (Record, std::result::Result<(), PointFailure>, Option<Built>) {
+        let drafter = Drafter { experiment, sources: &Sources::Embedded };
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let point = *Plan::new(experiment, 1).points.last().unwrap();
+        let mut record = drafter.draft(&point, Some(&device.info), &at).unwrap();
+        std::fs::create_dir_all(folder.join("images")).unwrap();
+        let mut checker = Checker::open(drafter, Some(device), Pictures::of(folder)).unwrap();
+        let found = checker.check(&point, &at.scene, verified, &mut record).unwrap().map(drop);
+        (record, found, checker.build(&point, &at.scene))
+    }
+
+    #[test]
+    fn a_checked_record_has_what_the_point_needs_and_how_its_picture_compares() {
+        let (place, device) = (tempfile::tempdir().unwrap(), discover(&Sources::Embedded).unwrap().remove(0));
+        let strategy = "[[strategy]]\npreset = 'naive'\nvectors = 'global'\ntriangles = 'constant'\nlocal_sizes = [[4, 2]]";
+        let experiment =
+            fixtures::experiment_of(&format!("scenes = ['scenes/pyramid-upper.toml']\n{strategy}"));
+        let (record, found, built) = checked(&experiment, &device, place.path(), None);
+        found.unwrap();
+        let scene = experiment.scenes[0].load().unwrap().scene;
+        let needs = Requirements::of(
+            &experiment.strategies[0].strategy,
+            &Workload::of(&scene, record.image_size, [4, 2]),
+        );
+        assert!(needs.scratch_bytes > 0 && needs.constant_bytes > 0, "the test needs different bytes");
+        let bytes = [record.local_bytes, record.constant_bytes, record.scratch_bytes, record.private_bytes];
+        let needed = [needs.local_bytes, needs.constant_bytes, needs.scratch_bytes, needs.private_bytes];
+        assert_eq!(bytes, needed.map(Some));
+        let expected = reference(&scene, record.image_size, Culling::None);
+        assert_eq!(record.shadow_rays, Some((expected.hits * scene.lights.len()) as u64));
+        assert!(expected.hits > 0 && record.max_difference.is_some_and(|difference| difference < 1e-3));
+        assert_eq!(record.uncertain_pixels, Some(expected.doubts.len() as u64));
+        assert!(record.build_from_cache.is_some());
+        assert!(
+            record.build_ms.is_some_and(|ms| ms > 0.0) && built.is_some_and(|built| built.build_ms > 0.0)
+        );
+        assert!(place.path().join(record.image.unwrap()).is_file());
+        // A picture that has been compared is not compared again.
+        let (again, found, _) = checked(&experiment, &device, place.path(), record.image_hash.as_deref());
+        assert!(found.is_ok() && again.max_difference.is_none() && again.image_hash.is_none());
+        let (other, found, _) = checked(&experiment, &device, place.path(), Some("another hash"));
+        assert!(found.is_ok() && other.image_hash == record.image_hash);
+    }
+
+    #[test]
+    fn a_point_is_held_to_the_limits_of_the_device_that_is_imitated() {
+        let (place, device) = (tempfile::tempdir().unwrap(), discover(&Sources::Embedded).unwrap().remove(0));
+        let lines = "local_sizes = [4]\nemulate = { local_bytes = 100 }";
+        let text = format!("scenes = ['scenes/triangle.toml']\nstrategies = ['local-vectors']\n{lines}");
+        let (record, found, built) = checked(&fixtures::experiment_of(&text), &device, place.path(), None);
+        let failure = found.unwrap_err();
+        assert!(failure.write_into(record).reason.is_some_and(|reason| reason.contains("> 100 B")));
+        assert!(built.is_none());
+    }
+}

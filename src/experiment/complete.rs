@@ -108,6 +108,33 @@ mod tests {
     }
 
     #[test]
+    fn a_record_has_the_medians_of_its_samples_and_where_each_was_taken() {
+        let sample = |(number, ms): (u32, f64)| Taken {
+            launch: number / 3,
+            at_ms: f64::from(number),
+            times: FrameTimes {
+                primary_ms: Some(10.0 * ms),
+                shadow_ms: Some(20.0 * ms),
+                shade_ms: Some(30.0 * ms),
+                batch: Some(number),
+                ..FrameTimes::whole(ms, 40.0 * ms)
+            },
+        };
+        let samples: Vec<Taken> = (0..).zip([5.0, 1.0, 4.0, 2.0, 3.0]).map(sample).collect();
+        let mut record = Record { device: "gpu".into(), ..Record::default() };
+        complete(&mut record, &samples, Some(StopReason::Precise));
+        assert_eq!(record.samples_ms, [5.0, 1.0, 4.0, 2.0, 3.0]);
+        assert_eq!(
+            (record.sample_launches, record.samples_at_ms),
+            (vec![0, 0, 0, 1, 1], vec![0.0, 1.0, 2.0, 3.0, 4.0])
+        );
+        assert_eq!([record.q1_ms, record.median_ms, record.q3_ms], [2.0, 3.0, 4.0].map(Some));
+        assert_eq!([record.primary_ms, record.shadow_ms, record.shade_ms], [30.0, 60.0, 90.0].map(Some));
+        assert_eq!((record.host_median_ms, record.batch), (Some(120.0), Some(4)));
+        assert_eq!((record.outcome, record.stop_reason.as_deref()), (Outcome::Measured, Some("precise")));
+    }
+
+    #[test]
     fn a_frame_shorter_than_its_launch_is_warned_of() {
         let warning = completed(0.004, 0.03, Some(13)).warning.expect("a warning");
         assert!(warning.contains("26 us per frame") && warning.contains("4.0 us"), "{warning}");
@@ -148,6 +175,7 @@ mod tests {
         assert_eq!((mean.clock_mhz, mean.throttled, record.throttled_samples), (Some(1500.0), true, Some(1)));
         assert!(record.warning.expect("a warning").contains("1 of 2 samples"));
     }
+
     /// If passes are timed separately, the rate of primary rays does not include the time of shadow rays.
     #[test]
     fn rates_are_of_the_pass_that_casts_the_rays() {

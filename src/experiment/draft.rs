@@ -161,6 +161,45 @@ mod tests {
     }
 
     #[test]
+    fn a_draft_names_its_scene_its_device_and_its_strategy() {
+        let place = tempfile::tempdir().unwrap();
+        let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let text = format!(
+            "question = '?'\nexpectation = '!'\nimage_sizes = [[8, 5]]\nbaselines = ['serial']\n\
+             timing.seed = 77\n[[scene]]\nfile = {scene:?}\nset = {{ shadow_bias = 0.25 }}\n\
+             [[strategy]]\nname = 'mine'\npreset = 'naive'\nlocal_sizes = [[4, 2]]\n"
+        );
+        let experiment = config::parse(&place.path().join("a.toml"), text, &[]).unwrap();
+        let loaded = experiment.scenes[0].load().unwrap();
+        let hash = loaded.scene.content_hash();
+        let at = Hashed { notes: vec!["a note".into()], ..Hashed::from(loaded) };
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let device = DeviceInfo { label: "a device".into(), threads: Some(3), ..asleep::device(1.0) };
+        let points = Plan::new(&experiment, 1).points;
+        let [host, kernel] = [(0, None), (1, Some(&device))]
+            .map(|(place, device)| drafter.draft(&points[place], device, &at).unwrap());
+        for record in [&host, &kernel] {
+            assert_eq!((&record.scene_hash, &record.scene_notes), (&Some(hash.clone()), &at.notes));
+            assert_eq!((record.triangles, record.lights, record.seed), (Some(1), Some(1), Some(77)));
+            assert_eq!(
+                (record.image_size, &record.scene_values[..]),
+                ([8, 5], &["shadow_bias = 0.25".to_owned()][..])
+            );
+            assert_eq!(record.scene_file, Some(scene.display().to_string()));
+        }
+        assert_eq!((host.device.as_str(), host.device_kind, host.threads), (HOST, None, None));
+        assert_eq!(
+            (host.name.as_str(), host.strategy.as_str(), host.local_size),
+            ("serial", "serial-f32", None)
+        );
+        assert_eq!((kernel.device.as_str(), kernel.threads), ("a device", Some(3)));
+        assert_eq!(kernel.device_kind.as_deref(), Some("gpu"));
+        assert_eq!((kernel.name.as_str(), kernel.local_size), ("mine", Some([4, 2])));
+        assert_eq!(kernel.strategy, crate::strategy::preset("naive").unwrap().strategy.to_string());
+        assert!(kernel.program_hash.is_some() && host.program_hash.is_none() && kernel.key != host.key);
+    }
+
+    #[test]
     fn keys_follow_the_builder_of_trees_only_where_there_is_a_tree() {
         let of = |name: &str| builder_of(&crate::strategy::preset(name).unwrap().strategy);
         assert_eq!((of("naive"), of("bvh")), ("", accel::FINGERPRINT));

@@ -1,5 +1,9 @@
 //! Runs a plan: measures the missing results, group by group, and summarises all results.
 
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests;
+
 use super::group::OpenGroup;
 use super::launches::{Waiting, serve};
 use super::pending::PendingPoint;

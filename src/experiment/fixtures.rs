@@ -10,10 +10,12 @@ use std::time::Duration;
 
 /// Returns an experiment with `naive` on a small picture of a triangle. `lines` are more lines of its config.
 pub(super) fn experiment(lines: &str) -> Experiment {
-    let text = format!(
-        "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\
-         image_sizes = [[8, 5]]\n{lines}\n"
-    );
+    experiment_of(&format!("scenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n{lines}"))
+}
+
+/// Returns an experiment on small pictures. `lines` are its scenes and strategies.
+pub(super) fn experiment_of(lines: &str) -> Experiment {
+    let text = format!("question = '?'\nexpectation = '!'\nimage_sizes = [[8, 5]]\n{lines}\n");
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("test.toml");
     config::parse(&config, text, &[]).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -32,3 +32,27 @@ impl ReferenceCache {
         &self.made[place].1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::fixtures;
+
+    #[test]
+    fn a_reference_is_that_of_its_scene_its_size_and_its_culling() {
+        let mut cache = ReferenceCache::default();
+        let scenes = [fixtures::random(30, 1), fixtures::single_triangle()];
+        let mut checks = |number: usize, size, culling| {
+            let scene = &scenes[number];
+            let found = cache.reference(number, scene, size, culling).radiance.clone();
+            assert!(found == reference(scene, size, culling).radiance, "{number} {size:?} {culling:?}");
+        };
+        for number in [0, 1, 0] {
+            for size in [[12, 8], [8, 12]] {
+                checks(number, size, Culling::None);
+                checks(number, size, Culling::Back);
+                checks(number, size, Culling::None);
+            }
+        }
+    }
+}

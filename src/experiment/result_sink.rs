@@ -100,3 +100,89 @@ impl ResultSink for FolderSink<'_> {
         })
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::launch::FrameTimes;
+    use crate::peak::Figure;
+    use crate::record::{Environment, read_lines};
+    use crate::sensor::SensorReading;
+    use std::path::Path;
+
+    /// Counts finished points and steps.
+    #[derive(Default)]
+    struct Counting {
+        finished: Vec<String>,
+        steps: usize,
+    }
+
+    impl Observer for Counting {
+        fn begins(&mut self, _points: usize, _steps: usize) {}
+        fn advances(&mut self, steps: usize) {
+            self.steps += steps;
+        }
+        fn works_on(&mut self, _what: &str) {}
+        fn finished(&mut self, record: &Record) {
+            self.finished.push(record.key.clone());
+        }
+        fn ends(&mut self) {}
+    }
+
+    fn records(folder: &Path, name: &str) -> Vec<Record> {
+        read_lines(&folder.join(name)).unwrap().lines
+    }
+
+    #[test]
+    fn a_later_session_reads_each_sample_as_it_was_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let times = FrameTimes {
+            frame_ms: 1.0,
+            primary_ms: Some(2.0),
+            shadow_ms: Some(3.0),
+            shade_ms: Some(4.0),
+            host_ms: 5.0,
+            processor_ms: Some(6.0),
+            batch: Some(7),
+            sensed: Some(SensorReading { clock_mhz: Some(8.0), throttled: true, ..SensorReading::default() }),
+        };
+        let taken = Taken { launch: 9, at_ms: 10.5, times };
+        let plain = Taken { launch: 3, at_ms: 11.5, times: FrameTimes::whole(12.0, 13.0) };
+        let mut results = Results::create(folder.path(), &Environment::default()).unwrap();
+        let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+        sink.sample("a", 1, &taken).unwrap();
+        sink.sample("a", 2, &plain).unwrap();
+        drop(results);
+        let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
+        let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+        assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
+        assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
+    }
+
+    #[test]
+    fn a_record_is_stored_with_its_host_its_date_and_its_share_of_the_peak() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("attempt");
+        let peak = Peak { device: "gpu".into(), fma_per_s: Figure::of(&[3e12]), ..Peak::default() };
+        let mut results = Results::of_attempt(&folder, &Environment::default(), "node7", &[]).unwrap();
+        results.keep_peak(vec![peak.clone()]).unwrap();
+        let mut counting = Counting::default();
+        let mut sink = FolderSink { results: &mut results, observer: &mut counting, done: 4 };
+        let record = |key: &str| Record { key: key.into(), device: "gpu".into(), ..Record::default() };
+        sink.keep(record("a")).unwrap();
+        sink.keep(Record { is_control: true, ..record("control") }).unwrap();
+        sink.advances(3);
+        assert_eq!(sink.done, 5, "a control point is no point of its own");
+        assert_eq!((counting.finished, counting.steps), (vec!["a".to_owned()], 3));
+        drop(results);
+        let [stored, controls] = ["records.jsonl", "controls.jsonl"].map(|name| records(&folder, name));
+        assert_eq!((stored.len(), controls.len(), controls[0].key.as_str()), (1, 1, "control"));
+        assert_eq!((stored[0].host.as_deref(), stored[0].fma_per_s), (Some("node7"), Some(3e12)));
+        let timestamp = stored[0].timestamp.as_deref().unwrap();
+        assert!(timestamp.parse::<jiff::Timestamp>().is_ok(), "{timestamp}");
+        // A later session knows the rates without measuring them again.
+        let results = Results::resume(&folder, &Environment::default()).unwrap();
+        assert_eq!(results.peak(), [peak]);
+    }
+}

@@ -115,4 +115,53 @@ mod tests {
             certainty(&expected, scene.display).pixels().filter(|pixel| pixel.0 == UNCERTAIN).count();
         assert_eq!(marked, expected.doubts.len());
     }
+
+    #[test]
+    fn pictures_are_named_after_their_point_and_those_without_back_faces_are_others() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("images")).expect("a folder");
+        let mut pictures = Pictures::of(folder.path());
+        let scene = crate::reference::fixtures::random(30, 1);
+        let mut kept = |strategy: &str, culling| {
+            let strategy = crate::strategy::preset(strategy).expect("a preset").strategy;
+            let mut record = Record {
+                name: "mine".to_owned(),
+                device: "a device".to_owned(),
+                image_size: [12, 8],
+                scene_hash: Some("0123456789".to_owned()),
+                strategy: strategy.to_string(),
+                ..Record::default()
+            };
+            let expected = reference(&scene, [12, 8], culling);
+            let mut image = expected.radiance.clone();
+            image.pixels[0] = [1.0; 3];
+            keep(&mut pictures, &mut record, &image, &expected, &scene, culling).expect("it saves");
+            record
+        };
+        let record = kept("naive", Culling::None);
+        let found = [
+            record.reference_image,
+            record.image,
+            record.certainty_image,
+            record.tests_image,
+            record.difference_image,
+            record.nodes_image,
+        ];
+        let names = [
+            "random-triangles-12x8-reference",
+            "random-triangles-12x8-a-device-mine",
+            "random-triangles-12x8-certain",
+            "random-triangles-12x8-tests-exhaustive-01234567",
+            "random-triangles-12x8-a-device-mine-difference",
+        ];
+        let paths = names.map(|name| Some(format!("images/{name}.png")));
+        assert_eq!(found[..5], paths);
+        assert_eq!(found[5], None);
+        assert!(found.iter().flatten().all(|path| folder.path().join(path).is_file()));
+        let culled = kept("bvh", Culling::Back);
+        let ends = |path: &Option<String>, end: &str| path.as_ref().is_some_and(|path| path.ends_with(end));
+        assert!(ends(&culled.reference_image, "-reference-culled.png"), "{:?}", culled.reference_image);
+        assert!(ends(&culled.tests_image, "-tests-tree-culled-01234567.png"), "{:?}", culled.tests_image);
+        assert!(ends(&culled.nodes_image, "-nodes-tree-culled-01234567.png"), "{:?}", culled.nodes_image);
+    }
 }

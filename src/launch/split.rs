@@ -241,11 +241,9 @@ impl Split<'_> {
     /// frame. Also measures each device's time for the trial frame, and removes devices that are much slower than the
     /// fastest, since a larger frame would only increase the difference.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
-        let [width, height] = self.image_size;
         let mut rows = TRIAL_ROWS;
         loop {
-            let smaller = height.div_ceil(rows).max(1);
-            let trial = [width.div_ceil(smaller), height.div_ceil(smaller)];
+            let (trial, smaller) = trial_size(self.image_size, rows);
             if team.ready.len() == 1 {
                 return Ok(trial);
             }
@@ -285,6 +283,12 @@ impl Split<'_> {
         };
         Ok((part, hits, share))
     }
+}
+
+/// Returns the size of a trial frame with at most `rows` rows of pixels, and how many times smaller it is than the frame.
+fn trial_size([width, height]: [u32; 2], rows: u32) -> ([u32; 2], u32) {
+    let smaller = height.div_ceil(rows).max(1);
+    ([width.div_ceil(smaller), height.div_ceil(smaller)], smaller)
 }
 
 /// Joins the parts of a frame, from top to bottom.
@@ -438,6 +442,14 @@ mod tests {
         let error = split(1).cast(&[]).err().expect("there is no device");
         assert_eq!(error.to_string(), "a device failed: no device was given");
         assert!(error.remedy().contains("leave this device out of --devices"), "{}", error.remedy());
+    }
+
+    #[test]
+    fn a_trial_frame_is_a_smaller_picture_of_the_same_shape() {
+        assert_eq!(trial_size([1000, 1024], 256), ([250, 256], 4));
+        assert_eq!(trial_size([1000, 1025], 256), ([200, 205], 5));
+        assert_eq!(trial_size([1000, 256], 256), ([1000, 256], 1));
+        assert_eq!(trial_size([7, 0], 256), ([7, 0], 1));
     }
 
     #[test]

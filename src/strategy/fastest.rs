@@ -309,6 +309,53 @@ mod tests {
     }
 
     #[test]
+    fn a_gpus_ways_have_local_sizes_of_their_own_and_large_tiles_only_where_asked_for() {
+        let gpu = limits(false, 1, LaneOperations::Ptx);
+        let of = |way: Way, watertight| way.strategy(&gpu, watertight).unwrap();
+        assert_eq!([of(Way::Exhaustive, false).1, of(Way::Exhaustive, true).1], [[16, 8]; 2]);
+        let tight = of(Way::Exhaustive, true).0;
+        let wide = preset("tiled-wide").unwrap().strategy;
+        assert_eq!(tight, Strategy { intersector: Intersector::WATERTIGHT, ..wide });
+        assert_eq!(of(Way::Single, false).1, [8, 8]);
+        let group = preset("tile-group").unwrap().strategy;
+        for (large, separate) in [(false, false), (true, false), (false, true), (true, true)] {
+            let (strategy, local_size) = of(Way::Tiles { large, separate }, false);
+            assert_eq!(
+                (strategy.tile == TileSize::T16x8, strategy.passes == Passes::Separate),
+                (large, separate)
+            );
+            assert_eq!(local_size, group.local_size(&gpu, [8, 8]));
+            assert_eq!(Strategy { tile: group.tile, passes: group.passes, ..strategy }, group);
+        }
+    }
+
+    #[test]
+    fn each_class_has_its_own_limits_and_candidates() {
+        use Class::{SharedTiles, SingleRays, TilesInNarrowVectors, TilesInVectors};
+        let of = |class: Class| [false, true].map(|watertight| class.constants(watertight));
+        assert_eq!(of(TilesInVectors), [constants::CPU, constants::CPU_WATERTIGHT].map(Some));
+        assert_eq!(
+            of(TilesInNarrowVectors),
+            [constants::NARROW_CPU, constants::NARROW_CPU_WATERTIGHT].map(Some)
+        );
+        assert_eq!(of(SharedTiles), [constants::GPU, constants::GPU_WATERTIGHT].map(Some));
+        assert_eq!(of(SingleRays), [None, None]);
+        let counts =
+            [TilesInVectors, TilesInNarrowVectors, SharedTiles, SingleRays].map(|class| class.ways().len());
+        assert_eq!(counts, [3, 3, 6, 2]);
+    }
+
+    #[test]
+    fn a_device_with_more_units_needs_more_pixels_for_tiles() {
+        let of = |compute_units| {
+            let limits = DeviceLimits { compute_units, ..limits(false, 1, LaneOperations::Ptx) };
+            Way::fastest(&limits, &Task { triangles: 10_000, pixels: PIXELS, ..Task::default() })
+        };
+        assert!(matches!(of(1), Way::Tiles { .. }));
+        assert_eq!(of(1 << 30), Way::Single);
+    }
+
+    #[test]
     fn devices_without_tiles_walk_trees_one_by_one() {
         let task = |triangles| Task { triangles, pixels: PIXELS, ..Task::default() };
         let gpu = limits(false, 1, LaneOperations::Barriers);

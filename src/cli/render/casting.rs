@@ -263,5 +263,21 @@ mod tests {
         // Each of the 2 x 2 half-resolution pixels adds three primary rays to the 9 of the whole picture, and has four
         // shadow rays: two lights with two samples each.
         assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
+        // Of a whole picture with four samples, the nine pixels have 36 primary rays and 72 shadow rays.
+        let whole = Cast { sampling: Sampling::all(4), ..cast };
+        assert_eq!(whole.rays([3, 3], 2), [36.0, 72.0]);
+    }
+
+    #[test]
+    fn each_time_has_its_own_median() {
+        let frame = |ms: f64| FrameTimes {
+            primary_ms: Some(10.0 * ms),
+            shadow_ms: Some(20.0 * ms),
+            shade_ms: Some(30.0 * ms),
+            ..FrameTimes::whole(ms, 40.0 * ms)
+        };
+        let times = medians(&[5.0, 1.0, 3.0].map(frame));
+        assert_eq!((times.frame_ms, times.host_ms), (3.0, 120.0));
+        assert_eq!([times.primary_ms, times.shadow_ms, times.shade_ms], [30.0, 60.0, 90.0].map(Some));
     }
 }

@@ -185,10 +185,36 @@ mod tests {
         let needed = ProgramSpec::new(&Sources::Embedded, &tree, &workload, device.builtins()).unwrap();
         assert_eq!(known, needed);
         assert_eq!(likely(&["--width", "99"], &device), None);
-        assert_eq!(likely(&["--strategy", "naive"], &device), None);
+        for more in [
+            &["--height", "99"][..],
+            &["--strategy", "naive"],
+            &["--local-size", "8x8"],
+            &["--set", "width=4"],
+            &["--samples", "4"],
+            &["--adaptive"],
+            &["--plain"],
+        ] {
+            assert_eq!(likely(more, &device), None, "{more:?}");
+        }
         assert_eq!(likely(&[], &other), None);
+        // The program that compiles in a short time is one for the same scene.
+        let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
+        let (strategy, local_size) = hurry::quick(&device).unwrap();
+        let of_quick = Workload { local_size, stack_size: ROUNDED_STACK, ..workload };
+        let expected = ProgramSpec::new(&Sources::Embedded, &strategy, &of_quick, device.builtins()).unwrap();
+        assert_eq!(quick, expected);
+        // A file of another length is another scene, even if its time is the same.
+        let changed = scene.metadata().unwrap().modified().unwrap();
         std::fs::write(&scene, "as it is now").unwrap();
+        std::fs::File::options().append(true).open(&scene).unwrap().set_modified(changed).unwrap();
         assert_eq!(likely(&[], &device), None);
+    }
+
+    #[test]
+    fn kernels_that_are_being_edited_leave_nothing_in_the_cache() {
+        let of = |more: &[&str]| cache(&args(Path::new("a.toml"), more)).folder().map(Path::to_owned);
+        let user = Cache::of_user().folder().map(Path::to_owned);
+        assert_eq!([of(&[]), of(&["--watch"]), of(&["--cl-dir", "cl"])], [user, None, None]);
     }
 
     #[test]

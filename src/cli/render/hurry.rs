@@ -133,6 +133,16 @@ mod tests {
         }
         let cpu = DeviceInfo { limits: DeviceLimits { is_cpu: true, ..gpu.limits }, ..gpu.clone() };
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
+        // The limit is 200 million rays, and one million triangles.
+        let large = args(&["--width", "8192", "--height", "8192"]);
+        assert!(super::may(&large, &gpu, Sampling::all(2)) && !super::may(&large, &gpu, Sampling::all(4)));
+        let of = |count: usize| {
+            let scene = crate::reference::fixtures::single_triangle();
+            let triangles = vec![scene.mesh.triangles[0]; count];
+            let mesh = Arc::new(crate::scene::Mesh { triangles, ..Default::default() });
+            may_cast(&args(&[]), &gpu, &Scene { mesh, ..scene }, Sampling::ONE)
+        };
+        assert!(of(1_000_000) && !of(1_000_001));
     }
 
     /// This test uses `deferred` as the fastest strategy.
@@ -157,5 +167,10 @@ mod tests {
         assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.keep());
         let (chosen, later) = choose(&mut session());
         assert!(chosen == fastest && later.is_none());
+        // The fastest strategy itself may be the one that compiles in a short time.
+        let quick = (preset(QUICK).unwrap().strategy, [4, 4]);
+        let mut session = session();
+        let (chosen, later) = super::choose(&args(&[]), &device.info, &scene, &mut session, quick);
+        assert!(chosen == quick && later.is_none());
     }
 }

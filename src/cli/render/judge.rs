@@ -154,6 +154,53 @@ mod tests {
         let saved = Target::of_results("a.png");
         let found =
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
-        assert!(found.is_ok(), "{found:?}");
+        let usual = found.expect("a correct picture");
+        // A pixel that the filter changes is found: by how much within the tolerance, and where beyond it.
+        let judged = |factor: f32, hits: usize| {
+            let mut image = image.clone();
+            image.pixels[10] = image.pixels[10].map(|channel| factor * channel);
+            check(&scene, (&image, hits), (&strategy, (sampling, None)), Some(&parts), &saved, None)
+        };
+        let within = judged(1.0005, parts.hits).expect("it is within the tolerance").max_difference;
+        assert!(usual.max_difference < 1e-4 && (4e-4..6e-4).contains(&within), "{within}");
+        let error = judged(1.01, parts.hits).expect_err("it is beyond the tolerance");
+        assert!(
+            error.to_string().contains("the filter of soft light gave pixel (2, 1) the value"),
+            "{error}"
+        );
+        assert!(error.remedy().ends_with("saved for inspection: a.png"), "{}", error.remedy());
+        let error = judged(1.0, parts.hits + 1).expect_err("a hit too many");
+        assert!(error.to_string().contains("changed which pixels show a surface"), "{error}");
+    }
+
+    #[test]
+    fn pixels_that_are_not_finite_are_counted_and_the_first_is_named() {
+        let told = |places: &[usize]| {
+            let mut image = Radiance::new(4, 3);
+            places.iter().for_each(|&place| image.pixels[place] = [f32::INFINITY; 3]);
+            refuse_not_finite(&image, "it was saved").map_err(|error| {
+                assert!(error.remedy().ends_with("; it was saved"), "{}", error.remedy());
+                error.to_string()
+            })
+        };
+        assert!(told(&[]).is_ok());
+        let one = "the picture is wrong: 1 pixel is not finite; the first, (2, 1), is [inf, inf, inf]";
+        assert_eq!(told(&[6]), Err(one.to_owned()));
+        assert!(
+            told(&[11, 9]).is_err_and(|told| told.contains("2 pixels are not finite; the first, (1, 2)"))
+        );
+    }
+
+    #[test]
+    fn a_picture_with_pixels_of_other_numbers_of_samples_is_wrong() {
+        let scene = fixtures::single_triangle();
+        let (sampling, strategy) = (Sampling::adaptive(16), preset("bvh").unwrap().strategy);
+        let counts = SampleCounts::new([4, 3], vec![sampling.most + 1]);
+        let image = Radiance::new(4, 3);
+        let sampled = (sampling, Some(&counts));
+        let saved = Target::of_results("a.png");
+        let error =
+            check(&scene, (&image, 0), (&strategy, sampled), None, &saved, None).expect_err("a wrong number");
+        assert!(error.to_string().ends_with("a number of samples other than 1 or 16"), "{error}");
     }
 }

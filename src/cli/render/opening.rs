@@ -38,11 +38,15 @@ impl Opened {
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
-        let waited_ms = self.start_ms + build_ms - self.load_ms.max(self.start_ms);
-        let parts =
-            [("load", self.load_ms), ("discover", self.start_ms - self.load_ms), ("build", waited_ms)];
-        timeline.ends_with("tree", &parts);
+        timeline.ends_with("tree", &parts(self.load_ms, self.start_ms, build_ms));
     }
+}
+
+/// Returns the parts from the durations of loading the scene, of starting the driver, and of building the program after
+/// the driver has started. A part without a time of its own has a negative duration, which counts as 0.
+fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3] {
+    let waited_ms = start_ms + build_ms - load_ms.max(start_ms);
+    [("load", load_ms), ("discover", start_ms - load_ms), ("build", waited_ms)]
 }
 
 /// Loads the scene while the driver starts. Starting the driver takes about 30 ms on one core. Builds the tree and the
@@ -132,4 +136,21 @@ fn show(
         return Some((None, Some(spec)));
     }
     Some((ShowProgram::build(queue, &spec, &kept).ok(), None))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_is_done_while_the_scene_is_loaded_takes_no_time_of_its_own() {
+        let times = |load_ms, start_ms, build_ms| {
+            let parts = parts(load_ms, start_ms, build_ms);
+            assert_eq!(parts.map(|(part, _)| part), ["load", "discover", "build"]);
+            parts.map(|(_, ms)| ms.max(0.0))
+        };
+        assert_eq!(times(10.0, 30.0, 5.0), [10.0, 20.0, 5.0]);
+        assert_eq!(times(33.0, 30.0, 5.0), [33.0, 0.0, 2.0]);
+        assert_eq!(times(50.0, 30.0, 5.0), [50.0, 0.0, 0.0]);
+    }
 }

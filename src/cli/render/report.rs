@@ -263,4 +263,43 @@ mod tests {
             Report { frames: 5, primary_ms: Some(1.0), shadow_ms: Some(0.25), ..Report::default() };
         assert_eq!(separate.kernel_remark(), " (primary 1.00, shadow 0.25, median of 5)");
     }
+
+    #[test]
+    fn a_part_says_what_is_special_about_it() {
+        let plain = Report { frames: 1, ..Report::default() };
+        let kept = Report { frames: 5, build_from_cache: true, ..Report::default() };
+        assert_eq!(["build", "casting", "load"].map(|part| plain.remark(part)), [""; 3]);
+        let casting = " (a first frame, then 5 timed ones)";
+        assert_eq!(
+            ["build", "casting", "load"].map(|part| kept.remark(part)),
+            [" (from the cache)", casting, ""]
+        );
+    }
+
+    #[test]
+    fn memory_and_speeds_name_what_they_are_of() {
+        let report = Report {
+            host_bytes: 3_000_000,
+            device_bytes: 2_000_000,
+            peak_bytes: Some(4_000_000),
+            frame_rays_per_s: 1e3,
+            primary_rays_per_s: Some(2e3),
+            shadow_rays_per_s: Some(3e3),
+            tests_per_s: Some(4e3),
+            ..Report::default()
+        };
+        assert_eq!(report.memory(), "host 3.0 MB predicted, 4.0 MB used at most; device 2.0 MB predicted");
+        let speeds =
+            ["1.00 krays/s of the frame", "2.00 krays/s primary", "3.00 krays/s shadow", "4.00 ktests/s"];
+        assert_eq!(report.speeds(), speeds);
+    }
+
+    #[test]
+    fn a_sample_of_the_pixels_is_told_from_all_of_them() {
+        let text =
+            |pixels| Verified { max_difference: 1.5e-6, uncertain_pixels: 1, pixels, of_pixels: 40 }.text();
+        let found = "against the serial reference: largest difference 1.5e-6 relative, 1 pixel uncertain";
+        assert_eq!(text(40), format!("verified  {found}"));
+        assert_eq!(text(10), format!("verified  10 of 40 pixels, chosen at random, {found}"));
+    }
 }

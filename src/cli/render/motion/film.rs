@@ -132,9 +132,11 @@ fn alone(mesh: &Arc<Mesh>) -> Scene {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::reference::fixtures;
+    use clap::Parser;
     use glam::DVec3;
 
     #[test]
@@ -145,5 +147,55 @@ mod tests {
         for (number, part) in [(1, 0.0), (2, 0.25), (3, 0.5), (4, 0.75)] {
             assert_eq!(film.scene(number).unwrap().camera, orbit.at(&scene, part).0, "frame {number}");
         }
+        assert_eq!((film.count(), film.rate(), film.check(1, 4).is_ok()), (4, None, true));
+    }
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// Returns a film of a triangle that turns once in so many frames.
+    fn turntable(count: u32) -> Film {
+        let orbit = Orbit { centre: DVec3::ZERO, up: DVec3::Y, with_lights: false };
+        Film::Turntable { scene: Arc::new(fixtures::single_triangle()), orbit, count }
+    }
+
+    #[test]
+    fn everything_that_changes_a_frames_picture_changes_its_key() {
+        let place = tempfile::tempdir().unwrap();
+        let kernels = place.path().join("cl");
+        std::fs::create_dir_all(kernels.join("cast")).unwrap();
+        std::fs::write(kernels.join("cast/shade.cl"), "// Edited.").unwrap();
+        let of = |size: [&str; 2], count, sampling, strategy: &str, sources: &Sources| {
+            let args =
+                Command::parse_from(["render", "a.toml", "--width", size[0], "--height", size[1]]).args;
+            let strategy = crate::strategy::preset(strategy).unwrap().strategy;
+            Keys::of(&args, &turntable(count), sampling, &strategy, sources)
+        };
+        let (scene, size, one) = (fixtures::single_triangle(), ["40", "25"], Sampling::ONE);
+        let usual = || of(size, 4, one, "naive", &Sources::Embedded);
+        let of_mesh = |mesh: Mesh| usual().key(&Scene { mesh: Arc::new(mesh), ..scene.clone() }, 1);
+        let keys = [
+            usual().key(&scene, 1),
+            usual().key(&scene, 2),
+            usual().key(&Scene { background: Vec3::ONE, ..scene.clone() }, 1),
+            of_mesh(Mesh::default()),
+            of(["41", "25"], 4, one, "naive", &Sources::Embedded).key(&scene, 1),
+            of(["40", "26"], 4, one, "naive", &Sources::Embedded).key(&scene, 1),
+            of(size, 5, one, "naive", &Sources::Embedded).key(&scene, 1),
+            of(size, 4, Sampling { first: 2, ..one }, "naive", &Sources::Embedded).key(&scene, 1),
+            of(size, 4, Sampling { most: 2, ..one }, "naive", &Sources::Embedded).key(&scene, 1),
+            of(size, 4, Sampling { half_light: 2, ..one }, "naive", &Sources::Embedded).key(&scene, 1),
+            of(size, 4, one, "deferred", &Sources::Embedded).key(&scene, 1),
+            of(size, 4, one, "naive", &Sources::Folder(kernels)).key(&scene, 1),
+        ];
+        let distinct: std::collections::HashSet<_> = keys.iter().collect();
+        assert_eq!(distinct.len(), keys.len(), "{keys:?}");
+        // The key of a frame does not depend on the frames before it.
+        let mut keys_of_film = usual();
+        keys_of_film.key(&Scene { mesh: Arc::default(), ..scene.clone() }, 1);
+        assert_eq!(keys_of_film.key(&scene, 1), keys[0]);
     }
 }

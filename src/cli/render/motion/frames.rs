@@ -120,6 +120,7 @@ fn other(file: &Path, number: u32) -> Error {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
 
@@ -142,6 +143,19 @@ mod tests {
         };
         assert_eq!(named(3, 3), "turn/a-0003.png");
         assert_eq!(named(1, 3), "turn/a-0001.png to turn/a-0003.png");
+    }
+
+    #[test]
+    fn names_have_as_many_digits_as_the_last_frame_but_at_least_four() {
+        let place = tempfile::tempdir().unwrap();
+        let choice = Choice { force: false, elsewhere: "-o FILE" };
+        let of = |folder: &str, count| {
+            let target = Target::new(place.path().join(folder).join("a.png"), choice);
+            let numbered = Numbered::new(&target, false, Frames { first: 7, last: 7 }, count)?;
+            Ok::<_, Error>(numbered.file(7).strip_prefix(place.path()).unwrap().display().to_string())
+        };
+        assert_eq!([of("", 9999), of("", 10_000)].map(Result::unwrap), ["a-0007.png", "a-00007.png"]);
+        assert!(of("nowhere", 9).is_err());
     }
 
     #[test]

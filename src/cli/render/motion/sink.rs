@@ -159,6 +159,7 @@ fn each_of<T: Send>(
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use clap::Parser;
     use std::sync::mpsc::sync_channel;
 
     #[test]
@@ -189,6 +190,39 @@ mod tests {
         // On a busy machine, the other threads may write many frames before the thread of frame 10 continues.
         let (sent, ok) = write(10, 10_000_000);
         assert!(!ok && sent < 10_000_000, "{sent} frames were sent");
+    }
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn the_name_says_what_frames_are_written_as_and_what_cannot_be_a_stream() {
+        let place = tempfile::tempdir().unwrap();
+        let args = |name: &str, more: &[&str]| {
+            let name =
+                if name == "-" { name.to_owned() } else { place.path().join(name).display().to_string() };
+            let words = ["render", "a.toml", "--turntable", "4", "-o", &name];
+            Command::parse_from([&words[..], more].concat()).args
+        };
+        let of = |name: &str| Sink::of(&args(name, &[]), Frames { first: 1, last: 2 }, 4, 30).unwrap();
+        assert!(matches!(of("a.png"), Sink::Numbered(_)));
+        assert!(of("a.png").name().ends_with("a-0002.png"), "{}", of("a.png").name());
+        let is_stream = |sink: &Sink| matches!(sink, Sink::Movie(movie) if movie.is_stream());
+        assert!(is_stream(&of("-")) && of("-").check_alpha().is_err());
+        for name in ["a.png", "a.apng", "a.APNG"] {
+            assert!(!is_stream(&of(name)) && of(name).check_alpha().is_ok(), "{name}");
+        }
+        let refused = |name: &str, more: &[&str]| Sink::check(&args(name, more)).is_err();
+        for name in ["a.png", "a.PNG", "a.apng", "-"] {
+            assert!(!refused(name, &[]), "{name}");
+        }
+        assert!(refused("a.jpg", &[]) && refused("nowhere/a.png", &[]));
+        assert!(refused("a.png", &["--rate", "12"]) && !refused("a.apng", &["--rate", "12"]));
+        let shard = ["--shard", "1/2"];
+        assert!(refused("a.apng", &shard) && refused("-", &shard) && !refused("a.png", &shard));
     }
 
     #[test]

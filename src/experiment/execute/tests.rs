@@ -1,0 +1,233 @@
+//! Tests of whole runs whose workers answer at once: what the observer hears, what is stored, and what a later session
+//! measures.
+
+use super::*;
+use crate::experiment::asleep;
+use crate::experiment::fixtures;
+use crate::experiment::protocol::{Reply, Request};
+use crate::experiment::supervisor::{Wait, Worker};
+use crate::launch::FrameTimes;
+use crate::record::{AnchorSample, Environment, read_lines};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_samples = 5 }";
+/// The number of requests that are never reached.
+const NEVER: usize = usize::MAX;
+
+/// Starts workers that answer at once. Notes the device of each worker.
+#[derive(Clone)]
+struct Answering {
+    devices: Arc<Mutex<Vec<usize>>>,
+    requests: Arc<AtomicUsize>,
+    /// At this number of requests, the user interrupts the run.
+    interrupts_at: usize,
+    interrupted: Arc<AtomicBool>,
+    /// The outcome of every check.
+    outcome: Outcome,
+}
+
+impl Default for Answering {
+    fn default() -> Self {
+        Self {
+            devices: Arc::default(),
+            requests: Arc::default(),
+            interrupts_at: NEVER,
+            interrupted: Arc::default(),
+            outcome: Outcome::Measured,
+        }
+    }
+}
+
+struct Answer {
+    of: Answering,
+    next: Reply,
+}
+
+impl Spawner for Answering {
+    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
+        self.devices.lock().unwrap().push(device);
+        Ok(Box::new(Answer { of: self.clone(), next: Reply::Started }))
+    }
+}
+
+impl Worker for Answer {
+    fn send(&mut self, request: &Request) {
+        if self.of.requests.fetch_add(1, Ordering::Relaxed) + 1 == self.of.interrupts_at {
+            self.of.interrupted.store(true, Ordering::Relaxed);
+        }
+        let (ready, outcome) = (self.of.outcome == Outcome::Measured, self.of.outcome);
+        self.next = match request {
+            Request::Check { key, .. } => {
+                let record = Record { key: key.clone(), outcome, ..Record::default() };
+                Reply::Checked { record: Box::new(record), ready }
+            }
+            Request::Build { .. } => Reply::Built(None),
+            Request::Cast { .. } | Request::Anchor => Reply::Sample(FrameTimes::whole(1.0, 1.0)),
+        };
+    }
+
+    fn wait(&mut self, _limit: std::time::Duration) -> Wait {
+        Wait::Reply(self.next.clone())
+    }
+}
+
+/// Everything that an observer hears.
+#[derive(Debug, Default, PartialEq)]
+struct Heard {
+    begun: Vec<[usize; 2]>,
+    resumed: Vec<[usize; 2]>,
+    steps: usize,
+    finished: usize,
+    ended: usize,
+    works: Vec<String>,
+}
+
+impl Observer for Heard {
+    fn begins(&mut self, points: usize, steps: usize) {
+        self.begun.push([points, steps]);
+    }
+    fn resumes(&mut self, points: usize, steps: usize) {
+        self.resumed.push([points, steps]);
+    }
+    fn advances(&mut self, steps: usize) {
+        self.steps += steps;
+    }
+    fn works_on(&mut self, what: &str) {
+        self.works.push(what.to_owned());
+    }
+    fn finished(&mut self, _record: &Record) {
+        self.finished += 1;
+    }
+    fn ends(&mut self) {
+        self.ended += 1;
+    }
+}
+
+/// Runs an experiment in a folder, with this change of the run.
+fn session(
+    folder: &Path,
+    lines: &str,
+    workers: &Answering,
+    change: impl for<'a> Fn(Run<'a>) -> Run<'a>,
+) -> (Result<Vec<Record>>, Heard) {
+    let (experiment, device, locks) =
+        (fixtures::experiment(lines), asleep::device(1.0), fixtures::no_locks());
+    let devices = [&device, &device];
+    let run = change(fixtures::run(&experiment, &devices[..1], &locks));
+    let run = Run { devices: if run.spread { &devices } else { &devices[..1] }, ..run };
+    let mut results = Results::resume(folder, &Environment::default()).unwrap();
+    let mut heard = Heard::default();
+    let records = match run.spread {
+        false => run.execute(&mut results, &mut heard, &mut workers.clone(), &workers.interrupted),
+        true => {
+            let spawners = (0..2).map(|_| Box::new(workers.clone()) as Box<dyn Spawner + Send>).collect();
+            run.execute_spread(&mut results, &mut heard, spawners, &workers.interrupted)
+        }
+    };
+    (records, heard)
+}
+
+fn plain(run: Run<'_>) -> Run<'_> {
+    run
+}
+
+#[test]
+fn the_observer_hears_of_each_point_and_step_and_of_those_that_were_done_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = format!("local_sizes = [1]\n{TIMING}");
+    let (records, heard) = session(folder.path(), &first, &Answering::default(), plain);
+    assert_eq!(records.unwrap().len(), 1);
+    assert_eq!((heard.begun, heard.resumed), (vec![[1, 2]], vec![[0, 0]]));
+    assert_eq!((heard.steps, heard.finished, heard.ended), (2, 1, 1));
+    assert!(heard.works.iter().any(|work| work == "checking triangle 8x5 naive 1x1"), "{:?}", heard.works);
+    let is_timing = |launch: u32| {
+        heard.works.iter().any(|work| *work == format!("timing triangle 8x5 naive 1x1, launch {launch} of 2"))
+    };
+    assert!(is_timing(1) && is_timing(2), "{:?}", heard.works);
+    let both = format!("local_sizes = [1, 2, 4]\n{TIMING}");
+    let (records, heard) = session(folder.path(), &both, &Answering::default(), plain);
+    assert_eq!(records.unwrap().len(), 3);
+    assert_eq!((heard.begun, heard.resumed), (vec![[3, 6]], vec![[1, 2]]));
+    assert_eq!((heard.steps, heard.finished, heard.ended), (4, 2, 1));
+    // A point that is no longer in the plan is not in the results either.
+    let (records, heard) = session(folder.path(), &first, &Answering::default(), plain);
+    assert_eq!((records.unwrap().len(), heard.resumed, heard.finished), (1, vec![[1, 2]], 0));
+    let summary = std::fs::read_to_string(folder.path().join("summary.md")).unwrap();
+    assert!(summary.contains("# ?\n") && summary.contains("Expected: \\!\n"), "{summary}");
+}
+
+#[test]
+fn an_interruption_says_how_many_points_are_done_including_those_of_earlier_sessions() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = "local_sizes = [1]\ntiming = { launches = 1, warmup = 0, min_samples = 5, max_samples = 5 }";
+    session(folder.path(), lines, &Answering::default(), plain).0.unwrap();
+    let more = lines.replace("[1]", "[1, 2]");
+    let workers = Answering { interrupts_at: 1, ..Answering::default() };
+    let (records, heard) = session(folder.path(), &more, &workers, plain);
+    assert_eq!(records.unwrap_err().to_string(), "interrupted: 1 of 2 points are done");
+    assert_eq!(heard.ended, 1);
+}
+
+#[test]
+fn failed_points_are_measured_again_only_if_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    let failing = Answering { outcome: Outcome::BuildFailed, ..Answering::default() };
+    let outcome = |workers: &Answering, retry_failed: bool| {
+        let (records, heard) = session(folder.path(), &lines, workers, |run| Run { retry_failed, ..run });
+        assert!(heard.steps == 2 || heard.resumed == [[1, 2]], "{heard:?}");
+        records.unwrap()[0].outcome
+    };
+    assert_eq!(outcome(&failing, false), Outcome::BuildFailed);
+    let workers = Answering::default();
+    assert_eq!(outcome(&workers, false), Outcome::BuildFailed);
+    assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
+    assert_eq!(outcome(&workers, true), Outcome::Measured);
+}
+
+/// The device is a GPU.
+#[test]
+fn a_point_for_another_kind_of_device_is_passed_over_until_it_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |more: &str| {
+        let lines =
+            format!("local_sizes = [1]\n{TIMING}\n[[strategy]]\npreset = 'tile'\nlocal_sizes = [1]\n{more}");
+        let (records, heard) = session(folder.path(), &lines, &Answering::default(), plain);
+        let outcomes: Vec<Outcome> = records.unwrap().iter().map(|record| record.outcome).collect();
+        (outcomes, heard.steps, heard.finished)
+    };
+    assert_eq!(of(""), (vec![Outcome::Measured, Outcome::OtherKind], 4, 2));
+    assert_eq!(of(""), (vec![Outcome::Measured, Outcome::OtherKind], 0, 0));
+    assert_eq!(of("any_kind = true"), (vec![Outcome::Measured; 2], 2, 1));
+}
+
+#[test]
+fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() {
+    let (gpu, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let cpu = crate::device::DeviceInfo { kind: DeviceKind::Cpu, ..gpu.clone() };
+    let builds = |lines: &str, devices: &[&crate::device::DeviceInfo]| {
+        fixtures::run(&fixtures::experiment(lines), devices, &locks).builds_beside_timing()
+    };
+    let with_baseline = "local_sizes = [1]\nbaselines = ['serial']";
+    assert!(builds("local_sizes = [1]", &[&gpu]));
+    assert!(!builds(with_baseline, &[&gpu]) && !builds("local_sizes = [1]", &[&gpu, &cpu]));
+}
+
+#[test]
+fn a_run_on_two_devices_stores_and_tells_what_a_run_on_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1, 2]\nbaselines = ['serial']\n{TIMING}");
+    let workers = Answering::default();
+    let (records, heard) = session(folder.path(), &lines, &workers, |run| Run { spread: true, ..run });
+    assert_eq!(records.unwrap().len(), 3);
+    assert_eq!((heard.begun, heard.steps, heard.finished), (vec![[3, 6]], 6, 3));
+    assert!(heard.works.iter().any(|work| work.starts_with("timing ")), "{:?}", heard.works);
+    let anchors: Vec<AnchorSample> = read_lines(&folder.path().join("anchors.jsonl")).unwrap().lines;
+    assert!(!anchors.is_empty() && anchors.iter().all(|anchor| anchor.ms == 1.0));
+    // A later session measures nothing again.
+    let before = workers.requests.load(Ordering::Relaxed);
+    let (_, heard) = session(folder.path(), &lines, &workers, |run| Run { spread: true, ..run });
+    assert_eq!((workers.requests.load(Ordering::Relaxed), heard.resumed), (before, vec![[3, 6]]));
+}
