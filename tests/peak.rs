@@ -64,6 +64,14 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
             assert!((found / expected - 1.0).abs() < 1e-9, "{record}");
         }
     }
+    let environment: Value = serde_json::from_str(&place.text("out/environment.json")).expect("JSON");
+    for key in ["device", "platform", "driver", "max_clock_mhz"] {
+        assert_eq!(kept[0][key], environment["devices"][0][key], "{key}");
+    }
+    assert!(
+        kept[0]["launch_device_us"]["median"].as_f64() <= kept[0]["launch_host_us"]["median"].as_f64(),
+        "{kept}"
+    );
     let copied: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
     assert_eq!(copied[0]["timestamp"], kept[0]["timestamp"]);
     has(&place.text("out/summary.md"), &["of peak"]);

@@ -91,3 +91,49 @@ impl Documents {
         Ok((changed, wrong))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUERY: &str = "<!-- published: teapot naive 8x8 -->";
+
+    /// Writes a repository with these texts of the four documents.
+    fn repository(texts: [&str; 4]) -> tempfile::TempDir {
+        let root = tempfile::tempdir().unwrap();
+        std::fs::create_dir(root.path().join("docs")).unwrap();
+        let sheet = "[sources]\n[facts]\nsizes = [\"7 apples\", \"9 pears\"]\n[blocks]\n";
+        std::fs::write(root.path().join(sheet::SHEET), sheet).unwrap();
+        for (name, text) in DOCUMENTS.iter().zip(texts) {
+            std::fs::write(root.path().join(name), text).unwrap();
+        }
+        root
+    }
+
+    #[test]
+    fn documents_are_rewritten_and_what_no_record_mends_is_told() {
+        let stale = format!("It took 1{QUERY} and\n2{QUERY} ms.\n");
+        let wrong = "There are 5 of 7 apples.\n";
+        let root = repository(["7 apples\n", &stale, wrong, ""]);
+        let documents = Documents::read(root.path()).unwrap();
+        assert_eq!((documents.text("docs/paper.md"), documents.text("other")), (Some(wrong), None));
+        let told: Vec<_> = documents
+            .differences()
+            .into_iter()
+            .map(|(name, difference)| (name, difference.line, difference.stands))
+            .collect();
+        let expected = [
+            ("docs/kernels.md", 1, "1"),
+            ("docs/kernels.md", 2, "2"),
+            ("docs/paper.md", 1, "5"),
+            ("docs/figures.toml", 0, "9 pears"),
+        ];
+        assert_eq!(told, expected.map(|(name, line, stands)| (name, line, stands.to_owned())));
+        let (changed, left) = documents.rewrite(root.path()).unwrap();
+        assert_eq!((changed, left.len(), left[0].0, left[0].1.line), (2, 1, "docs/paper.md", 1));
+        let text = std::fs::read_to_string(root.path().join("docs/kernels.md")).unwrap();
+        assert_eq!(text, format!("It took 10400{QUERY} and\n10400{QUERY} ms.\n"));
+        let again = Documents::read(root.path()).unwrap().rewrite(root.path()).unwrap();
+        assert_eq!((again.0, again.1.len()), (0, 1));
+    }
+}

@@ -103,3 +103,91 @@ fn nothing(record: &Record) -> Told {
     let why = if median(record).is_some() { "not reported" } else { record.outcome.name() };
     Told::Nothing(why.to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::program::CompiledKernel;
+    use crate::record::Outcome;
+    use crate::record::fixtures::{infeasible, measured};
+
+    #[test]
+    fn each_word_names_its_figure() {
+        let mut kernel = CompiledKernel {
+            name: "cast_frame".into(),
+            resident_groups: Some(3),
+            occupancy: Some(0.5),
+            occupancy_limited_by: Some("registers".into()),
+            ..CompiledKernel::default()
+        };
+        kernel.resources.registers = Some(40);
+        kernel.resources.spill_store_bytes = Some(41);
+        kernel.resources.spill_load_bytes = Some(42);
+        let record = Record {
+            local_size: Some([10, 2]),
+            primary_ms: Some(1.0),
+            shadow_ms: Some(2.0),
+            shade_ms: Some(3.0),
+            rays_per_s: Some(4.0),
+            tests_per_s: Some(5.0),
+            shadow_rays_per_s: Some(6.0),
+            limit_fraction: Some(0.7),
+            max_difference: Some(8e-5),
+            uncertain_pixels: Some(9),
+            unexplained_pixels: Some(10),
+            triangles: Some(11),
+            lights: Some(12),
+            local_bytes: Some(13),
+            private_bytes: Some(14),
+            kernels: vec![kernel],
+            ..measured("gpu", "naive", 8, 20.0)
+        };
+        use Form::{Count, Measure, Percent, Power};
+        for (name, value, form) in [
+            ("ms", 20.0, Measure),
+            ("primary-ms", 1.0, Measure),
+            ("shadow-ms", 2.0, Measure),
+            ("shade-ms", 3.0, Measure),
+            ("tests-per-s", 5.0, Measure),
+            ("shadow-rays-per-s", 6.0, Measure),
+            ("of-peak", 0.7, Percent),
+            ("difference", 8e-5, Power),
+            ("uncertain", 9.0, Count),
+            ("triangles", 11.0, Count),
+            ("local-bytes", 13.0, Count),
+            ("n", 10.0, Count),
+            ("registers", 40.0, Count),
+            ("spilled", 41.0, Count),
+            ("groups", 3.0, Count),
+            ("items", 60.0, Count),
+            ("occupancy", 0.5, Percent),
+            // 20 of the 32 lanes of a warp.
+            ("lanes", 0.625, Percent),
+            ("pixels", 400_000.0, Count),
+        ] {
+            assert_eq!(figure(&record, name), Told::Number(value, form), "{name}");
+            assert!(is_figure(name), "{name}");
+        }
+        for (name, words) in [("local-size", "10 x 2"), ("bounded-by", "registers"), ("outcome", "measured")]
+        {
+            assert_eq!(figure(&record, name), Told::Words(words.into()), "{name}");
+        }
+        assert!(is_figure("ld.global") && !is_figure("naive"));
+    }
+
+    #[test]
+    fn without_a_figure_there_is_a_reason() {
+        let nothing = |why: &str| Told::Nothing(why.into());
+        let record = measured("gpu", "naive", 8, 20.0);
+        assert_eq!(
+            [figure(&record, "registers"), figure(&record, "interval")],
+            [(); 2].map(|()| nothing("not reported"))
+        );
+        let refused = infeasible("gpu", "naive", 8, "too large");
+        assert_eq!(figure(&refused, "ms"), nothing("infeasible"));
+        assert_eq!(
+            figure(&Record { outcome: Outcome::TimedOut, ..refused }, "bounded-by"),
+            nothing("timed-out")
+        );
+    }
+}

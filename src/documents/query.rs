@@ -285,4 +285,53 @@ mod tests {
         assert_eq!(side(5).few(), "");
         assert_eq!(Side { median_of: None, ..side(3) }.few(), "");
     }
+
+    #[test]
+    fn each_form_of_a_number_has_its_digits() {
+        let written = |modifiers: &str, value: f64, form| {
+            let text = format!("old: x{modifiers}");
+            Query::parse(&text).map(|query| query.written(value, form)).expect("a query")
+        };
+        for (modifiers, value, form, expected) in [
+            ("", 12.3456, Form::Measure, "12.3"),
+            (", 5 digits", 12.3456, Form::Measure, "12.346"),
+            ("", 12.5678, Form::Count, "13"),
+            ("", 0.123, Form::Percent, "12"),
+            (", 3 digits", 0.1234, Form::Percent, "12.3"),
+            ("", 1.234e-5, Form::Power, "1.2e-5"),
+            (", 3 digits", 1.234e-5, Form::Power, "1.23e-5"),
+            (", G", 2.5e9, Form::Count, "2.50"),
+            (", us, 2 digits", 0.25, Form::Measure, "250"),
+            (", %", 0.5, Form::Measure, "50.0"),
+        ] {
+            assert_eq!(written(modifiers, value, form), expected, "{modifiers} {form:?}");
+        }
+    }
+
+    #[test]
+    fn words_select_a_record_by_its_names_sizes_and_axes() {
+        use crate::record::fixtures::{judged, measured};
+        let of = |key: &str, ms, triangles, image_size, strategy: &str| Record {
+            key: key.into(),
+            triangles: Some(triangles),
+            image_size,
+            strategy: strategy.into(),
+            ..measured("gpu", "naive", 8, ms)
+        };
+        let records = judged([
+            of("a", 4.0, 10, [800, 500], "traversal=exhaustive width=8"),
+            of("b", 2.0, 100, [800, 500], "traversal=exhaustive width=16"),
+            of("c", 3.0, 100, [500, 800], "traversal=bvh width=8"),
+        ]);
+        let told = |words: &[&str]| of_folder(&records, words, "x").map(|side| side.told);
+        let ms = |ms| Ok(Told::Number(ms, Form::Measure));
+        assert_eq!(told(&["best"]), ms(2.0));
+        assert_eq!(told(&["best", "width=8"]), ms(3.0));
+        assert_eq!(told(&["triangles=10"]), ms(4.0));
+        assert_eq!(told(&["@500x800"]), ms(3.0));
+        assert_eq!(told(&["traversal=exhaustive", "width=16"]), ms(2.0));
+        assert_eq!(told(&["wide"]), Ok(Told::Nothing(String::new())), "a preset that was not measured");
+        assert!(told(&["8x8"]).is_err_and(|error| error.starts_with("3 records of x match '8x8'")));
+        assert!(told(&["width=4"]).is_err_and(|error| error.starts_with("no record in x matches 'width=4'")));
+    }
 }

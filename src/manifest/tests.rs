@@ -204,6 +204,19 @@ fn a_value_that_is_a_file_is_in_the_program_and_no_other_of_its_axis_is() {
 }
 
 #[test]
+fn a_family_takes_the_values_of_its_list_or_of_its_files() {
+    let take = |values: Values, has_file: bool, holds: bool| values.take("a", |_| has_file, |_| holds);
+    assert!(take(Values::Only(&["a"]), false, false) && !take(Values::Only(&["b"]), true, false));
+    assert!(!take(Values::AllBut(&["a"]), true, false) && take(Values::AllBut(&["b"]), false, false));
+    let files = |but| {
+        [(true, false), (true, true), (false, false)]
+            .map(|(has, holds)| take(Values::FilesIn("x", but), has, holds))
+    };
+    assert_eq!(files(None), [true, true, false]);
+    assert_eq!(files(Some(Fact::Planes)), [true, false, false]);
+}
+
+#[test]
 fn a_family_has_one_main_kernel_for_each_way_to_cast() {
     for family in FAMILIES {
         for role in [Role::Frame, Role::Primary] {

@@ -224,4 +224,30 @@ mod tests {
         assert!(!is_among(&[code("k", "mul x")], &own));
         assert!(!is_among(&[code("other", "add x")], &own));
     }
+
+    #[test]
+    fn a_listing_has_lines_if_there_is_a_line_table_and_only_ptxas_is_not_the_driver() {
+        let mut microscope = Microscope { source: "first\nsecond\n".into(), ..Microscope::default() };
+        let with = |line| {
+            let mut code = code("k", "add x");
+            code.instructions[0] = Instruction { line, part: "loop".into(), ..code.instructions[0].clone() };
+            code
+        };
+        microscope.add(with(Some(2)), PTX, Some(40), Some(true));
+        microscope.add(with(None), MACHINE, None, Some(false));
+        microscope.add(with(Some(1)), SASS, Some(41), None);
+        let told: Vec<_> = microscope
+            .listings
+            .iter()
+            .map(|one| (one.rows_are, one.is_drivers, one.registers, one.same_as_timed, one.with_line))
+            .collect();
+        let expected = [
+            (RowsAre::Lines, true, Some(40), Some(true), 1),
+            (RowsAre::Parts, true, None, Some(false), 0),
+            (RowsAre::Lines, false, Some(41), None, 1),
+        ];
+        assert_eq!(told, expected);
+        let rows: Vec<_> = microscope.listings.iter().map(|one| &one.rows[0]).collect();
+        assert_eq!([rows[0].source.as_deref(), rows[1].part.as_deref()], [Some("second"), Some("loop")]);
+    }
 }

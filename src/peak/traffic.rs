@@ -95,5 +95,6 @@ mod tests {
         assert_eq!(of("tiled"), Some((48.0, "__local", 0.0, "registers")));
         assert_eq!(of("deferred,width=4"), Some((9.0, "global", 0.0, "registers")));
         assert_eq!(of("bvh"), None, "its tests are not counted");
+        assert_eq!(traffic("naive").map(|one| one.bytes()), Some(60.0));
     }
 }

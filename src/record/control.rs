@@ -83,4 +83,19 @@ mod tests {
         let ranking = ranking([&records[1], &records[3]]);
         assert_eq!(ranking.winners[0].name, "wide");
     }
+
+    #[test]
+    fn blocks_of_other_control_points_are_compared_by_their_times() {
+        let with = |record: Record, key: &str| Record { control: Some(key.into()), ..record };
+        let of =
+            |key: &str, ms, number| with(Record { key: key.into(), ..block("control", ms, number) }, key);
+        let records = judged([
+            of("one", 10.0, 0),
+            with(block("naive", 5.0, 0), "one"),
+            of("other", 20.0, 1),
+            with(block("wide", 8.0, 1), "other"),
+        ]);
+        let found = ratio(&records[1], &records[3]).expect("enough samples");
+        assert!((found.middle - 5.0 / 8.0).abs() < 1e-9, "{found:?}");
+    }
 }

@@ -407,14 +407,57 @@ mod tests {
 
     #[test]
     fn more_than_one_missing_point_and_hidden_record_are_counted() {
-        let folder = folder(&[record("x", "bvh", 1.0), record("y", "wide", 2.0), record("z", "tile", 2.0)]);
+        let hidden = ["v", "x", "y"].map(|key| record(key, "bvh", 1.0));
+        let folder = folder(&[&hidden[..], &[record("z", "tile", 2.0)]].concat());
         let plan = [record("a", "naive", 0.0), record("b", "wide", 0.0), record("z", "tile", 0.0)];
         CurrentPlan::of(&plan).write(folder.path()).unwrap();
         let (_, notes) = shown(&folder);
         let expected = [
             "2 points of the plan are not measured yet.",
-            "2 records of earlier plans are stored but not shown.",
+            "3 records of earlier plans are stored but not shown.",
         ];
         assert_eq!(notes[..2], expected);
+    }
+
+    #[test]
+    fn notes_tell_what_disturbed_the_points_that_are_shown() {
+        use crate::record::fixtures::measured;
+        let of = |host: &str, ms, launch: u32| {
+            let mut record = measured("gpu", "naive", 8, ms);
+            record.sample_launches.iter_mut().for_each(|number| *number += launch);
+            Record { host: Some(host.into()), control: Some(record.key.clone()), ..record }
+        };
+        let folder = folder(&[of("n1", 10.0, 0), measured("gpu", "wide", 8, 20.0)]);
+        let mut controls = JsonLines::append_to(&folder.path().join(CONTROLS)).unwrap();
+        controls.append(&of("n2", 15.0, 4)).unwrap();
+        let mut rounds = JsonLines::append_to(&folder.path().join(ROUNDS)).unwrap();
+        for n in 0..20_u32 {
+            let core_to_core_ns = Some(f64::from(60 + 200 * (n % 2)));
+            let line =
+                RoundLoad { ms: 500.0, processors: 2, others: 0.5, core_to_core_ns, ..RoundLoad::default() };
+            rounds.append(&line).unwrap();
+        }
+        let read = Folder::read(folder.path()).unwrap();
+        for start in [
+            "Differences below 2.1% cannot be detected here.",
+            "Hosts differ: teapot, 800 x 500, gpu: naive at 8 x 8 took 10.00 ms on n1 and 15.00 ms on n2",
+            "Disturbed: in 1 of 1 launches",
+            "The core-to-core latency changed between 60 and 260 ns",
+        ] {
+            assert!(read.notes.iter().any(|note| note.starts_with(start)), "{start}: {:?}", read.notes);
+        }
+        assert!(read.records[0].place.is_some() && read.controls[0].place.is_some());
+    }
+
+    #[test]
+    fn scenes_of_one_name_are_shown_under_two() {
+        let of = |file: &str, hash: &str| Record {
+            scene_file: Some(file.into()),
+            scene_hash: Some(hash.into()),
+            ..record(hash, "bvh", 1.0)
+        };
+        let read = Folder::read(folder(&[of("a/teapot.obj", "1"), of("b/teapot.obj", "2")]).path()).unwrap();
+        let scenes: Vec<_> = read.records.iter().map(|record| record.scene.as_str()).collect();
+        assert_eq!(scenes, ["a/teapot", "b/teapot"]);
     }
 }

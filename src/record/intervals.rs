@@ -77,13 +77,23 @@ mod tests {
         }
         let line = |record: &Record| serde_json::to_string(record).unwrap();
         let skipped = Record { key: "c".to_owned(), outcome: Outcome::OtherKind, ..Record::default() };
-        let text = format!("{}\n{{damaged\n{}\n{}\n", line(&records[0]), line(&skipped), line(&records[1]));
+        // A point whose image is wrong has no time, and an earlier version may have stored an interval.
+        let (outcome, interval_ms) = (Outcome::WrongImage, Some([1.0, 2.0]));
+        let wrong = Record { outcome, interval_ms, ..launches("d", 6, 0.01) };
+        let text = format!(
+            "{}\n{{damaged\n{}\n{}\n{}\n",
+            line(&records[0]),
+            line(&skipped),
+            line(&records[1]),
+            line(&wrong)
+        );
         std::fs::write(&journal, &text).unwrap();
         let alone = records.clone();
+        records.push(wrong.clone());
         judge(&mut records);
         assert!(renew_intervals(&journal, &records).unwrap());
         let Lines { lines, damaged, .. } = read_lines::<Record>(&journal).unwrap();
-        assert_eq!(damaged, [2]);
+        assert_eq!((damaged, &lines[3]), (vec![2], &wrong));
         for (found, (whole, alone)) in [&lines[0], &lines[2]].into_iter().zip(records.iter().zip(&alone)) {
             assert_eq!(found.interval_ms, interval(whole));
             assert_ne!(found.interval_ms, alone.interval_ms);

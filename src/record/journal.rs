@@ -192,6 +192,11 @@ mod tests {
         std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
         assert!(
+            error.message.ends_with("is a record: expected ident at line 1 column 2"),
+            "{}",
+            error.message
+        );
+        assert!(
             error.message.contains("samples.jsonl:1: neither this line nor any other"),
             "{}",
             error.message

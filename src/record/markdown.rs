@@ -412,4 +412,16 @@ mod tests {
         let text = summary_markdown(&judged([record]), &[], "?", "!");
         assert!(text.contains("| measured, two modes |") && text.contains("| 30 in 3 |"), "{text}");
     }
+
+    #[test]
+    fn a_winner_is_not_compared_with_itself_and_baselines_do_not_win() {
+        let alone = summary_markdown(&judged([measured("pocl", "naive", 8, 10.0)]), &[], "?", "!");
+        assert!(
+            alone.contains("Fastest: **naive at 8 x 8** at 10.00 ms.") && !alone.contains("as fast as"),
+            "{alone}"
+        );
+        let records = judged([measured("host", "serial-f32", 0, 420.0), measured("pocl", "naive", 8, 10.0)]);
+        let text = summary_markdown(&records, &[], "?", "!");
+        assert!(text.contains("| serial-f32 ") && !text.contains("**serial-f32**"), "{text}");
+    }
 }

@@ -82,13 +82,20 @@ mod tests {
 
     #[test]
     fn every_journal_is_repaired() {
-        for journal in [RECORDS, SAMPLES, ROUNDS, ANCHORS, CONTROLS] {
+        let line = |line: serde_json::Result<String>| line.unwrap() + "\n";
+        for (journal, good) in [
+            (RECORDS, line(serde_json::to_string(&Record::default()))),
+            (SAMPLES, line(serde_json::to_string(&Sample::default()))),
+            (ROUNDS, line(serde_json::to_string(&RoundLoad::default()))),
+            (ANCHORS, line(serde_json::to_string(&AnchorSample::default()))),
+            (CONTROLS, line(serde_json::to_string(&Record::default()))),
+        ] {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join(journal);
-            std::fs::write(&path, "nonsense\n").unwrap();
+            std::fs::write(&path, format!("{good}nonsense\n")).unwrap();
             let repaired = repair(folder.path()).unwrap();
             assert_eq!(repaired.iter().map(|one| &one.file).collect::<Vec<_>>(), [&path]);
-            assert_eq!(std::fs::read_to_string(&path).unwrap(), "");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), good);
         }
     }
 
@@ -136,5 +143,19 @@ mod tests {
             assert!(repair(folder.path()).unwrap().is_empty());
         }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_out_of_the_folder_is_not_repaired() {
+        let folder = tempfile::tempdir().unwrap();
+        let outer = folder.path().join("outer");
+        std::fs::write(&outer, "nonsense\n").unwrap();
+        let inner = folder.path().join("inner");
+        std::fs::create_dir(&inner).unwrap();
+        std::os::unix::fs::symlink(&outer, inner.join(RECORDS)).unwrap();
+        let error = repair(&inner).expect_err("a link");
+        assert!(error.exit_code() == 2 && error.to_string().contains("it is a link"), "{error}");
+        assert_eq!(std::fs::read_to_string(&outer).unwrap(), "nonsense\n");
     }
 }

@@ -187,6 +187,16 @@ mod tests {
     }
 
     #[test]
+    fn what_other_guests_take_is_told_from_a_hundredth_of_a_processor_on() {
+        let records = [Record { sample_launches: vec![0], ..Record::default() }];
+        let told = |stolen: f64| {
+            let said = disturbance(&[RoundLoad { stolen, ..line(0, 0.5) }], &records).unwrap();
+            said.contains("other virtual machines used another")
+        };
+        assert_eq!([told(0.0), told(0.01), told(0.02)], [false, false, true]);
+    }
+
+    #[test]
     fn what_processes_and_guests_take_adds_up() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         // Neither half disturbs alone.

@@ -261,4 +261,17 @@ pub mod tests {
         let records = [with("a", &["one", "two"]), with("a", &["two"]), with("b", &["two"])];
         assert_eq!(scene_notes(&records), [("a", "one"), ("a", "two"), ("b", "two")]);
     }
+
+    #[test]
+    fn local_sizes_are_sorted_by_their_products_and_then_by_their_width() {
+        let at = |size: [u32; 2]| Record {
+            local_size: Some(size),
+            key: format!("{size:?}"),
+            ..measured("gpu", "naive", 8, 1.0)
+        };
+        let records = [[4, 16], [16, 4], [2, 16], [32, 1], [16, 1]].map(at);
+        let groups = groups(&records);
+        let sizes: Vec<_> = groups[0].records.iter().filter_map(|record| record.local_size).collect();
+        assert_eq!(sizes, [[16, 1], [2, 16], [32, 1], [4, 16], [16, 4]]);
+    }
 }

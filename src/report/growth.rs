@@ -245,6 +245,7 @@ mod tests {
         }
         assert!(pixels.caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", pixels.caption);
         assert!(triangles.svg.contains("naive: ^1.00"), "the legend has the exponent");
+        assert!(!triangles.svg.contains("class=\"line\""), "only fitted lines join marks");
         assert!(
             growth(&groups[..1], &Looks::of(&groups)).is_empty(),
             "a single scene and size show no growth"
@@ -295,5 +296,6 @@ mod tests {
         assert!(plots[2].caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plots[2].caption);
         assert!(plots[2].caption.ends_with("the fit ignores these other differences."));
         assert!(plots[3].caption.contains("too few different values for a fit"), "{}", plots[3].caption);
+        assert!(plots[3].svg.contains("class=\"line\""), "without a fit, marks are joined");
     }
 }

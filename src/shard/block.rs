@@ -238,4 +238,11 @@ mod tests {
         let points: Vec<_> = blocks.iter().map(|block| block.points.clone()).collect();
         assert_eq!(points, [vec![0, 1], vec![2, 3]]);
     }
+
+    #[test]
+    fn points_that_all_lie_in_one_piece_have_no_control_point() {
+        let found = pieces(&groups(&[vec![10.0, 0.0, 0.0]])[0], 5.0);
+        let blocks: Vec<_> = found.iter().map(|(_, block)| (block.points.clone(), block.control)).collect();
+        assert_eq!(blocks, [(vec![0, 1, 2], None)]);
+    }
 }

@@ -274,6 +274,9 @@ mod tests {
             "a step of one task"
         );
         assert_eq!(told(Some(8), &format!("JOB_COMPLETION_INDEX=4 {alone}")), Ok((5, 8)));
+        let single =
+            "SLURM_ARRAY_TASK_ID=5 SLURM_ARRAY_TASK_MIN=5 SLURM_ARRAY_TASK_MAX=5 SLURM_ARRAY_TASK_COUNT=1";
+        assert_eq!(told(None, &format!("{single} {mpirun}")), Ok((2, 4)), "an array of one element");
         assert_eq!(told(None, alone), Ok((1, 1)));
     }
 

@@ -281,4 +281,39 @@ mod tests {
         let none = lacks(&[], &[], &|_| true);
         assert!(none.kinds.is_empty() && !none.is_empty(), "without any shard, no kind is known");
     }
+
+    #[test]
+    fn a_kinds_command_is_that_of_an_attempt_on_it_and_a_host_is_told_once() {
+        use crate::shard::About;
+        let out = tempfile::tempdir().unwrap();
+        let attempts = [("1", "one"), ("2", "other")].map(|(identity, device)| {
+            let words = ["raycl", "run", "--device", device, "--shard", "1/16"];
+            let about = About {
+                host: device.into(),
+                devices: vec![identity.into()],
+                command: words.map(str::to_owned).to_vec(),
+                ..About::default()
+            };
+            Attempt::begin(out.path(), &about).unwrap()
+        });
+        let kinds = [
+            kind(HOST, "amd", &[0]),
+            kind(HOST, "intel", &[0]),
+            kind("gpu", "1", &[2]),
+            kind("gpu", "2", &[2]),
+        ];
+        let wanted = Wanted { all: &kinds, kinds: &kinds, not_begun: &[] };
+        let found = missing(&plan(), wanted, &attempts, &|_| false);
+        let told: Vec<_> =
+            found.kinds.iter().map(|kind| (kind.device.as_str(), kind.command.as_str())).collect();
+        let expected = [
+            (HOST, "raycl run --device one --shard 3/16"),
+            ("gpu (1)", "raycl run --device one --shard 7/16"),
+            ("gpu (2)", "raycl run --device other --shard 7/16"),
+        ];
+        assert_eq!((told, found.count()), (expected.to_vec(), 3));
+        let not_begun = ["tpu".to_owned()];
+        let wanted = Wanted { all: &kinds, kinds: &kinds[..2], not_begun: &not_begun };
+        assert_eq!(missing(&plan(), wanted, &attempts, &|_| true).took_part.as_deref(), Some("host, gpu"));
+    }
 }

@@ -88,6 +88,8 @@ mod tests {
     fn shards_are_numbered_from_one_to_their_count() {
         assert_eq!("3/16".parse(), Ok(Asked::Given(Shard { number: 3, of: 16 })));
         assert_eq!(("auto".parse(), "auto/16".parse()), (Ok(Asked::Auto(None)), Ok(Asked::Auto(Some(16)))));
+        let autos = ["3/16", "auto", "auto/16"].map(|text| text.parse().is_ok_and(Asked::is_auto));
+        assert_eq!(autos, [false, true, true]);
         for wrong in ["", "3", "0/4", "5/4", "-1/4", "1/0", "auto/0", "auto/x", "x/4", "1/4/4", "1/99999999"]
         {
             assert!(wrong.parse::<Asked>().is_err(), "{wrong}");

@@ -204,4 +204,41 @@ mod tests {
         assert_eq!(few(&hashes[..1]), "1 (00000000)");
         assert_eq!(few(&hashes), "5 (00000000, 11111111, 22222222, 33333333)");
     }
+
+    #[test]
+    fn a_plan_that_another_shard_writes_meanwhile_has_to_be_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path();
+        let beaten = |other: Header| {
+            let _ = std::fs::remove_file(path(out));
+            ShardPlan::open(out, &header(), || {
+                let theirs = ShardPlan { header: other, ..plan(7.0) };
+                std::fs::write(path(out), serde_json::to_vec(&theirs).unwrap()).unwrap();
+                Ok(plan(1.0))
+            })
+        };
+        assert_eq!(beaten(header()).unwrap(), plan(7.0));
+        let error = beaten(Header { shards: 5, ..header() }).unwrap_err().to_string();
+        assert!(error.contains("the number of shards differs, 5 there and 4 here"), "{error}");
+    }
+
+    #[test]
+    fn blocks_are_found_by_their_shard_and_by_their_points() {
+        let block =
+            |number, shard, points: &[usize]| Block { number, shard, points: points.to_vec(), control: None };
+        let blocks = vec![block(1, 2, &[0, 3]), block(2, 1, &[1]), block(3, 2, &[2])];
+        let plan = ShardPlan { blocks: blocks.clone(), ..ShardPlan::default() };
+        assert_eq!(plan.of_shard(2), [blocks[0].clone(), blocks[2].clone()]);
+        assert_eq!(plan.block_of(1), Some(&blocks[1]));
+        assert_eq!((plan.block_of(3), plan.block_of(9)), (Some(&blocks[0]), None));
+    }
+
+    #[test]
+    fn a_different_config_is_told_with_what_was_set_in_it() {
+        let set = Header { overrides: vec!["a = 1".into(), "b = 2".into()], ..header() };
+        assert_eq!(
+            [told(&header()), told(&set)],
+            ["x.toml (hash 01234567)", "x.toml with a = 1, b = 2 (hash 01234567)"]
+        );
+    }
 }

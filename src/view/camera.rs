@@ -177,4 +177,11 @@ mod tests {
             assert!((tilt(-9.0, elevation) + most).abs() < 1e-12);
         }
     }
+
+    #[test]
+    fn a_camera_that_looks_down_has_a_positive_elevation() {
+        let of = |forward: Vec3| elevation(&Camera { forward: forward.normalize(), ..Camera::PAPER }, &ORBIT);
+        assert!((of(Vec3::new(0.0, -1.0, -1.0)) - FRAC_PI_2 / 2.0).abs() < 1e-6);
+        assert!((of(Vec3::Y) + FRAC_PI_2).abs() < 1e-6 && of(Vec3::NEG_Z).abs() < 1e-6);
+    }
 }

@@ -95,4 +95,11 @@ mod tests {
         assert_eq!(picture.get_pixel(4, 1).0, viridis(0.5));
         assert_eq!(picture.get_pixel(1, 1).0, viridis(0.0));
     }
+
+    #[test]
+    fn a_map_is_of_the_scene_it_was_made_for_and_of_no_equal_one() {
+        let scene = Arc::new(crate::reference::fixtures::single_triangle());
+        let heat = Heat::new(&scene).expect("a small scene");
+        assert!(heat.is_of(&scene) && !heat.is_of(&Arc::new(scene.as_ref().clone())));
+    }
 }

@@ -29,6 +29,8 @@ fn live_in([width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
 #[derive(Default)]
 struct Script {
     inputs: VecDeque<Input>,
+    /// The number of times that the user's input was read.
+    reads: u32,
     pictures: Vec<RgbImage>,
     lines: Vec<String>,
 }
@@ -45,6 +47,8 @@ impl Screen for &mut Script {
     }
 
     fn input(&mut self) -> Result<Input> {
+        self.reads += 1;
+        assert!(self.reads < 1000, "the view does not end");
         Ok(self.inputs.pop_front().unwrap_or_default())
     }
 }
@@ -134,6 +138,8 @@ fn an_eye_that_spins_begins_at_the_scenes_own_camera() {
     viewer.act(Action::Spin);
     assert!(!viewer.show_next().expect("it casts"), "nothing moves, and the only sample is cast");
     assert_eq!((turns, viewer.rate.frames()), (vec![0.0, 1.0, 2.0], 3));
+    viewer.act(Action::Spin);
+    assert!(viewer.show_next().expect("it casts"), "it spins again");
 }
 
 #[test]
@@ -195,9 +201,54 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     assert!(maps.iter().all(|map| !pictures.contains(map)));
     viewer.tell().expect("it tells");
     viewer.act(Action::Zoom(1.0));
-    assert_eq!(all(&mut viewer).len(), 3);
+    let nearer = all(&mut viewer);
+    assert!(nearer.len() == 3 && nearer != maps, "the map is of what the eye sees");
+    viewer.tried(Live::reload);
+    let of_scene = viewer.heat.as_ref().map(|heat| heat.is_of(viewer.live.scene()));
+    assert_eq!((of_scene, all(&mut viewer).len()), (Some(true), 3));
     viewer.act(Action::Reset);
     viewer.act(Action::Tests);
     assert!(all(&mut viewer) == pictures, "the picture is cast again");
     assert!(screen.lines[0].contains(" | at most 2 tests per pixel | "), "{:?}", screen.lines);
+}
+
+#[test]
+fn the_triangle_at_the_pointer_is_told_until_the_pointer_or_the_eye_leaves_it() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while viewer.picked.is_none() {
+        viewer.stale = false;
+        viewer.point(Some([20, 10]));
+        assert!(Instant::now() < deadline, "no triangle is found");
+        std::thread::sleep(REST);
+    }
+    assert_eq!((viewer.picked.as_ref().map(|picked| picked.triangle), viewer.stale), (Some(0), true));
+    viewer.stale = false;
+    viewer.point(Some([20, 10]));
+    assert!(!viewer.stale, "nothing has changed");
+    viewer.point(Some([0, 0]));
+    assert_eq!((viewer.picked.clone(), viewer.stale), (None, true));
+    viewer.point(Some([20, 10]));
+    viewer.stale = false;
+    viewer.point(None);
+    assert_eq!((viewer.picked.clone(), viewer.stale), (None, true));
+    viewer.point(Some([20, 10]));
+    viewer.act(Action::Orbit([0.1, 0.0]));
+    assert_eq!(viewer.picked, None);
+    viewer.point(Some([20, 10]));
+    assert!(viewer.picked.is_some(), "the eye sees the triangle from there too");
+}
+
+#[test]
+fn rays_per_second_are_those_of_the_frames_that_the_device_cast() {
+    let mut screen = Script::default();
+    let mut viewer = Viewer::new(live(&[], 1), &mut screen, false);
+    viewer.show_next().expect("it casts");
+    let total = viewer.rate.total();
+    let picture = viewer.shown.as_ref().expect("a picture");
+    let hits = picture.pixels().filter(|pixel| *pixel != picture.get_pixel(0, 0)).count();
+    // One primary ray per pixel, and one shadow ray per hit.
+    let rays = total.rays_per_s * total.frame_ms / 1e3;
+    assert!((rays - (800 + hits) as f64).abs() < 1e-6, "{rays} {hits}");
 }

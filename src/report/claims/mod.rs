@@ -120,6 +120,16 @@ mod tests {
         // In one launch, the ratio is below the bound; in the other launch, it is above the bound.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
+        let at_most = FALLS.replace("at_least", "at_most");
+        assert_eq!(
+            [of(20.0), of(100.0)].map(|records| verdict(&at_most, &records)),
+            [Verdict::Held, Verdict::NotHeld]
+        );
+        let on_cpu = of(100.0).map(|record| Record { device: "cpu".into(), ..record });
+        assert_eq!(verdict(FALLS, &on_cpu), Verdict::Cannot, "records of another device");
+        let refused =
+            claim(FALLS, &[&[infeasible("gpu", "naive", 1, "too large"), measured("gpu", "naive", 4, 1.0)]]);
+        assert_eq!(refused.decides(), ["a device on which naive at 1 x 1 on teapot runs"]);
         let open = claim(FALLS, &[&of(9.05)[1..]]);
         assert_eq!(open.verdict, Verdict::Cannot);
         assert_eq!(open.lines[0].text, "no record of naive at 1 x 1 on teapot");
@@ -251,6 +261,8 @@ mod tests {
             [(472, 49152), (473, 49152), (472, 472 * 104)].map(|case| verdict(&fits(case), &records)),
             [Verdict::Held, Verdict::NotHeld, Verdict::Held]
         );
+        let fits_not = fits((473, 49152)).replace("fits = true", "fits = false");
+        assert_eq!(verdict(&fits_not, &records), Verdict::Held);
     }
 
     #[test]
@@ -315,7 +327,7 @@ mod tests {
             verdict(&test, &[measured("gpu", "naive", 8, 10.0)])
         };
         // Of 32768 registers, 512 threads with 64 each (in steps of 2) use all: two groups of 256.
-        assert_eq!([told(512), told(1536)], [Verdict::Held, Verdict::NotHeld]);
+        assert_eq!([512, 1536, 256].map(told), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
     }
 
     #[test]
@@ -326,7 +338,12 @@ mod tests {
             measured("gpu", "naive", 4, 10.0),
         ];
         let best = "kind = 'ratio', of = ['naive 1x1 on teapot'], to = 'naive best on teapot', at_least = 5";
-        assert_eq!(verdict(best, &records), Verdict::Held);
+        let told = claim(best, &[&records]);
+        assert_eq!(told.verdict, Verdict::Held);
+        assert!(
+            told.lines[0].text.contains("as long as naive at 4 x 4 on teapot (its best, 10.00 ms)"),
+            "{told:?}"
+        );
     }
 
     #[test]
@@ -348,6 +365,9 @@ mod tests {
                     ..Default::default()
                 };
                 journal.append(&sample).unwrap();
+                // Another point's shadow pass takes as long as its primary pass.
+                let other = crate::record::Sample { key: "other".into(), shadow_ms: Some(2.0), ..sample };
+                (0..3).for_each(|_| journal.append(&other).unwrap());
             }
             let run = Folder { path: folder.path().into(), ..Folder::default() };
             claim_in(&run, point, &[std::slice::from_ref(&record)]).verdict
@@ -396,6 +416,7 @@ mod tests {
             );
             assert_eq!(of_latency(&run("gpu"), memory, 2 * cycles).verdict, Verdict::NotHeld, "{memory}");
         }
+        assert_eq!(of_latency(&run("accelerator"), "local", 40).verdict, Verdict::Held);
         let on_cpu = ["private", "local", "global"].map(|memory| of_latency(&run("cpu"), memory, 20));
         assert_eq!(
             on_cpu.each_ref().map(|claim| claim.verdict),

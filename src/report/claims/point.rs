@@ -153,6 +153,11 @@ mod tests {
             ..Record::default()
         };
         assert!(point.is(&record("mine", Some("naive")), "gpu"));
+        let elsewhere = Record { scene: "gourd".into(), ..record("naive", Some("naive")) };
+        assert!(!point.is(&elsewhere, "gpu") && !point.is(&record("naive", Some("naive")), "cpu"));
+        let square = self::point("naive square on teapot").expect("it is one");
+        let oblong = Record { local_size: Some([32, 2]), ..record("naive", Some("naive")) };
+        assert!(square.is(&record("naive", Some("naive")), "gpu") && !square.is(&oblong, "gpu"));
         // Changed by its entry, this strategy only has the preset's name.
         assert!(!point.is(&record("naive", None), "gpu"));
     }

@@ -197,4 +197,19 @@ mod tests {
         );
         assert_eq!(of(None).between("a", "b"), "a against b: not enough samples (n = 3)");
     }
+
+    #[test]
+    fn the_time_limit_that_would_do_is_that_of_the_longer_frame_and_n_is_that_of_the_fewer_samples() {
+        let of = |name: &str, ms: f64, n: u32| sampled(name, (0..n).map(move |_| (0, ms)));
+        let records = judged([of("naive", 2000.0, 4), of("wide", 1.0, 9)]);
+        for [slow, fast] in [[0, 1], [1, 0]] {
+            let ratio = Ratio::of(&records[slow], &records[fast]).expect("both are measured");
+            assert_eq!(ratio.text(), "not enough samples (n = 4)");
+            let line = ratio.line("a".into(), LONGER);
+            assert_eq!(line.decides, "5 samples of each point, with `--set timing.time_limit_ms=15000`");
+        }
+        let records = judged([of("naive", 2000.0, 7), of("wide", 1.0, 9)]);
+        let ratio = Ratio::of(&records[0], &records[1]).expect("both are measured");
+        assert!(ratio.text().ends_with(", n = 7)"), "{}", ratio.text());
+    }
 }

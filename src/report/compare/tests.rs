@@ -391,3 +391,37 @@ fn kernels_are_compared_only_with_those_of_the_same_point() {
     let none = Comparison::of_kernels(&folder("run", vec![timed("a", "naive", 1.0)]), 0.02);
     assert!(none.notes[0].contains("compile to the same programs"), "{:?}", none.notes);
 }
+
+#[test]
+fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
+    let before = [("naive", 4, 10.0), ("naive", 8, 20.0), ("wide", 4, 90.0), ("bvh", 4, 40.0)];
+    let of = |records: [(&str, u32, f64); 4], ms: Option<f64>| {
+        records.map(|(name, side, own)| measured("a", name, side, ms.unwrap_or(own))).to_vec()
+    };
+    let comparison =
+        Comparison::of(&folder("old", of(before, None)), &folder("new", of(before, Some(40.0))), 0.02, true);
+    assert_eq!(comparison.summary(), "1 faster, 2 slower, 1 same, 0 unclear");
+    let svg = comparison.plot().svg;
+    assert!(svg.contains("<desc>new: median ms against old: median ms</desc>"), "{svg}");
+    // Green is faster, vermilion slower, blue the same.
+    for (class, name) in [("s2", "faster (1)"), ("s1", "slower (2)"), ("s0", "same (1)")] {
+        let entry = svg.split(&format!("class=\"entry {class}\"")).nth(1).unwrap_or_default();
+        assert!(entry.split("</g>").next().is_some_and(|entry| entry.contains(name)), "{name}: {svg}");
+    }
+    let slower = svg.split("class=\"series s1\"").nth(1).unwrap();
+    let places: Vec<[f64; 2]> = slower
+        .split("class=\"dot\"")
+        .skip(1)
+        .take(2)
+        .filter_map(|dot| {
+            let (x, y) = dot.split(" d=\"M").nth(1)?.split('L').next()?.split_once(' ')?;
+            Some([x.parse().ok()?, y.parse().ok()?])
+        })
+        .collect();
+    assert!(places[0][0] < places[1][0] && places[0][1] == places[1][1], "{places:?}");
+    let bar =
+        slower.split("class=\"interval\" d=\"M").nth(1).and_then(|rest| rest.split('M').next()).unwrap();
+    let (low, high) = bar.split_once(' ').and_then(|(_, ends)| ends.split_once('V')).unwrap();
+    let [low, high] = [low, high].map(|end| end.parse::<f64>().unwrap());
+    assert!(high < places[0][1] && places[0][1] < low, "the interval of the second time: {bar} {places:?}");
+}

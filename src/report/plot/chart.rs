@@ -234,6 +234,10 @@ mod tests {
         let numbers: Vec<&str> =
             text.split("data-series=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
         assert_eq!(numbers[..3], ["0", "0", "1"], "{numbers:?}");
+        let [marks, lines] = ["class=\"mark\"", "class=\"line\""].map(|class| text.matches(class).count());
+        assert_eq!((marks, lines), (4, 3), "a line without a name has no marks");
+        let one = Chart { series: vec![Series { joined: false, ..series("naive") }], ..chart("one") };
+        assert!(!one.svg().contains("class=\"line\""));
     }
 
     /// Returns the positions of the markers, which are discs.

@@ -328,4 +328,37 @@ mod tests {
         assert_eq!(below[1] - first[1], first[3] + 2.0, "a gap of two pixels down");
         assert!(first[2] > first[3], "a column is wider than a row is high");
     }
+
+    #[test]
+    fn the_fastest_cell_is_the_lightest_and_columns_have_the_room_there_is() {
+        let map = |times: &[f64]| {
+            let cell =
+                |slower: &f64| Cell::Time { slower: *slower, text: "a".into(), wins: false, tip: "b".into() };
+            HeatMap {
+                id: "a".into(),
+                title: "a".into(),
+                x_label: "local size".into(),
+                columns: vec!["8x8".into(); times.len()],
+                rows: vec![("b".into(), times.iter().map(cell).collect())],
+                codes: Vec::new(),
+            }
+        };
+        let cells = |map: &HeatMap| -> Vec<(String, String)> {
+            let value = |cell: &str, name: &str| {
+                let rest = cell.split(&format!(" {name}=\"")).nth(1).and_then(|rest| rest.split('"').next());
+                rest.unwrap_or_default().to_owned()
+            };
+            map.svg()
+                .split("class=\"cell\"")
+                .skip(1)
+                .map(|cell| (value(cell, "fill"), value(cell, "width")))
+                .collect()
+        };
+        let colours: Vec<String> = cells(&map(&[1.0, 2.0, 4.0])).into_iter().map(|(fill, _)| fill).collect();
+        assert_eq!(colours, [1.0, 0.5, 0.0].map(|place| hex(viridis(place))));
+        // If all times are close together, noise must not look like a difference.
+        assert_eq!([map(&[1.0, 1.1]).worst(), map(&[1.0, 3.0]).worst()], [2.0, 3.0]);
+        let width = |columns: usize| cells(&map(&vec![1.0; columns])).remove(0).1;
+        assert_eq!([width(2), width(10), width(40)], ["82", "58", "50"]);
+    }
 }

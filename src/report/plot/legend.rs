@@ -56,4 +56,21 @@ mod tests {
         assert_eq!(long, "tile-gro…n-origin: ^0.36");
         assert_eq!(long.chars().count(), 24);
     }
+
+    #[test]
+    fn entries_stand_below_each_other_with_their_whole_names_as_tips() {
+        let mut svg = Svg::default();
+        let long = "tile-group+intersector=common-origin";
+        let end = draw(&mut svg, [10.0, 20.0], &[("naive", Look::of(3)), (long, Look::of(5))]);
+        let text = svg.finish([1.0, 1.0], "", "");
+        assert_eq!(end, 20.0 + 2.0 * STEP);
+        let entries: Vec<&str> = text.split("class=\"entry ").skip(1).collect();
+        for (entry, (class, number, name, y)) in
+            entries.iter().zip([("s3", "0", "naive", "10.5"), ("s5", "1", long, "29.5")])
+        {
+            let start = format!("{class}\" data-for=\"{number}\" data-tip=\"{name}\"");
+            assert!(entry.starts_with(&start) && entry.contains(&format!(" y=\"{y}\"")), "{entry}");
+        }
+        assert!(entries[1].contains(&format!(">{}<", shorten(long, LONGEST))), "{text}");
+    }
 }

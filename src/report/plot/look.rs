@@ -95,7 +95,12 @@ mod tests {
         let is_hollow = |look: Look| {
             let mut svg = Svg::default();
             look.marker(&mut svg, [0.0, 0.0]);
-            svg.finish([1.0, 1.0], "", "").contains("hollow")
+            let text = svg.finish([1.0, 1.0], "", "");
+            let [full, empty] = [(look.colour(), "#ffffff"), ("#ffffff", look.colour())]
+                .map(|(fill, stroke)| text.contains(&format!("fill=\"{fill}\" stroke=\"{stroke}\"")));
+            assert_ne!(full, empty, "{text}");
+            assert_eq!(text.contains("hollow"), empty, "{text}");
+            empty
         };
         assert!(!is_hollow(Look::of(3)) && is_hollow(Look { dashed: true, ..Look::of(3) }));
     }

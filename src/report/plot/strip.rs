@@ -254,4 +254,30 @@ mod tests {
                 && rows[0].contains("data-tip=\"a tip\"")
         );
     }
+
+    #[test]
+    fn an_outlier_is_shown_at_the_edge_and_of_many_samples_some_are_shown() {
+        let places = |deviations: Vec<f64>| -> Vec<f64> {
+            let row = Row {
+                name: String::new(),
+                value: String::new(),
+                deviations,
+                interval: None,
+                quartiles: None,
+                tip: String::new(),
+            };
+            let svg = Strip { title: String::new(), rows: vec![row] }.svg();
+            let path = svg
+                .split("class=\"dots\" d=\"")
+                .nth(1)
+                .and_then(|rest| rest.split('"').next())
+                .expect("dots");
+            path.split('M').filter_map(|dot| dot.split_once(' ')?.0.parse().ok()).collect()
+        };
+        let mut samples = vec![1.0; 39];
+        samples.push(900.0);
+        let found = places(samples);
+        assert_eq!((found.len(), found[39]), (40, 262.0 + 510.0));
+        assert_eq!([120, 121, 300].map(|count| places(vec![1.0; count]).len()), [120, 61, 100]);
+    }
 }

@@ -196,6 +196,8 @@ mod tests {
         let told: Vec<_> = nodes("text").iter().map(|node| (node.text(), node.attribute("y"))).collect();
         assert_eq!(told, [(Some("a"), Some("6")), (Some("b"), Some("22")), (Some("up"), Some("0"))]);
         assert_eq!(nodes("text")[0].attribute("text-anchor"), Some("end"));
+        let sizes = [0, 2].map(|place| nodes("text")[place].attribute("font-size"));
+        assert_eq!(sizes, [Some("11"), Some("12")], "a small text and another");
         assert_eq!(nodes("g")[0].attribute("transform"), Some("translate(7 8) rotate(-90)"));
     }
 

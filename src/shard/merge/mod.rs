@@ -343,4 +343,88 @@ mod tests {
             Some("Of 2 attempts, 1 lost its launcher, 1 ended with an error.")
         );
     }
+
+    /// Writes a kind of device with one point of the plan.
+    fn write_kind(out: &Path, device: &str, identity: &str, point: usize) {
+        use crate::record::PlannedPoint;
+        use crate::shard::KindPoint;
+        let planned = PlannedPoint {
+            key: format!("{identity} {point}"),
+            device: device.into(),
+            name: "a point".into(),
+            ..PlannedPoint::default()
+        };
+        let points = vec![KindPoint { point, planned }];
+        let kind = Kind { device: device.into(), identity: identity.into(), points };
+        kind.write(&Kind::file(out, device, identity)).unwrap();
+    }
+
+    #[test]
+    fn merged_records_name_their_attempts_and_hosts_and_have_their_pictures() {
+        use crate::record::{HOST, JsonLines, Outcome};
+        use crate::shard::{About, Block, Header};
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let block = Block { number: 1, shard: 1, points: vec![0, 1], control: None };
+        let header = Header { shards: 1, ..Header::default() };
+        let plan = ShardPlan {
+            header: header.clone(),
+            points: vec!["on the host".into(), "on a device".into()],
+            cases: vec![0, 0],
+            blocks: vec![block],
+            ..ShardPlan::default()
+        };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        for (device, identity, point) in [(HOST, "amd", 0), (HOST, "intel", 0), ("gpu", "x", 1)] {
+            write_kind(out, device, identity, point);
+        }
+        let write = |host: &str, key: &str, device: &str, launch: u32| {
+            let about =
+                About { shard: 1, of: 1, host: host.into(), devices: vec!["x".into()], ..About::default() };
+            let attempt = Attempt::begin(out, &about).unwrap();
+            std::fs::create_dir(attempt.folder.join("images")).unwrap();
+            std::fs::write(attempt.folder.join("images/a.png"), host).unwrap();
+            let record = Record {
+                key: key.into(),
+                device: device.into(),
+                strategy: "serial-f32".into(),
+                outcome: Outcome::Measured,
+                samples_ms: vec![1.0, 1.0],
+                sample_launches: vec![launch; 2],
+                image: Some("images/a.png".into()),
+                ..Record::default()
+            };
+            JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+        };
+        write("n1", "amd 0", HOST, 3);
+        write("n2", "x 1", "gpu", 3);
+        let merged = merge(out, &[]).unwrap();
+        assert_eq!((merged.attempts, merged.records, merged.missing.count()), (2, 2, 0));
+        let notes = merged.notes.join("\n");
+        let names = ["shard-00001.n1..r00", "shard-00001.n2..r00"];
+        let again = format!("There were 2 attempts at shard 1 ({}).", names.join(", "));
+        assert!(
+            notes.contains(&again) && notes.contains("Of 2 attempts, 2 were killed or are still running."),
+            "{notes}"
+        );
+        let records = read_lines::<Record>(&out.join(RECORDS)).unwrap().lines;
+        let told = |record: &Record| {
+            let picture = std::fs::read_to_string(out.join(record.image.as_deref().unwrap())).unwrap();
+            format!("{} {:?} {:?} {picture}", record.strategy, record.attempt, record.sample_launches)
+        };
+        let told: Vec<_> = records.iter().map(told).collect();
+        let expected = [
+            format!("serial-f32 (amd) Some({:?}) [0, 0] n1", names[0]),
+            format!("serial-f32 Some({:?}) [1, 1] n2", names[1]),
+        ];
+        assert_eq!(told, expected);
+        let about: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(out.join(MERGE)).unwrap()).unwrap();
+        assert_eq!(
+            (about["notes"].as_array().map(Vec::len), &about["attempts"][1]["name"]),
+            (Some(2), &json!(names[1]))
+        );
+        let of_host = merge(out, &["amd".to_owned()]).unwrap();
+        assert_eq!((of_host.records, of_host.missing.count()), (1, 0), "a gpu is not selected");
+    }
 }

@@ -206,4 +206,10 @@ mod tests {
         // Sixels have colours in per cent, and the error of a colour is distributed over its neighbours.
         assert!(off.clone().all(|off| off <= 24), "{:?}", off.max());
     }
+
+    #[test]
+    fn only_kitty_has_to_remove_its_picture() {
+        assert_eq!(Graphics::Kitty.end(), "\x1b_Ga=d,d=I,i=1,q=2\x1b\\");
+        assert_eq!([Graphics::Blocks, Graphics::Sixel].map(Graphics::end), [""; 2]);
+    }
 }
