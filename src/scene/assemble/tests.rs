@@ -166,6 +166,18 @@ fn numbers_out_of_their_range_are_refused() {
         ("display.gamma = 1", "display.gamma = 0", "more than 0"),
         ("camera.elevation_degrees = -90", "camera.elevation_degrees = -91", "degrees from -90 to 90"),
         ("camera.azimuth_degrees = 1e30", "camera.azimuth_degrees = 1e39", "a finite number"),
+        ("camera.elevation_degrees = 90", "camera.elevation_degrees = 91", "degrees from -90 to 90"),
+        ("camera.fov_x_degrees = 179", "camera.fov_x_degrees = 180", "degrees between 0 and 180"),
+        ("camera.fov_y_degrees = 1", "camera.fov_y_degrees = 0", "degrees between 0 and 180"),
+        ("camera.z_near = 0", "camera.z_near = -1", "at least 0"),
+        ("camera.position = [0, 0, 1]", "camera.position = 1", "three numbers [x, y, z]"),
+        ("crease = 0", "crease = -1", "degrees from 0 to 180"),
+        ("crease = 180", "crease = 181", "degrees from 0 to 180"),
+        ("shadow_bias = 0", "shadow_bias = -1", "at least 0"),
+        ("display.exposure = 0", "display.exposure = -1", "at least 0"),
+        ("sky.zenith = 1e28", "sky.zenith = 2e28", "from 0 to 1e28"),
+        ("sky = { zenith = 1, reach = 1 }", "sky = { zenith = 1, reach = 0 }", "more than 0"),
+        ("background = \"#203040\"", "background = \"#20304\"", "neither a display colour"),
     ] {
         assert_eq!(told(good), Ok(()), "{good}");
         let error = told(bad).unwrap_err();
