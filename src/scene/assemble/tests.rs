@@ -408,3 +408,14 @@ fn the_text_of_a_scene_that_the_user_names_is_quoted() {
     let error = load_scene_for(&path, &[], Shot::SQUARE).unwrap_err();
     assert_eq!(error.to_string(), "`vertices` without `faces`");
 }
+
+#[test]
+fn the_parts_of_a_file_are_objects_only_of_a_bare_mesh() {
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes/two.gltf");
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(&mesh, folder.path().join("two.gltf")).unwrap();
+    let scene = folder.path().join("a.toml");
+    std::fs::write(&scene, "[[object]]\nmesh = \"two.gltf\"\n[[object]]\nshape = \"ground\"\n").unwrap();
+    let starts = |path: &Path| load_scene_with(path, &[]).unwrap().object_starts;
+    assert_eq!((starts(&mesh), starts(&scene)), (vec![0, 12], vec![0, 24]));
+}
