@@ -205,14 +205,20 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
-    // This change only shows if a packet's rays to a large light pass many small boxes.
+    // These changes only show if a packet's rays to a large light pass many small boxes.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
     let narrower = (
         "tile_cpu/soft.cl",
         "min(near * bounds->per_low[axis], near * bounds->per_high[axis])",
         "near * bounds->per_low[axis]",
     );
-    Place::with(&[("scene.toml", &fine)]).notices(narrower, "tile", &["--verify", "--samples", "2"]);
+    let never_mixed = ("tile_cpu/soft.cl", "bounds->per_low[axis] < 0.0f && !bounds->negative[axis];", "0;");
+    let place = Place::with(&[("scene.toml", &fine)]);
+    let options = ["--verify", "--samples", "2"];
+    has(&render(&place, &[&options[..], &["--strategy", "tile"]].concat()).1, &["verified"]);
+    for change in [narrower, never_mixed] {
+        place.notices(change, "tile", &options);
+    }
 }
 
 /// A floor between three walls. In every tile, some rays to the sky are stopped and some are not, and their

@@ -247,6 +247,7 @@ fn a_wrong_tree_is_found_out() {
     assert!(good.nodes[last].is_leaf());
     assert!(spoil(&|bvh| bvh.nodes[last].high = bvh.nodes[last].low).contains("does not enclose"));
     assert!(spoil(&|bvh| bvh.nodes[0].high[1] = 0.0).contains("enclose"));
+    assert!(spoil(&|bvh| bvh.nodes[0].low[1] = 0.0).contains("enclose"));
     assert!(spoil(&|bvh| bvh.nodes[0].right = 5000).contains("beyond"));
     assert!(spoil(&|bvh| bvh.depth += 1).contains("depth"));
     assert!(spoil(&|bvh| bvh.nodes[1].count += 1).contains("triangles below both children"));

@@ -446,6 +446,13 @@ fn a_file_of_another_type_is_named() {
     let error = load(&path, &[]).expect_err("a picture");
     let place = format!("{}:3: {}", path.display(), scene.display());
     assert_eq!(error.to_string(), format!("{place} is a GIF picture, which raycl does not read"));
+    let named = [
+        ("timing.seed".to_owned(), "3".to_owned()),
+        ("scenes".to_owned(), "[\"../scenes/teapot.toml\"]".to_owned()),
+    ];
+    let error = load(&path, &named).expect_err("a picture");
+    let place = format!("--set:1: {}", scene.display());
+    assert_eq!(error.to_string(), format!("{place} is a GIF picture, which raycl does not read"));
 }
 
 #[test]

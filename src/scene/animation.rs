@@ -204,6 +204,10 @@ mod tests {
         let third = animation.scene(3, &second).unwrap();
         assert_eq!(third.mesh.positions[0], Vec3::new(5.0, 0.0, -2.0));
         assert_eq!(second.mesh.positions[0], Vec3::new(0.0, 0.0, -2.0));
+        // This mesh is made again for each frame, and is equal each time.
+        let track = "[[animation.track]]\npath = \"crease\"\nvalues = [30, 40]\n";
+        let (_folder, first, mut animation) = animated(track);
+        assert!(Arc::ptr_eq(&first.mesh, &animation.scene(3, &first).unwrap().mesh));
     }
 
     #[test]

@@ -243,6 +243,8 @@ mod tests {
         assert_eq!(told("a.xyz", text, false).unwrap_err(), "a.xyz:1: neither a scene (TOML) nor a mesh");
         let toml = told("a.toml", text, true).unwrap_err();
         assert!(!toml.contains("neither"), "{toml}");
+        let unknown_key = told("a.xyz", "[[object]]\nsecret = 1\n", true).unwrap_err();
+        assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
     }
 
     /// The file of another folder may be somebody else's, so its text is not quoted.

@@ -145,4 +145,42 @@ mod tests {
         let told = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
         assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] at (1, 1)"), "{told}");
     }
+
+    #[test]
+    fn of_several_texels_that_are_too_bright_the_first_is_told() {
+        let file: FileTexels = ([2, 2], vec![[0.0; 3], [9.0, 0.0, 0.0], [0.0; 3], [8.0, 0.0, 0.0]].into());
+        let told = SkyPicture::strengthened(&file, 1.0, 7.0).unwrap_err();
+        assert!(told.starts_with("has a value of [9.0, 0.0, 0.0] at (1, 0)"), "{told}");
+    }
+
+    #[test]
+    fn a_pictures_middle_is_ahead_and_turns_counter_clockwise() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        for (up, turn_degrees, expected) in [
+            (DVec3::Y, 0.0, Vec3::NEG_Z),
+            (DVec3::Y, 90.0, Vec3::NEG_X),
+            (DVec3::Z, 0.0, Vec3::Y),
+            (DVec3::Z, 90.0, Vec3::NEG_X),
+            (DVec3::new(0.0, half, half), 0.0, Vec3::new(0.0, half as f32, -half as f32)),
+        ] {
+            let middle = SkyPicture::middle(up, turn_degrees);
+            assert!(middle.distance(expected) < 1e-6, "{up}, {turn_degrees}: {middle}");
+        }
+    }
+
+    #[test]
+    fn pictures_are_equal_if_their_texels_and_all_else_are() {
+        let texels = |value: f32| Arc::from([[value; 3]; 2]);
+        let picture = SkyPicture { size: [2, 1], texels: texels(1.0), ahead: Vec3::X, is_seen: true };
+        let other = picture.clone();
+        assert_eq!(picture, SkyPicture { texels: texels(1.0), ..other.clone() });
+        for different in [
+            SkyPicture { size: [1, 2], ..other.clone() },
+            SkyPicture { ahead: Vec3::Z, ..other.clone() },
+            SkyPicture { is_seen: false, ..other.clone() },
+            SkyPicture { texels: texels(2.0), ..other },
+        ] {
+            assert_ne!(picture, different);
+        }
+    }
 }

@@ -176,4 +176,37 @@ mod tests {
         // Without a studio, the fill light has 0.3 of the key light's power.
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
+
+    /// A level surface with the ground's reflectance, under the whole sky: two thirds of the zenith's radiance and one
+    /// third of the horizon's, times k_L.
+    #[test]
+    fn the_background_is_the_colour_of_the_ground_far_away() {
+        let background = studio(DVec3::Y, 25.0).1.background;
+        assert!(background.distance(Vec3::new(0.007_072, 0.007_453_3, 0.008_197_3)) < 1e-6, "{background}");
+    }
+
+    #[test]
+    fn no_edge_of_the_ground_is_passed_twice_in_one_direction() {
+        let edges: Vec<[u32; 2]> = ground_faces().flat_map(|[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
+        let distinct: std::collections::HashSet<[u32; 2]> = edges.iter().copied().collect();
+        assert_eq!((edges.len(), distinct.len()), (3 * 26, 3 * 26));
+    }
+
+    #[test]
+    fn a_ground_that_would_exceed_the_largest_coordinate_is_left_out() {
+        let ground = |scale: f32| {
+            let mut mesh = generate(&Shape::Gourd { triangles: 648 });
+            mesh.positions.iter_mut().for_each(|position| *position *= scale);
+            let ball = Ball::around(&mesh, DVec3::Y);
+            let view = View {
+                up: DVec3::Y,
+                azimuth_degrees: Some(20.0),
+                elevation_degrees: Some(25.0),
+                shot: Shot::SQUARE,
+            };
+            ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)
+        };
+        // The ground's edges are 60 radii away; the radius is more than 1.
+        assert!(ground(1e9).is_some() && ground(5e10).is_none());
+    }
 }

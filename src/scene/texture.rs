@@ -219,4 +219,32 @@ mod tests {
         assert_eq!(masks, [None, Some(1), None, None]);
         assert!(made.have_holes());
     }
+
+    #[test]
+    fn a_device_gets_the_coordinates_and_the_numbers_of_both_textures() {
+        let corners = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]];
+        let words = |texture, mask| Mapped { corners, texture, mask }.to_words();
+        let floats = [1.0_f32, 2.0, 3.0, 4.0, 5.0, 6.0].map(f32::to_bits);
+        assert_eq!(words(Some(7), Some(8))[..6], floats);
+        assert_eq!(words(Some(7), Some(8))[6..], [7, 9]);
+        assert_eq!(words(None, None)[6..], [u32::MAX, 0]);
+        // The triangle's normal follows, and a float that fills the row.
+        assert_eq!([false, true].map(Mapped::floats), [8, 12]);
+    }
+
+    #[test]
+    fn a_mirrored_triangle_has_its_corners_in_the_other_order() {
+        let corners = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]];
+        let mapped = vec![Mapped { corners, ..Mapped::NONE }];
+        let mut textures = Textures { list: vec![texture()], mapped };
+        textures.mirror();
+        assert_eq!(textures.mapped[0].corners, [[1.0, 2.0], [5.0, 6.0], [3.0, 4.0]]);
+    }
+
+    /// 257 units are a step; the least alpha is one unit lower, so that rounding makes no holes.
+    #[test]
+    fn the_least_alpha_is_one_unit_below_its_step() {
+        let least_step = |least_alpha| Texture { least_alpha, ..texture() }.least_step();
+        assert!((least_step(128 * 257) - (128.0 - 1.0 / 257.0)).abs() < 1e-12);
+    }
 }

@@ -280,3 +280,22 @@ fn one_wrong_pixel_is_in_the_singular() {
     assert!(reason(1).contains("1 pixel is wrong; the worst, (0, 0), is not finite"), "{}", reason(1));
     assert!(reason(2).contains("2 pixels are wrong"), "{}", reason(2));
 }
+
+#[test]
+fn hits_within_the_range_that_the_reference_allows_are_right() {
+    let mut reference = judged();
+    reference.hits_range = [1000, 2000];
+    let is_right = |hits| verify(&reference.radiance, Some(hits), &reference, Display::default()).ok;
+    assert!([984, 1000, 1500, 2000, 2016].into_iter().all(is_right));
+    assert!(![983, 2017].into_iter().any(is_right));
+}
+
+#[test]
+fn of_a_large_image_more_pixels_may_be_unexplained() {
+    assert_eq!(too_many_unexplained(40, 400_000), None);
+    let reason = too_many_unexplained(41, 400_000).unwrap_or_default();
+    assert!(
+        reason.starts_with("41 of 400000 pixels") && reason.contains("at most 40 such pixels"),
+        "{reason}"
+    );
+}

@@ -166,6 +166,18 @@ fn numbers_out_of_their_range_are_refused() {
         ("display.gamma = 1", "display.gamma = 0", "more than 0"),
         ("camera.elevation_degrees = -90", "camera.elevation_degrees = -91", "degrees from -90 to 90"),
         ("camera.azimuth_degrees = 1e30", "camera.azimuth_degrees = 1e39", "a finite number"),
+        ("camera.elevation_degrees = 90", "camera.elevation_degrees = 91", "degrees from -90 to 90"),
+        ("camera.fov_x_degrees = 179", "camera.fov_x_degrees = 180", "degrees between 0 and 180"),
+        ("camera.fov_y_degrees = 1", "camera.fov_y_degrees = 0", "degrees between 0 and 180"),
+        ("camera.z_near = 0", "camera.z_near = -1", "at least 0"),
+        ("camera.position = [0, 0, 1]", "camera.position = 1", "three numbers [x, y, z]"),
+        ("crease = 0", "crease = -1", "degrees from 0 to 180"),
+        ("crease = 180", "crease = 181", "degrees from 0 to 180"),
+        ("shadow_bias = 0", "shadow_bias = -1", "at least 0"),
+        ("display.exposure = 0", "display.exposure = -1", "at least 0"),
+        ("sky.zenith = 1e28", "sky.zenith = 2e28", "from 0 to 1e28"),
+        ("sky = { zenith = 1, reach = 1 }", "sky = { zenith = 1, reach = 0 }", "more than 0"),
+        ("background = \"#203040\"", "background = \"#20304\"", "neither a display colour"),
     ] {
         assert_eq!(told(good), Ok(()), "{good}");
         let error = told(bad).unwrap_err();
@@ -395,4 +407,15 @@ fn the_text_of_a_scene_that_the_user_names_is_quoted() {
     std::fs::write(&path, "[[object]]\nvertices = []\n").unwrap();
     let error = load_scene_for(&path, &[], Shot::SQUARE).unwrap_err();
     assert_eq!(error.to_string(), "`vertices` without `faces`");
+}
+
+#[test]
+fn the_parts_of_a_file_are_objects_only_of_a_bare_mesh() {
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes/two.gltf");
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(&mesh, folder.path().join("two.gltf")).unwrap();
+    let scene = folder.path().join("a.toml");
+    std::fs::write(&scene, "[[object]]\nmesh = \"two.gltf\"\n[[object]]\nshape = \"ground\"\n").unwrap();
+    let starts = |path: &Path| load_scene_with(path, &[]).unwrap().object_starts;
+    assert_eq!((starts(&mesh), starts(&scene)), (vec![0, 12], vec![0, 24]));
 }

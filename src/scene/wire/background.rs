@@ -71,3 +71,25 @@ fn displayed(text: &str) -> Option<[u8; 3]> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_have_six_digits_or_three_or_a_name() {
+        for (text, colour) in [
+            ("#203040", Some([32, 48, 64])),
+            ("#234", Some([34, 51, 68])),
+            ("#FfA", Some([255, 255, 170])),
+            ("black", Some([0; 3])),
+            ("white", Some([255; 3])),
+            ("#2030", None),
+            ("#20304g", None),
+            ("203040", None),
+            ("", None),
+        ] {
+            assert_eq!(displayed(text), colour, "{text}");
+        }
+    }
+}
