@@ -204,7 +204,7 @@ mod tests {
     fn group_ms(launches: u32, warmup: u32) -> f64 {
         let timing = format!("timing = {{ launches = {launches}, warmup = {warmup}, time_limit_ms = 30 }}");
         let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-        fixtures::run(&experiment, &[], &fixtures::no_locks()).group_ms(&POINTS)
+        fixtures::run(&experiment, &[], &fixtures::own_locks()).group_ms(&POINTS)
     }
 
     #[test]
@@ -226,7 +226,7 @@ mod tests {
                 image_size: [8, 5],
                 ..Record::default()
             };
-            let known = fixtures::run(&experiment, &[], &fixtures::no_locks()).known(&record, &record);
+            let known = fixtures::run(&experiment, &[], &fixtures::own_locks()).known(&record, &record);
             known.and_then(|known| known.rounds)
         };
         assert_eq!([of(30, None), of(30, Some(0)), of(21, Some(9))], [Some(10); 3]);
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn a_time_of_another_size_is_scaled_by_the_number_of_pixels() {
         let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 2 }");
-        let locks = fixtures::no_locks();
+        let locks = fixtures::own_locks();
         let run = fixtures::run(&experiment, &[], &locks);
         let earlier = Record {
             key: "small".into(),

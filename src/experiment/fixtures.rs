@@ -5,8 +5,10 @@ use crate::config::{self, Experiment};
 use crate::device::DeviceInfo;
 use crate::device_lock::Locks;
 use crate::program::Sources;
+use std::ops::Deref;
 use std::path::Path;
 use std::time::Duration;
+use tempfile::TempDir;
 
 /// Returns an experiment with `naive` on a small picture of a triangle. `lines` are more lines of its config.
 pub(super) fn experiment(lines: &str) -> Experiment {
@@ -20,9 +22,24 @@ pub(super) fn experiment_of(lines: &str) -> Experiment {
     config::parse(&config, text, &[]).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Returns locks in a folder that does not exist, for runs that lock no device.
-pub(super) fn no_locks() -> Locks {
-    Locks::in_folder(Path::new("no-locks"), false)
+/// Locks of devices in a temporary folder, so that tests do not lock each other's devices.
+pub(super) struct TestLocks {
+    locks: Locks,
+    _folder: TempDir,
+}
+
+impl Deref for TestLocks {
+    type Target = Locks;
+
+    fn deref(&self) -> &Locks {
+        &self.locks
+    }
+}
+
+/// Returns locks that no other test uses.
+pub(super) fn own_locks() -> TestLocks {
+    let folder = tempfile::tempdir().expect("a folder");
+    TestLocks { locks: Locks::in_folder(folder.path(), false), _folder: folder }
 }
 
 /// Returns a plain run of an experiment.

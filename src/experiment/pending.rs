@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn all_blocks_of_a_group_name_the_same_control_point() {
-        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let experiment = fixtures::experiment("local_sizes = [1, 2, 4, 8]");
         let devices = [&device];
         let run = fixtures::run(&experiment, &devices, &locks);
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn only_kernels_are_meant_for_kinds_of_devices() {
         // This device is a GPU.
-        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let entries = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
         let experiment = fixtures::experiment(entries);
         let devices = [&device];
@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn two_folders_of_kernels_are_measured_on_devices_and_not_on_the_host() {
-        let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let experiment = fixtures::experiment("baselines = ['serial']\nlocal_sizes = [4]");
         let devices = [&device];
         let plain = fixtures::run(&experiment, &devices, &locks);

@@ -113,7 +113,7 @@ fn session(
     change: impl for<'a> Fn(Run<'a>) -> Run<'a>,
 ) -> (Result<Vec<Record>>, Heard) {
     let (experiment, device, locks) =
-        (fixtures::experiment(lines), asleep::device(1.0), fixtures::no_locks());
+        (fixtures::experiment(lines), asleep::device(1.0), fixtures::own_locks());
     let devices = [&device, &device];
     let run = change(fixtures::run(&experiment, &devices[..1], &locks));
     let run = Run { devices: if run.spread { &devices } else { &devices[..1] }, ..run };
@@ -205,7 +205,7 @@ fn a_point_for_another_kind_of_device_is_passed_over_until_it_is_asked_for() {
 
 #[test]
 fn programs_are_built_while_points_are_timed_only_if_no_point_needs_the_cores() {
-    let (gpu, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let (gpu, locks) = (asleep::device(1.0), fixtures::own_locks());
     let cpu = crate::device::DeviceInfo { kind: DeviceKind::Cpu, ..gpu.clone() };
     let builds = |lines: &str, devices: &[&crate::device::DeviceInfo]| {
         fixtures::run(&fixtures::experiment(lines), devices, &locks).builds_beside_timing()

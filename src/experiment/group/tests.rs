@@ -120,7 +120,7 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     // No lock is taken for this device.
-    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
@@ -146,7 +146,7 @@ fn a_worker_is_started_ahead_only_if_none_is_there() {
 #[test]
 fn casters_on_the_host_take_a_lock_and_a_device_that_casts_nothing_does_not() {
     let experiment = fixtures::experiment("local_sizes = [4]");
-    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);
     let mut points = group().points;
@@ -157,7 +157,7 @@ fn casters_on_the_host_take_a_lock_and_a_device_that_casts_nothing_does_not() {
 #[test]
 fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 1 }");
-    let (device, locks) = (asleep::device(1.0), fixtures::no_locks());
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);
     let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
