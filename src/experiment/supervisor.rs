@@ -346,3 +346,7 @@ fn unexpected(reply: Reply) -> Error {
         _ => Error::fault("a worker process sent a reply that does not match the request"),
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests;

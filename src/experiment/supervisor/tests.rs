@@ -1,0 +1,212 @@
+//! Tests of requests to workers: which worker gets a request, and what becomes of replies and losses.
+
+use super::*;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+/// Far longer than anything in these tests takes.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// Starts workers, and notes their devices, the requests to all of them, and how many were dismissed.
+#[derive(Clone, Default)]
+struct Noting {
+    devices: Rc<RefCell<Vec<usize>>>,
+    requests: Rc<RefCell<Vec<Request>>>,
+    dismissed: Rc<Cell<usize>>,
+    /// What comes instead of the usual replies, from the next request on.
+    instead: Rc<RefCell<VecDeque<Wait>>>,
+    /// Set by the next request, if there is one.
+    interrupts: Option<Rc<AtomicBool>>,
+    /// What comes instead of the reply that a worker has started.
+    at_start: Option<Wait>,
+}
+
+struct Noted {
+    of: Noting,
+    next: Wait,
+}
+
+impl Spawner for Noting {
+    fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
+        self.devices.borrow_mut().push(device);
+        let next = self.at_start.clone().unwrap_or(Wait::Reply(Reply::Started));
+        Ok(Box::new(Noted { of: self.clone(), next }))
+    }
+}
+
+impl Worker for Noted {
+    fn send(&mut self, request: &Request) {
+        self.of.requests.borrow_mut().push(request.clone());
+        self.of.interrupts.iter().for_each(|flag| flag.store(true, Ordering::Relaxed));
+        self.next = Wait::Reply(match request {
+            Request::Check { .. } => Reply::Checked { record: Box::default(), ready: true },
+            Request::Build { .. } => Reply::Built(None),
+            Request::Cast { .. } | Request::Anchor => Reply::Sample(FrameTimes::whole(1.0, 1.0)),
+        });
+    }
+
+    fn wait(&mut self, _limit: Duration) -> Wait {
+        match self.next {
+            Wait::Reply(Reply::Started) => self.next.clone(),
+            _ => self.of.instead.borrow_mut().pop_front().unwrap_or_else(|| self.next.clone()),
+        }
+    }
+
+    fn dismiss(&mut self) {
+        self.of.dismissed.set(self.of.dismissed.get() + 1);
+    }
+}
+
+fn task(point: usize, device: usize, scene: usize) -> Task<'static> {
+    Task { point, device, scene, key: "key", verified: Some("hash") }
+}
+
+fn check(point: usize) -> Request {
+    Request::Check { point, key: "key".into(), verified: Some("hash".into()) }
+}
+
+/// Checks a point that must pass.
+fn passes(supervisor: &mut Supervisor<'_>, task: Task<'_>) {
+    assert!(matches!(supervisor.check(task), Ok(Ok((_, true)))));
+}
+
+#[test]
+fn workers_are_started_on_their_devices_and_those_started_ahead_are_used() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    supervisor.start_ahead([task(0, 2, 0), task(1, 1, 0), task(2, 2, 0)].into_iter()).unwrap();
+    assert_eq!(*noting.devices.borrow(), [2, 1]);
+    for task in [task(0, 2, 0), task(1, 1, 0), task(3, 3, 0)] {
+        passes(&mut supervisor, task);
+    }
+    assert_eq!(*noting.devices.borrow(), [2, 1, 3]);
+    assert_eq!(*noting.requests.borrow(), [0, 1, 3].map(check));
+}
+
+#[test]
+fn in_a_launch_a_worker_goes_on_to_the_next_scene_of_its_device_and_each_launch_has_new_ones() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    supervisor.turn_to(1, [task(0, 0, 0), task(1, 1, 0)].into_iter());
+    passes(&mut supervisor, task(0, 0, 0));
+    passes(&mut supervisor, task(1, 1, 0));
+    assert_eq!((noting.devices.borrow().len(), noting.dismissed.get()), (2, 0));
+    // The worker of device 1 has nothing to do in the next group.
+    supervisor.turn_to(1, [task(2, 0, 1)].into_iter());
+    passes(&mut supervisor, task(2, 0, 1));
+    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1], 1));
+    // The worker of device 0 cannot cast on device 1.
+    supervisor.turn_to(1, [task(3, 1, 1)].into_iter());
+    passes(&mut supervisor, task(3, 1, 1));
+    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1], 2));
+    supervisor.turn_to(2, [task(3, 1, 1)].into_iter());
+    passes(&mut supervisor, task(3, 1, 1));
+    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1, 1], 3));
+}
+
+#[test]
+fn in_each_group_a_point_is_checked_before_it_is_cast() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let mut casts = |turns: bool| {
+        if turns {
+            supervisor.turn_to(1, [task(5, 0, 0)].into_iter());
+        }
+        assert!(matches!(supervisor.cast(task(5, 0, 0)), Ok(Some(Ok(_)))));
+        std::mem::take(&mut *noting.requests.borrow_mut())
+    };
+    assert_eq!(casts(true), [check(5), Request::Cast { point: 5 }]);
+    assert_eq!(casts(false), [Request::Cast { point: 5 }]);
+    assert_eq!(casts(true), [check(5), Request::Cast { point: 5 }]);
+}
+
+#[test]
+fn an_anchor_that_fails_is_not_run_again_on_its_device() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    assert!(supervisor.anchor(task(0, 0, 0)).unwrap().is_none(), "no worker has been started for it");
+    for device in [0, 1] {
+        passes(&mut supervisor, task(device, device, 0));
+    }
+    let refused = Reply::Refused(PointFailure::new(Outcome::LaunchFailed, "no"));
+    noting.instead.borrow_mut().push_back(Wait::Reply(refused));
+    let found =
+        [(0, 0), (0, 0), (1, 1)].map(|(point, device)| supervisor.anchor(task(point, device, 0)).unwrap());
+    assert_eq!(found.map(|times| times.is_some()), [false, false, true]);
+    let anchors = noting.requests.borrow().iter().filter(|request| **request == Request::Anchor).count();
+    assert_eq!(anchors, 2);
+}
+
+#[test]
+fn after_an_interruption_a_sample_is_waited_for_and_a_check_is_not() {
+    let interrupted = Rc::new(AtomicBool::new(false));
+    let noting = Noting { interrupts: Some(Rc::clone(&interrupted)), ..Noting::default() };
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &interrupted, LIMIT);
+    supervisor
+        .posts
+        .insert((0, 0), Post { worker: noting.clone().spawn(0).unwrap(), ready: HashSet::from([0]) });
+    noting.instead.borrow_mut().push_back(Wait::Silence);
+    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(Some(Ok(_)))));
+    interrupted.store(false, Ordering::Relaxed);
+    noting.instead.borrow_mut().push_back(Wait::Silence);
+    assert_eq!(supervisor.check(task(0, 0, 0)).unwrap_err().exit_code(), 130);
+    assert!(supervisor.check(task(0, 0, 0)).is_err() && noting.requests.borrow().len() == 2);
+}
+
+#[test]
+fn a_points_failure_says_how_its_worker_was_lost() {
+    let death =
+        |last_words: &str| Death { cause: "was killed by SIGSEGV".into(), last_words: last_words.into() };
+    let reason = |losses: &[Wait], limit: Duration| {
+        let (noting, never) = (Noting::default(), AtomicBool::new(false));
+        noting.instead.borrow_mut().extend(losses.iter().cloned());
+        let mut spawner = noting.clone();
+        let mut supervisor = Supervisor::new(&mut spawner, &never, limit);
+        let failure = supervisor.check(task(0, 0, 0)).unwrap().unwrap_err();
+        assert_eq!(supervisor.losses(), losses.len());
+        (failure.outcome, failure.reason)
+    };
+    let twice = [Wait::Dead(death("first")), Wait::Dead(death("oh"))];
+    let both = "on both attempts its process was killed by SIGSEGV; its last message: oh";
+    assert_eq!(reason(&twice, LIMIT), (Outcome::Crashed, both.to_owned()));
+    let hung = "it did not answer within 0 s, and its process was ended";
+    assert_eq!(reason(&[Wait::Silence], Duration::ZERO), (Outcome::TimedOut, hung.to_owned()));
+    // After three points have crashed twice, no other point is tried twice.
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let mut attempts = |point| {
+        let before = noting.requests.borrow().len();
+        noting.instead.borrow_mut().extend([death(""), death("")].map(Wait::Dead));
+        let failure = supervisor.check(task(point, 0, 0)).unwrap().unwrap_err();
+        noting.instead.borrow_mut().clear();
+        (noting.requests.borrow().len() - before, failure.reason)
+    };
+    let crashed = "process was killed by SIGSEGV";
+    for point in 0..3 {
+        assert_eq!(attempts(point), (2, format!("on both attempts its {crashed}")));
+    }
+    assert_eq!(attempts(3), (1, format!("its {crashed}")));
+}
+
+#[test]
+fn a_workers_own_error_ends_the_run_with_its_words_and_so_does_a_worker_that_cannot_start() {
+    let never = AtomicBool::new(false);
+    let noting = Noting::default();
+    let failed = Reply::Failed { message: "a scene changed".into(), help: "use --resume".into() };
+    noting.instead.borrow_mut().push_back(Wait::Reply(failed));
+    let mut spawner = noting;
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let error = supervisor.check(task(0, 0, 0)).unwrap_err();
+    assert_eq!((error.to_string().as_str(), error.remedy()), ("a scene changed", "use --resume"));
+    let death = Death { cause: "ended with exit status: 1".into(), last_words: String::new() };
+    let mut dead = Noting { at_start: Some(Wait::Dead(death)), ..Noting::default() };
+    let error = Supervisor::new(&mut dead, &never, LIMIT).check(task(0, 0, 0)).unwrap_err();
+    assert_eq!(error.to_string(), "a worker process could not start: it ended with exit status: 1");
+}
