@@ -440,7 +440,10 @@ mod tests {
         let run = of(&args, &sources);
         assert_eq!((run.limit, run.retry_failed, run.spread), (Duration::from_millis(2500), true, false));
         assert_eq!(run.overrides, [("timing.seed".to_owned(), "3".to_owned())]);
-        let is_folder = |sources: &Sources, name: &str| matches!(sources, Sources::Folder(folder) if folder.as_os_str() == name);
+        let is_folder = |sources: &Sources, name: &str| match sources {
+            Sources::Folder(folder) => folder.as_os_str() == name,
+            Sources::Embedded => false,
+        };
         assert!(is_folder(run.sources, "one") && run.other_sources.is_some_and(|two| is_folder(two, "two")));
         let spread = fixtures::args(&["a.toml", "--spread"]);
         let run = of(&spread, &sources[..1]);
@@ -472,8 +475,9 @@ mod tests {
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
         let config = place.path().join("a.toml");
         let text = format!(
-            "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nstrategies = ['naive']\nbaselines = ['serial']\n\
-             image_sizes = [[8, 5], [16, 10]]\nlocal_sizes = [2, 4]\ntiming.launches = 3\n"
+            "question = '?'\nexpectation = '!'\nscenes = [{scene:?}]\nstrategies = ['naive']\n\
+             baselines = ['serial']\nimage_sizes = [[8, 5], [16, 10]]\nlocal_sizes = [2, 4]\n\
+             timing.launches = 3\n"
         );
         std::fs::write(&config, text).unwrap();
         let devices = [asleep::device(1.0), asleep::device(2.0)];
