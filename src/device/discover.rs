@@ -243,4 +243,29 @@ mod tests {
             assert_eq!(info.limits.is_cpu, info.kind == DeviceKind::Cpu);
         }
     }
+
+    #[test]
+    fn every_property_is_the_answer_to_its_own_query() {
+        for Device { info, device, .. } in
+            discover(&Sources::Embedded).expect("the tests need PoCL: make setup")
+        {
+            let answer =
+                |query| device.info(query).map_or_else(|error| error.to_string(), |found| found.to_string());
+            let limits = &info.limits;
+            for (query, found) in [
+                (Query::LocalMemSize, limits.local_bytes.to_string()),
+                (Query::MaxConstantBufferSize, limits.constant_bytes.to_string()),
+                (Query::GlobalMemSize, limits.global_bytes.to_string()),
+                (Query::MaxMemAllocSize, limits.allocation_bytes.to_string()),
+                (Query::MaxWorkGroupSize, limits.work_group_size.to_string()),
+                (Query::MaxComputeUnits, limits.compute_units.to_string()),
+                (Query::Name, info.name),
+                (Query::Vendor, info.vendor),
+                (Query::DriverVersion, info.driver),
+            ] {
+                assert_eq!(found, answer(query).trim(), "{query:?}");
+            }
+            assert!(info.version.starts_with("OpenCL "), "{}", info.version);
+        }
+    }
 }

@@ -316,6 +316,25 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn a_description_has_the_driver_the_units_and_the_kibibytes() {
+        let mut device = example("PoCL", "EPYC", DeviceKind::Cpu, 8);
+        assert_eq!(device.describe(), "EPYC (PoCL, driver 3.1): cpu, 8 compute units, 48 KiB __local");
+        device.threads = Some(1);
+        assert!(device.describe().ends_with("cpu, 8 compute units, 1 thread, 48 KiB __local"));
+    }
+
+    #[test]
+    fn kernels_use_built_ins_that_the_compiler_has() {
+        let of = |platform: &str, kind| {
+            let builtins = example(platform, "a device", kind, 2).builtins();
+            (builtins.reduce, builtins.prefetch)
+        };
+        assert_eq!(of("PoCL", DeviceKind::Cpu), (true, true));
+        assert_eq!(of("NVIDIA CUDA", DeviceKind::Gpu), (true, false));
+        assert_eq!(of("Oclgrind", DeviceKind::Cpu), (false, false));
+    }
+
+    #[test]
     fn nvidia_keeps_a_kibibyte_of_local_arguments() {
         let mut device = example("NVIDIA CUDA", "H200", DeviceKind::Gpu, 132);
         assert_eq!(device.local_argument_bytes(), 49152);

@@ -75,6 +75,11 @@ mod tests {
         holder.write(&mut file).unwrap();
         assert_eq!(Holder::read(&path), holder);
         assert_eq!(holder.to_string(), "process 7, `raycl run ?[2J` in /home/ada");
+        // A later holder replaces an earlier one, and only the first 200 characters of a command are shown.
+        let long = Holder { command: "x".repeat(300), ..holder };
+        long.write(&mut file).unwrap();
+        assert_eq!(Holder::read(&path), long);
+        assert_eq!(long.to_string(), format!("process 7, `{}` in /home/ada", "x".repeat(200)));
         assert_eq!(Holder::read(&folder.path().join("none")).to_string(), "another process");
     }
 }

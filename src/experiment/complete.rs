@@ -141,6 +141,10 @@ mod tests {
         assert!(warning.contains("batches of 13"), "{warning}");
         assert_eq!(completed(0.004, 0.0075, None).warning, None);
         assert_eq!(completed(5.0, 5.1, None).warning, None);
+        // A caster on the host is not launched.
+        let mut host = Record { device: crate::record::HOST.into(), image_size: [8, 5], ..Record::default() };
+        complete(&mut host, &[taken(FrameTimes::whole(0.004, 0.03)); 5], Some(StopReason::Precise));
+        assert_eq!(host.warning, None);
     }
 
     #[test]

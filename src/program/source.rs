@@ -102,6 +102,27 @@ mod tests {
         let expected =
             "#line 1 \"outer.cl\"\none\n#line 1 \"inner.cl\"\nwithin\n#line 3 \"outer.cl\"\nthree\n";
         assert_eq!(joiner.text, expected);
+        joiner.add("inner.cl").unwrap();
+        assert_eq!(joiner.files, ["outer.cl", "inner.cl"]);
+    }
+
+    #[test]
+    fn the_hash_of_kernels_follows_the_text_and_the_name_of_every_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let with = |name: &str, text: &str| {
+            let place = folder.path().join(name.replace('.', "-") + text);
+            std::fs::create_dir_all(&place).unwrap();
+            std::fs::write(place.join(name), text).unwrap();
+            Sources::Folder(place).hash().unwrap()
+        };
+        let hashes = [
+            Sources::Embedded.hash().unwrap(),
+            with("a.cl", "one"),
+            with("a.cl", "two"),
+            with("b.cl", "one"),
+        ];
+        let distinct: std::collections::HashSet<_> = hashes.iter().collect();
+        assert_eq!(distinct.len(), hashes.len(), "{hashes:?}");
     }
 
     #[test]

@@ -88,4 +88,14 @@ mod tests {
         assert_ne!(hash("text", "-D A=1"), hash("text", "-D A=2"));
         assert_ne!(hash("text", "-D A=1"), hash("text ", "-D A=1"));
     }
+
+    #[test]
+    fn options_are_the_defines_the_standard_and_relaxed_mathematics_only_where_asked_for() {
+        let mut strategy =
+            crate::strategy::preset("naive").unwrap_or_else(|error| panic!("{error}")).strategy;
+        let of = |strategy: &Strategy| options(strategy, Builtins::default(), &[("A", 1), ("B", 22)]);
+        assert_eq!(of(&strategy), "-D A=1 -D B=22 -cl-std=CL1.2 -cl-kernel-arg-info");
+        strategy.math = Math::Fast;
+        assert_eq!(of(&strategy), "-D A=1 -D B=22 -cl-std=CL1.2 -cl-kernel-arg-info -cl-fast-relaxed-math");
+    }
 }

@@ -284,8 +284,17 @@ mod tests {
             total_ms: 20.0,
             frames_per_s: 4.0,
             output: "a.png".to_owned(),
-            notes: Vec::new(),
+            notes: vec!["a remark".to_owned()],
         })
+    }
+
+    #[test]
+    fn without_a_range_all_frames_are_asked_for() {
+        let frames = |first, last| Frames { first, last };
+        let motion = |frames| Motion { turntable: Some(9), animate: false, frames, shard: None, rate: None };
+        assert_eq!(motion(None).asked(9).ok(), Some(frames(1, 9)));
+        assert_eq!(motion(Some(frames(3, 5))).asked(9).ok(), Some(frames(3, 5)));
+        assert!(motion(Some(frames(3, 10))).asked(9).is_err());
     }
 
     #[test]
@@ -307,5 +316,6 @@ mod tests {
         assert!(!told(0, 4).contains("kernel") && !told(0, 4).contains("speed"));
         assert!(told(1, 3).contains("1.50 ms\n") && told(1, 3).contains("4.0 frames/s"));
         assert!(told(2, 2).contains("1.50 ms, the median frame\n"));
+        assert!(told(0, 4).ends_with("note      a remark\npictures  a.png"), "{}", told(0, 4));
     }
 }

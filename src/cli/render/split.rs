@@ -271,7 +271,7 @@ mod tests {
             left_out: vec![LeftOut { device: "slow".to_owned(), reason: "it is slow".to_owned() }],
             frames: 7,
             total_ms: 5.0,
-            verified: None,
+            verified: Some(Verified { max_difference: 0.0, uncertain_pixels: 0, pixels: 9, of_pixels: 9 }),
             output: "a.png".to_owned(),
             notes: vec!["a remark".to_owned()],
         };
@@ -285,6 +285,7 @@ mod tests {
             "two 3 to 9 deferred 10.00 11.00 6.00 12.00",
             "frame 1.00 ms on the slowest device (median of 7); transfers 2.00 ms up, 3.00 ms down",
             "left out slow: it is slow",
+            "verified against the serial reference: largest difference 0.0e0 relative, 0 pixels uncertain",
             "note a remark",
             "picture a.png",
         ] {

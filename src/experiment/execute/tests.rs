@@ -2,9 +2,10 @@
 //! measures.
 
 use super::*;
+use crate::experiment::ahead::{Ahead, Builder};
 use crate::experiment::asleep;
 use crate::experiment::fixtures;
-use crate::experiment::protocol::{Reply, Request};
+use crate::experiment::protocol::{Built, Reply, Request};
 use crate::experiment::supervisor::{Wait, Worker};
 use crate::launch::FrameTimes;
 use crate::record::{AnchorSample, Environment, read_lines};
@@ -26,6 +27,10 @@ struct Answering {
     interrupted: Arc<AtomicBool>,
     /// The outcome of every check.
     outcome: Outcome,
+    /// True if every frame is refused.
+    refuses: bool,
+    /// The hashes of pictures that need not be compared again, as told to workers.
+    verified: Arc<Mutex<Vec<Option<String>>>>,
 }
 
 impl Default for Answering {
@@ -36,6 +41,8 @@ impl Default for Answering {
             interrupts_at: NEVER,
             interrupted: Arc::default(),
             outcome: Outcome::Measured,
+            refuses: false,
+            verified: Arc::default(),
         }
     }
 }
@@ -59,11 +66,18 @@ impl Worker for Answer {
         }
         let (ready, outcome) = (self.of.outcome == Outcome::Measured, self.of.outcome);
         self.next = match request {
-            Request::Check { key, .. } => {
-                let record = Record { key: key.clone(), outcome, ..Record::default() };
+            Request::Check { key, verified, .. } => {
+                self.of.verified.lock().unwrap().push(verified.clone());
+                let image_hash = Some("a hash".to_owned());
+                let record = Record { key: key.clone(), outcome, image_hash, ..Record::default() };
                 Reply::Checked { record: Box::new(record), ready }
             }
-            Request::Build { .. } => Reply::Built(None),
+            Request::Build { .. } => {
+                Reply::Built(Some(Built { build_ms: 42.0, from_cache: true, key: None, lacks_log: false }))
+            }
+            Request::Cast { .. } if self.of.refuses => {
+                Reply::Refused(PointFailure::new(Outcome::LaunchFailed, "no"))
+            }
             Request::Cast { .. } | Request::Anchor => Reply::Sample(FrameTimes::whole(1.0, 1.0)),
         };
     }
@@ -185,6 +199,51 @@ fn failed_points_are_measured_again_only_if_that_is_asked_for() {
     assert_eq!(outcome(&workers, false), Outcome::BuildFailed);
     assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
     assert_eq!(outcome(&workers, true), Outcome::Measured);
+}
+
+#[test]
+fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    // In the first launch, the point is checked once and cast five times, and the anchor runs once.
+    let first = Answering { interrupts_at: 8, ..Answering::default() };
+    assert!(session(folder.path(), &lines, &first, plain).0.is_err());
+    let second = Answering::default();
+    let (records, heard) = session(folder.path(), &lines, &second, plain);
+    let record = records.unwrap().remove(0);
+    assert_eq!((heard.steps, heard.finished, second.requests.load(Ordering::Relaxed)), (2, 1, 7));
+    assert_eq!((record.samples_ms.len(), record.check_ms.is_some()), (10, true));
+}
+
+#[test]
+fn a_picture_is_compared_in_the_first_launch_only_and_a_refused_point_has_no_more_launches() {
+    let folder = tempfile::tempdir().unwrap();
+    let lines = format!("local_sizes = [1]\n{TIMING}");
+    let workers = Answering::default();
+    session(folder.path(), &lines, &workers, plain).0.unwrap();
+    assert_eq!(*workers.verified.lock().unwrap(), [None, Some("a hash".to_owned())]);
+    let folder = tempfile::tempdir().unwrap();
+    let refusing = Answering { refuses: true, ..Answering::default() };
+    let (records, heard) = session(folder.path(), &lines, &refusing, plain);
+    assert_eq!(records.unwrap()[0].outcome, Outcome::LaunchFailed);
+    assert_eq!((heard.steps, heard.finished, refusing.requests.load(Ordering::Relaxed)), (2, 1, 2));
+}
+
+#[test]
+fn a_record_has_the_time_for_which_a_builder_built_its_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let ahead: &'static Ahead = Box::leak(Box::default());
+    let workers = Answering::default();
+    let builder =
+        Builder { usual: Box::new(workers.clone()), without_driver_cache: Box::new(workers.clone()) };
+    let limit = std::time::Duration::from_secs(120);
+    let records = ahead.beside(vec![builder], limit, &AtomicBool::new(false), || {
+        let lines = format!("local_sizes = [1, 2]\n{TIMING}");
+        session(folder.path(), &lines, &workers, |run| Run { ahead: Some(ahead), ..run }).0.unwrap()
+    });
+    let built = |record: &Record| (record.build_ms, record.build_from_cache);
+    assert_eq!([built(&records[0]), built(&records[1])], [(Some(42.0), Some(true)); 2]);
+    assert_eq!(ahead.tally().kept, 2);
 }
 
 /// The device is a GPU.
