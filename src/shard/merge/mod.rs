@@ -359,10 +359,32 @@ mod tests {
         kind.write(&Kind::file(out, device, identity)).unwrap();
     }
 
+    /// Writes an attempt at the first shard with one record, of the attempt's fourth launch, and its picture.
+    fn write_attempt(out: &Path, host: &str, key: &str, device: &str) {
+        use crate::record::{JsonLines, Outcome};
+        use crate::shard::About;
+        let about =
+            About { shard: 1, of: 1, host: host.into(), devices: vec!["x".into()], ..About::default() };
+        let attempt = Attempt::begin(out, &about).unwrap();
+        std::fs::create_dir(attempt.folder.join("images")).unwrap();
+        std::fs::write(attempt.folder.join("images/a.png"), host).unwrap();
+        let record = Record {
+            key: key.into(),
+            device: device.into(),
+            strategy: "serial-f32".into(),
+            outcome: Outcome::Measured,
+            samples_ms: vec![1.0, 1.0],
+            sample_launches: vec![3; 2],
+            image: Some("images/a.png".into()),
+            ..Record::default()
+        };
+        JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+    }
+
     #[test]
     fn merged_records_name_their_attempts_and_hosts_and_have_their_pictures() {
-        use crate::record::{HOST, JsonLines, Outcome};
-        use crate::shard::{About, Block, Header};
+        use crate::record::HOST;
+        use crate::shard::{Block, Header};
         let place = tempfile::tempdir().unwrap();
         let out = place.path();
         let block = Block { number: 1, shard: 1, points: vec![0, 1], control: None };
@@ -378,26 +400,8 @@ mod tests {
         for (device, identity, point) in [(HOST, "amd", 0), (HOST, "intel", 0), ("gpu", "x", 1)] {
             write_kind(out, device, identity, point);
         }
-        let write = |host: &str, key: &str, device: &str, launch: u32| {
-            let about =
-                About { shard: 1, of: 1, host: host.into(), devices: vec!["x".into()], ..About::default() };
-            let attempt = Attempt::begin(out, &about).unwrap();
-            std::fs::create_dir(attempt.folder.join("images")).unwrap();
-            std::fs::write(attempt.folder.join("images/a.png"), host).unwrap();
-            let record = Record {
-                key: key.into(),
-                device: device.into(),
-                strategy: "serial-f32".into(),
-                outcome: Outcome::Measured,
-                samples_ms: vec![1.0, 1.0],
-                sample_launches: vec![launch; 2],
-                image: Some("images/a.png".into()),
-                ..Record::default()
-            };
-            JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
-        };
-        write("n1", "amd 0", HOST, 3);
-        write("n2", "x 1", "gpu", 3);
+        write_attempt(out, "n1", "amd 0", HOST);
+        write_attempt(out, "n2", "x 1", "gpu");
         let merged = merge(out, &[]).unwrap();
         assert_eq!((merged.attempts, merged.records, merged.missing.count()), (2, 2, 0));
         let notes = merged.notes.join("\n");
