@@ -29,6 +29,18 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
+/// A vector of the strategy `tile` then has 2 x 2 pixels, some of which lie outside of the picture. Inside, no pixel
+/// shows the background.
+#[test]
+fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
+    let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
+        vertices = [[-99, -99, -1], [99, -99, -1], [99, 99, -1], [-99, 99, -1]]\nfaces = [[0, 1, 2, 3]]\n";
+    let place = Place::with(&[("scene.toml", scene)]);
+    for strategy in ["bvh", "tile", "tile-group"] {
+        report(&place, &["--samples", "4", "--strategy", strategy, "--verify"]);
+    }
+}
+
 /// Returns the command's report about samples. The last blocks of pixels of a row and of a column are partial.
 fn report(place: &Place, options: &[&str]) -> serde_json::Value {
     report_of_size(place, ["61", "43"], options)
