@@ -74,8 +74,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16 samples, and the
-/// other eight of ten get one.
+/// The edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16 samples, and
+/// the other eight of ten get one.
 #[test]
 fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
     let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";

@@ -255,7 +255,8 @@ mod tests {
             other.content_hash() != scene.content_hash()
         };
         assert!(!changed(&|scene| scene.name.push('a')));
-        let changes: [(&str, &dyn Fn(&mut Scene)); 22] = [
+        type Change<'a> = (&'a str, &'a dyn Fn(&mut Scene));
+        let changes: [Change; 22] = [
             ("position", &|scene| scene.mesh_mut().positions[1].z += 1.0),
             ("normal", &|scene| scene.mesh_mut().normals[0] = Vec3::new(0.5, 0.5, 0.5)),
             ("corners", &|scene| scene.mesh_mut().triangles[0].positions.swap(1, 2)),
