@@ -71,6 +71,9 @@ fn every_family_with_a_sky_agrees_with_the_reference_under_a_picture() {
             render(&place, &["--verify=300", "--strategy", strategy, "--samples", samples]);
         }
     }
+    for strategy in ["bvh", "tile"] {
+        render(&place, &["--verify=300", "--strategy", strategy, "--samples", "16", "--adaptive"]);
+    }
 }
 
 /// A camera without a `look_at` looks at the picture's middle, and the picture's columns run from left to

@@ -29,11 +29,27 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
+/// A vector of the strategy `tile` then has 2 x 2 pixels, some of which lie outside of the picture. Inside, no pixel
+/// shows the background.
+#[test]
+fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
+    let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
+        vertices = [[-99, -99, -1], [99, -99, -1], [99, 99, -1], [-99, 99, -1]]\nfaces = [[0, 1, 2, 3]]\n";
+    let place = Place::with(&[("scene.toml", scene)]);
+    for strategy in ["bvh", "tile", "tile-group"] {
+        report(&place, &["--samples", "4", "--strategy", strategy, "--verify"]);
+    }
+}
+
 /// Returns the command's report about samples. The last blocks of pixels of a row and of a column are partial.
 fn report(place: &Place, options: &[&str]) -> serde_json::Value {
+    report_of_size(place, ["61", "43"], options)
+}
+
+fn report_of_size(place: &Place, [width, height]: [&str; 2], options: &[&str]) -> serde_json::Value {
     let device = device();
     let usual =
-        ["render", "scene.toml", "--width", "61", "--height", "43", "-o", "b.png", "--json", "--device"];
+        ["render", "scene.toml", "--width", width, "--height", height, "-o", "b.png", "--json", "--device"];
     serde_json::from_str(&place.output(&[&usual[..], &[&device, "--force"], options].concat())).expect("JSON")
 }
 
@@ -56,6 +72,27 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     assert_eq!((&all["samples"], &all["mean_samples"]), (&16.into(), &16.0.into()));
     assert_eq!(report(&place, &["--adaptive"])["samples"], 16);
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
+}
+
+/// The edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16 samples, and
+/// the other eight of ten get one.
+#[test]
+fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
+    let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";
+    let (right, above) = (
+        "[0, -99, -1], [99, -99, -1], [99, 99, -1], [0, 99, -1]",
+        "[-99, 0, -1], [99, 0, -1], [99, 99, -1], [-99, 99, -1]",
+    );
+    for (corners, size) in [(right, ["40", "8"]), (above, ["8", "40"])] {
+        for colour in ["[0.8, 0, 0]", "[0, 0.8, 0]", "[0, 0, 0.8]"] {
+            let object = format!(
+                "[[object]]\nvertices = [{corners}]\nfaces = [[0, 1, 2, 3]]\nmaterial.k_l = {colour}\n"
+            );
+            let place = Place::with(&[("scene.toml", &format!("background = 0\n{light}{object}"))]);
+            let said = report_of_size(&place, size, &["--samples", "16", "--adaptive"]);
+            assert_eq!(said["mean_samples"], 4.0, "{size:?}, {colour}");
+        }
+    }
 }
 
 /// The changes to the kernels: blocks are counted wrongly, a pixel gets a wrong number of samples, or its

@@ -49,6 +49,22 @@ fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
     }
 }
 
+/// With many lights, the strategy `tile-group` adds light to the picture in several rounds.
+#[test]
+fn a_surface_under_many_lights_covers_its_pixel_once() {
+    let (place, device) = (Place::new(), device());
+    let scene = repository("scenes/many-lights.toml").display().to_string();
+    let coverage = |strategy: &str| -> Vec<f32> {
+        let usual = ["render", &scene, "--width", "45", "--height", "29", "--device", &device, "--force"];
+        let more = ["--background", "transparent", "--strategy", strategy, "-o", "out.exr"];
+        place.output(&[&usual[..], &more].concat());
+        let picture = image::open(place.path("out.exr")).expect("a picture").to_rgba32f();
+        picture.pixels().map(|pixel| pixel.0[3]).collect()
+    };
+    let found = coverage("tile-group");
+    assert!(found.contains(&0.0) && found.contains(&1.0) && found == coverage("bvh"));
+}
+
 #[test]
 fn a_png_has_the_colour_of_the_covered_part() {
     let place = Place::new();
