@@ -91,11 +91,11 @@ impl Bvh {
     }
 
     /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles:
-    /// two buffers of boxes, the order, and the nodes twice (in pieces, then joined). The estimate assumes that leaves
-    /// are half full on average.
+    /// the order, the nodes, and either two buffers of boxes or, after these are freed, the nodes once more (the nodes
+    /// are made in pieces, then joined). The estimate assumes that leaves are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
-        let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1);
-        let primitive = 2 * size_of::<bounds::Primitive>() as u64 + size_of::<u32>() as u64;
-        triangles * primitive + 2 * nodes * size_of::<Node>() as u64
+        let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
+        let boxes = 2 * triangles * size_of::<bounds::Primitive>() as u64;
+        triangles * size_of::<u32>() as u64 + nodes + if boxes > nodes { boxes } else { nodes }
     }
 }

@@ -112,7 +112,7 @@ impl WideBvh {
     /// Fails like [`Self::new`].
     pub fn of_mesh(mesh: &Mesh, width: usize, leaf_size: usize) -> Result<Self> {
         let own = if width < 32 { Bvh::LEAF_SIZE } else { leaf_size };
-        Self::new(&Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
+        Self::new(Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
     /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly replaced
@@ -125,16 +125,19 @@ impl WideBvh {
     ///
     /// Fails if the width is none of [`Self::WIDTHS`], if the leaf size is not in `1..=63` or is
     /// below that of the binary tree, or if there are more than 33,554,432 triangles or nodes.
-    pub fn new(bvh: &Bvh, width: usize, leaf_size: usize) -> Result<Self> {
-        check(bvh, width, leaf_size)?;
+    pub fn new(bvh: Bvh, width: usize, leaf_size: usize) -> Result<Self> {
+        check(&bvh, width, leaf_size)?;
         let mut wide = Self::unused(width);
-        wide.order.clone_from(&bvh.order);
         if !bvh.nodes.is_empty() {
-            let inner = wide.collapse_node(bvh, 0, Subtree::new(bvh, 0, 0), leaf_size);
-            let collapse = |child| Self::collapse(bvh, child, width, leaf_size);
+            let inner = wide.collapse_node(&bvh, 0, Subtree::new(&bvh, 0, 0), leaf_size);
+            let collapse = |child| Self::collapse(&bvh, child, width, leaf_size);
             let parts: Vec<Self> = inner.into_par_iter().map(collapse).collect();
-            parts.iter().enumerate().for_each(|(place, part)| wide.append(1 + place, part));
+            // Trees of large meshes take hundreds of megabytes, so everything is freed as soon as it is copied.
+            drop(bvh.nodes);
+            wide.nodes.reserve_exact(parts.iter().map(|part| part.nodes.len()).sum());
+            parts.into_iter().enumerate().for_each(|(place, part)| wide.append(1 + place, &part));
         }
+        wide.order = bvh.order;
         if wide.node_count() > Self::MAX_INDEX {
             return Err(Error::run(
                 "the tree has more than 33,554,432 nodes; references to child nodes cannot index more",

@@ -103,9 +103,11 @@ impl Wanted<'_> {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices were being measured"));
             }
-            all.extend(found?);
+            // Several patterns may match the same device.
+            let new = |peak: &Peak| all.iter().all(|known| known.device != peak.device);
+            let found: Vec<Peak> = found?.into_iter().filter(new).collect();
+            all.extend(found);
         }
-        all.dedup_by(|one, other| one.device == other.device);
         Ok(all)
     }
 

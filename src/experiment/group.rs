@@ -6,17 +6,18 @@ mod tests;
 mod timed;
 
 use super::Run;
+use super::apart::{self, Launch};
 use super::asleep;
 use super::complete::{Taken, complete};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, DeviceKind};
 use crate::device_lock::LockName;
 use crate::error::Result;
 use crate::load::Watch;
-use crate::measure::{StopReason, StoppingRule};
+use crate::measure::StopReason;
 use crate::record::{Record, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
@@ -25,8 +26,8 @@ use timed::Timed;
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
     points: Vec<PendingPoint>,
-    /// Number of complete launches, in which every point was sampled.
-    whole: usize,
+    /// The complete launches, in which every point was sampled.
+    whole: Vec<Launch>,
     /// The number of visits to the group. Each launch, with its own worker processes, visits the group once.
     visits: u32,
     /// Why the last launch ended.
@@ -38,7 +39,7 @@ pub struct OpenGroup {
 impl OpenGroup {
     /// Makes a group that has not been visited yet.
     pub fn new(points: Vec<PendingPoint>) -> Self {
-        Self { points, whole: 0, visits: 0, reason: None, home: None }
+        Self { points, whole: Vec::new(), visits: 0, reason: None, home: None }
     }
 
     /// Returns a group that was visited `visits` times.
@@ -82,6 +83,21 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
+    /// Returns whether the group needs no further launch. Only times of processors depend on where these are.
+    fn has_enough(&self, run: &Run<'_>) -> bool {
+        let wanted = run.experiment.timing.launches as usize;
+        match self.is_on_processors(run) {
+            true => apart::are_enough(&self.whole, wanted),
+            false => self.whole.len() >= wanted,
+        }
+    }
+
+    /// Returns whether processors cast all points of the group.
+    fn is_on_processors(&self, run: &Run<'_>) -> bool {
+        let is_processor = |device: &DeviceInfo| device.kind == DeviceKind::Cpu;
+        self.points.iter().all(|pending| device_of(run, pending).is_none_or(is_processor))
+    }
+
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
     /// While points are timed, no other process measures on their devices.
     pub fn visit(
@@ -92,20 +108,21 @@ impl OpenGroup {
     ) -> Result<()> {
         let launches = run.experiment.timing.launches as usize;
         if self.visits == 0 {
-            self.adopt(&run.stopping_rule(), launches, sink);
+            self.adopt(run, sink);
         }
         self.visits += 1;
         supervisor.turn_to(self.visits, self.tasks());
         loop {
             self.check(run, supervisor, sink)?;
-            if self.whole == launches || self.points.is_empty() {
+            if self.has_enough(run) || self.points.is_empty() {
                 break;
             }
             match self.time(run, supervisor, sink)? {
                 End::Enough(reason) => {
-                    self.whole += 1;
                     self.reason = Some(reason);
-                    sink.advances(self.points.len());
+                    if self.whole.len() <= launches {
+                        sink.advances(self.points.len());
+                    }
                     break;
                 }
                 End::AllFailed => break,
@@ -115,28 +132,30 @@ impl OpenGroup {
                 }
             }
         }
-        if self.whole == launches { self.finish(sink) } else { Ok(()) }
+        if self.has_enough(run) { self.finish(run, sink) } else { Ok(()) }
     }
 
     /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches
     /// are dropped, since other worker processes would measure the rest of them.
-    fn adopt(&mut self, rule: &StoppingRule, launches: usize, sink: &mut impl ResultSink) {
+    fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
+        let least = run.stopping_rule().least();
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
         let has = |taken: &Vec<Taken>, launch: u32| {
-            taken.iter().filter(|sample| sample.launch == launch).count() >= rule.least()
+            taken.iter().filter(|sample| sample.launch == launch).count() >= least
         };
         let all: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
-        let whole: HashSet<u32> = all
-            .into_iter()
-            .filter(|launch| past.iter().all(|taken| has(taken, *launch)))
-            .take(launches)
-            .collect();
-        for (pending, taken) in self.points.iter_mut().zip(past) {
-            pending.taken.extend(taken.into_iter().filter(|sample| whole.contains(&sample.launch)));
+        for launch in all.into_iter().filter(|launch| past.iter().all(|taken| has(taken, *launch))) {
+            if !self.has_enough(run) {
+                self.whole.push(Launch::of(launch, sink.past_core_to_core_ns(launch)));
+            }
         }
-        self.whole = whole.len();
-        sink.advances(self.whole * self.points.len());
+        for (pending, taken) in self.points.iter_mut().zip(past) {
+            let adopted = |sample: &Taken| self.whole.iter().any(|launch| launch.number == sample.launch);
+            pending.taken.extend(taken.into_iter().filter(adopted));
+        }
+        let counted = self.whole.len().min(run.experiment.timing.launches as usize);
+        sink.advances(counted * self.points.len());
     }
 
     /// Checks every point, and stores the records of points that fail. On the first visit, a point is checked as
@@ -147,7 +166,7 @@ impl OpenGroup {
         supervisor: &mut Supervisor<'_>,
         sink: &mut impl ResultSink,
     ) -> Result<()> {
-        let left = run.experiment.timing.launches as usize - self.whole;
+        let left = (run.experiment.timing.launches as usize).saturating_sub(self.whole.len());
         let devices = lock_names(run, &self.points);
         // Drivers start and programs are built only when the devices are free, since this work, like checks, would
         // disturb another process's measurement.
@@ -205,7 +224,7 @@ impl OpenGroup {
         let interrupted = supervisor.interrupted();
         let _held = run.locks.take_all(devices, &mut |line| sink.says(line), interrupted)?;
         let launch = sink.next_launch();
-        let (number, losses) = (self.whole + 1, supervisor.losses());
+        let (number, losses) = (self.whole.len() + 1, supervisor.losses());
         let taken = vec![Vec::new(); self.points.len()];
         let failed = HashSet::new();
         let (points, start, watch) = (&self.points, Instant::now(), Watch::start());
@@ -223,10 +242,11 @@ impl OpenGroup {
             taken,
             failed,
             casts,
+            core_to_core_ns: Vec::new(),
         };
         let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
-        let Timed { taken, failed, .. } = timed;
-        let left = timing.launches as usize - self.whole;
+        let Timed { taken, failed, core_to_core_ns, .. } = timed;
+        let left = (timing.launches as usize).saturating_sub(self.whole.len());
         sink.advances(left * failed.len());
         let points = std::mem::take(&mut self.points).into_iter().zip(taken).enumerate();
         for (_, (mut pending, taken)) in points.filter(|(place, _)| !failed.contains(place)) {
@@ -235,13 +255,21 @@ impl OpenGroup {
             }
             self.points.push(pending);
         }
+        if matches!(end, End::Enough(_)) {
+            self.whole.push(Launch::of(launch, core_to_core_ns));
+        }
         Ok(end)
     }
 
     /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
-    fn finish(&mut self, sink: &mut impl ResultSink) -> Result<()> {
+    fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
+        let left_out: HashSet<u32> = match self.is_on_processors(run) {
+            true => apart::left_out(&self.whole),
+            false => HashSet::new(),
+        };
         let completed = |mut pending: PendingPoint| {
+            pending.taken.retain(|sample| !left_out.contains(&sample.launch));
             complete(&mut pending.record, &pending.taken, reason);
             pending.record
         };

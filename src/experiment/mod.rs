@@ -6,6 +6,7 @@
 //! The worker replies with a record or a sample. The supervisor handles workers that die or hang.
 
 mod ahead;
+mod apart;
 pub mod asleep;
 mod check;
 mod complete;

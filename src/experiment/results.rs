@@ -40,16 +40,18 @@ pub struct Past {
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
+    /// The load of other processes while rounds were timed.
+    pub rounds: Vec<RoundLoad>,
     /// The number of the next launch.
     pub next_launch: u32,
 }
 
 /// Reads journals. Damaged lines are reported, and their points are measured again.
-fn past(records: &Path, samples: &Path) -> Result<Past> {
-    let (records, samples) = (read_lines(records)?, read_lines(samples)?);
-    let damage = [records.damage(RECORDS), samples.damage(SAMPLES)];
+fn past([records, samples, rounds]: [&Path; 3]) -> Result<Past> {
+    let (records, samples, rounds) = (read_lines(records)?, read_lines(samples)?, read_lines(rounds)?);
+    let damage = [records.damage(RECORDS), samples.damage(SAMPLES), rounds.damage(ROUNDS)];
     damage.into_iter().flatten().for_each(printer::tell);
-    Ok(Past::of(records.lines, samples.lines))
+    Ok(Past { rounds: rounds.lines, ..Past::of(records.lines, samples.lines) })
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -114,7 +116,7 @@ impl Results {
             controls: None,
             host: None,
             peak: Peak::kept_in(folder)?,
-            past: past(&records, &samples)?,
+            past: past([&records, &samples, &rounds])?,
             _lock: lock,
         };
         sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;

@@ -92,4 +92,8 @@ impl ResultSink for Shared<'_, '_, '_> {
     fn past(&self, key: &str) -> Vec<Taken> {
         locked(self.0).past(key)
     }
+
+    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
+        locked(self.0).past_core_to_core_ns(launch)
+    }
 }

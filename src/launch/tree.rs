@@ -110,21 +110,25 @@ impl DeviceTree {
         HostTree { wide, build_ms }: HostTree,
     ) -> Result<Self, LaunchError> {
         let start = Instant::now();
-        let nodes = upload(queue, &wide.nodes)?;
-        let triangles = wide.order.len();
+        let stack_size = stack_size_of(&wide);
+        let WideBvh { nodes: host_nodes, order, .. } = wide;
+        let nodes = upload(queue, &host_nodes)?;
+        // Nodes of large meshes take hundreds of megabytes, so they are freed before the triangles are written.
+        drop(host_nodes);
+        let triangles = order.len();
         let leaves = upload_rows(queue, [triangles + PADDING_ROWS, TRIANGLE_WORDS], |places, rows| {
             // Rows after the last triangle become zero.
-            let order = &wide.order[places.start.min(triangles)..places.end.min(triangles)];
+            let order = &order[places.start.min(triangles)..places.end.min(triangles)];
             write_triangle_rows(mesh, order, rows);
         })?;
         let tiles = strategy.traversal == Traversal::Tile;
-        let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &wide.order)).transpose()?;
+        let surfaces = tiles.then(|| Surfaces::upload(queue, mesh, &order)).transpose()?;
         queue.commands.finish()?;
         Ok(Self {
             nodes,
             leaves,
             surfaces,
-            stack_size: stack_size_of(&wide),
+            stack_size,
             build_ms,
             upload_ms: start.elapsed().as_secs_f64() * 1e3,
         })

@@ -3,8 +3,9 @@
 use super::numbers::significant;
 use super::types::Record;
 use crate::load::Load;
+use crate::measure::quantile;
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 /// A line of `rounds.jsonl`: the load during consecutive rounds of a launch. Together, these rounds
 /// take long enough to measure the load.
@@ -34,9 +35,11 @@ pub struct RoundLoad {
 /// Percentiles of the core-to-core latency are computed only if there are at least this many
 /// readings.
 const LEAST_READINGS: usize = 10;
+/// The median latency is computed only if there are at least this many readings.
+const LEAST_OF_MEDIAN: usize = 3;
 /// If the core-to-core latency differs by more than this factor between rounds, the virtual
 /// machine's processors were probably moved to other cores.
-const MOVED: f64 = 1.5;
+pub(crate) const MOVED: f64 = 1.5;
 
 /// If other processes and virtual machines used more than this fraction of the machine, they may
 /// have disturbed the measurements.
@@ -128,9 +131,81 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     })
 }
 
+/// Returns the median core-to-core latency in nanoseconds, for example of a launch, from readings; `None` if these are
+/// too few.
+pub(crate) fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
+    readings_ns.sort_unstable_by(f64::total_cmp);
+    (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
+}
+
+/// Returns a note on the launches that were left out because the virtual machine's processors were further apart than
+/// in the launches of these records.
+pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
+    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let mut readings: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+    for line in lines {
+        readings.entry(line.launch).or_default().extend(line.core_to_core_ns);
+    }
+    let latencies = readings.into_iter().filter_map(|(launch, ns)| Some((launch, median_latency_ns(ns)?)));
+    let (shown, others): (Vec<_>, Vec<_>) = latencies.partition(|(launch, _)| shown.contains(launch));
+    let near = shown.into_iter().map(|(_, ns)| ns).reduce(f64::min)?;
+    let far: Vec<f64> = others.into_iter().map(|(_, ns)| ns).filter(|ns| *ns > MOVED * near).collect();
+    let [nearest, farthest] = [f64::min, f64::max].map(|of| far.iter().copied().reduce(of));
+    let (launches, them) = match far.len() {
+        1 => ("1 launch is".to_owned(), "it"),
+        several => (format!("{several} launches are"), "them"),
+    };
+    Some(format!(
+        "{launches} left out: during {them}, this virtual machine's processors were on cores further apart \
+         (core-to-core latency {}, otherwise {} ns). Times differ there, above all those of kernels whose work-groups \
+         share data.",
+        range(nearest?, farthest?),
+        significant(near, 2)
+    ))
+}
+
+/// Returns the median core-to-core latency of the launches of these records, in nanoseconds; `None` if there are too
+/// few readings.
+pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64> {
+    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let of_shown = lines.iter().filter(|line| shown.contains(&line.launch));
+    median_latency_ns(of_shown.filter_map(|line| line.core_to_core_ns).collect())
+}
+
+fn range(low: f64, high: f64) -> String {
+    let [low, high] = [low, high].map(|ns| significant(ns, 2));
+    if low == high { format!("{low} ns") } else { format!("{low} to {high} ns") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn launches_whose_processors_were_further_apart_are_noted_unless_they_are_shown() {
+        let of =
+            |(launch, ns): (u32, f64)| vec![RoundLoad { core_to_core_ns: Some(ns), ..line(launch, 0.0) }; 3];
+        let lines: Vec<RoundLoad> = (0..).zip([180.0, 23.0, 34.0, 195.0]).flat_map(of).collect();
+        let shown = |launches: &[u32]| {
+            let records = [Record { sample_launches: launches.to_vec(), ..Record::default() }];
+            launches_left_out(&lines, &records)
+        };
+        let said = shown(&[1, 2]).unwrap();
+        assert!(said.starts_with("2 launches are left out: during them,"), "{said}");
+        assert!(said.contains("(core-to-core latency 180 to 195 ns, otherwise 23 ns)"), "{said}");
+        let said = shown(&[1, 3]).unwrap();
+        assert!(said.starts_with("1 launch is left out: during it,"), "{said}");
+        assert!(said.contains("latency 180 ns, otherwise 23 ns"), "{said}");
+        assert_eq!([shown(&[0, 1, 3]), shown(&[])], [None, None]);
+        let latency = |launches: &[u32]| {
+            latency_ns(&lines, &[Record { sample_launches: launches.to_vec(), ..Record::default() }])
+        };
+        assert_eq!([latency(&[0]), latency(&[1, 2, 3]), latency(&[])], [Some(180.0), Some(34.0), None]);
+        assert_eq!(
+            launches_left_out(&lines[1..5], &[Record { sample_launches: vec![1], ..Record::default() }]),
+            None
+        );
+    }
 
     fn line(launch: u32, others: f64) -> RoundLoad {
         RoundLoad { launch, ms: 500.0, processors: 2, others, ..RoundLoad::default() }

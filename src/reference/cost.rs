@@ -51,7 +51,7 @@ pub fn in_tree(scene: &Scene, size: [u32; 2], culling: Culling) -> Result<Vec<Co
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn tree_of(mesh: &Mesh) -> Result<WideBvh> {
-    WideBvh::new(&Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
+    WideBvh::new(Bvh::build(mesh, LEAF_SIZE), NODE_WIDTH, LEAF_SIZE)
 }
 
 /// Returns the cost of every pixel if each ray traverses this tree.

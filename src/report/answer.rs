@@ -246,6 +246,7 @@ fn who_wins(answers: &[Answer]) -> String {
     match (most, measured) {
         (_, 1) if best.len() > 1 => format!("{whom} are the fastest: a tie"),
         (_, 1) => format!("{whom} {verb} the fastest"),
+        (2, 2) => format!("In both comparisons, {whom} {verb} fastest or tied for fastest"),
         (most, all) if most == all => {
             format!("In all {all} comparisons, {whom} {verb} fastest or tied for fastest")
         }
@@ -322,7 +323,7 @@ mod tests {
         ]);
         let answers = answers(&groups(&records));
         assert_eq!(answers.len(), 4);
-        assert_eq!(headline(&answers), "In all 2 comparisons, wide is fastest or tied for fastest");
+        assert_eq!(headline(&answers), "In both comparisons, wide is fastest or tied for fastest");
     }
 
     #[test]

@@ -306,7 +306,7 @@ fn add_frame(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
 /// Returns the bytes of a tree node, and an estimate of the number of nodes. The estimate assumes full nodes, and
 /// leaves with half as many triangles as they may have, but at least four. The function then multiplies the number of
 /// nodes by three, because leaves are usually smaller: a leaf is split if a node would otherwise have unused slots.
-pub(super) fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
+fn node_bytes(strategy: &Strategy, w: &Workload) -> (u64, u64) {
     let children = strategy.node_width.children() as u64;
     let leaf = strategy.leaf_size.triangles().div_ceil(2).max(4) as u64;
     let nodes = (w.triangles as u64).saturating_mul(3) / (leaf * (children - 1)) + 1;

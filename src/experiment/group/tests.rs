@@ -20,6 +20,8 @@ const DEADLY: usize = 6;
 #[derive(Default)]
 struct Noting {
     past: HashMap<String, Vec<Taken>>,
+    /// The core-to-core latency of each earlier launch.
+    latencies_ns: Vec<f64>,
     records: Vec<Record>,
     launches: u32,
 }
@@ -47,6 +49,9 @@ impl ResultSink for Noting {
     fn advances(&mut self, _steps: usize) {}
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
+    }
+    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
+        self.latencies_ns.get(launch as usize).map_or(Vec::new(), |ns| vec![*ns; 3])
     }
 }
 
@@ -100,7 +105,6 @@ fn group() -> OpenGroup {
 
 #[test]
 fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
-    let rule = StoppingRule { min_samples: 5, max_samples: 9, relative_sigma: 0.005, time_limit_ms: 1e9 };
     let samples = |launch: u32, count: usize| {
         vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; count]
     };
@@ -108,11 +112,39 @@ fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
         ("a".to_owned(), [samples(0, 5), samples(1, 5), samples(2, 5)].concat()),
         ("b".to_owned(), [samples(0, 5), samples(1, 4)].concat()),
     ]);
+    let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3, min_samples = 15 }");
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
     let mut group = group();
-    group.adopt(&rule, 3, &mut Noting { past, ..Noting::default() });
+    group.adopt(&run, &mut Noting { past, ..Noting::default() });
     let launches = |pending: &PendingPoint| pending.taken.iter().map(|sample| sample.launch).collect();
     let taken: Vec<Vec<u32>> = group.points().iter().map(launches).collect();
-    assert_eq!((group.whole, taken), (1, vec![vec![0; 5]; 2]));
+    assert_eq!((group.whole.len(), taken), (1, vec![vec![0; 5]; 2]));
+}
+
+/// Returns the launches of each record's samples. Three launches were measured earlier and two are requested; in the
+/// first launch the processors were further apart.
+fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
+    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let samples = |launch: u32| vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; 5];
+    let past = ["a", "b"].map(|key| (key.to_owned(), (0..3).flat_map(samples).collect()));
+    let mut sink = Noting { past: past.into(), latencies_ns: vec![180.0, 20.0, 25.0], ..Noting::default() };
+    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    sink.records.into_iter().map(|record| record.sample_launches).collect()
+}
+
+#[test]
+fn a_launch_with_processors_further_apart_counts_only_for_devices_with_their_own_clocks() {
+    let of = |first: u32, second: u32| vec![[vec![first; 5], vec![second; 5]].concat(); 2];
+    assert_eq!(launches_in_records(DeviceKind::Cpu), of(1, 2));
+    assert_eq!(launches_in_records(DeviceKind::Gpu), of(0, 1));
 }
 
 #[test]
@@ -175,6 +207,7 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
         taken: vec![Vec::new(); 2],
         failed: HashSet::new(),
         casts: HashMap::new(),
+        core_to_core_ns: Vec::new(),
     };
     let ms = || start.elapsed().as_secs_f64() * 1e3;
     let before = ms();

@@ -33,6 +33,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub failed: HashSet<usize>,
     /// Number of frames cast on each device, which determines when its anchor is run.
     pub casts: HashMap<usize, usize>,
+    /// The readings of the core-to-core latency.
+    pub core_to_core_ns: Vec<f64>,
 }
 
 /// Number of frames per run of the anchor. With this number, the anchor's time is known more precisely than a
@@ -69,7 +71,11 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
         let pending = &self.points[point];
         let launches = self.run.experiment.timing.launches;
-        let of = if launches > 1 { format!(", launch {} of {launches}", self.number) } else { String::new() };
+        let of = match self.number.checked_sub(launches as usize) {
+            Some(0) | None if launches > 1 => format!(", launch {} of {launches}", self.number),
+            Some(0) | None => String::new(),
+            Some(more) => format!(", additional launch {more}"),
+        };
         self.sink.works_on(&format!("timing {}{of}", pending.label));
         match self.supervisor.cast(pending.task())? {
             Some(Ok(times)) => Ok(Some(times)),
@@ -89,8 +95,9 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     }
 
     fn ended(&mut self, round: u32) -> Result<()> {
-        let load = self.watch.look();
-        load.map_or(Ok(()), |load| self.sink.load(&RoundLoad::of(self.launch, round, &load)))
+        let Some(load) = self.watch.look() else { return Ok(()) };
+        self.core_to_core_ns.extend(load.core_to_core_ns);
+        self.sink.load(&RoundLoad::of(self.launch, round, &load))
     }
 
     fn is_broken(&self) -> bool {

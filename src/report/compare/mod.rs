@@ -11,7 +11,9 @@ pub use pair::{Against, Pair};
 
 use super::merged::{labels, merged};
 use crate::measure::Verdict;
-use crate::record::{Folder, HOST, Outcome, Record, judge_beside_anchors, median, ratio};
+use crate::record::{
+    Folder, HOST, MOVED, Outcome, Record, judge_beside_anchors, latency_ns, median, ratio, significant,
+};
 use pair::{name, percent};
 use serde::Serialize;
 use std::collections::HashMap;
@@ -46,6 +48,21 @@ pub struct Comparison {
     pub notes: Vec<String>,
     /// Changes below this fraction count as equal.
     pub threshold: f64,
+}
+
+/// Returns a note if the processors were further apart in one run than in the other.
+fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
+    let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
+    let (before, after) = (before?, after?);
+    (before.max(after) > MOVED * before.min(after)).then(|| {
+        let [before, after] = [before, after].map(|ns| significant(ns, 2));
+        let [first, second] = labels;
+        format!(
+            "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors were at different \
+             distances from each other. Changes may come from this, above all those of kernels whose work-groups share \
+             data."
+        )
+    })
 }
 
 impl Comparison {
@@ -86,6 +103,7 @@ impl Comparison {
         }
         only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
         comparison.say_what_only_one_has(&only);
+        comparison.notes.extend(moved_between([before, after], &comparison.labels));
         comparison.judge(bare);
         comparison
     }

@@ -1,6 +1,6 @@
 use super::*;
-use crate::record::AnchorSample;
 use crate::record::fixtures::{few, infeasible, judged, measured};
+use crate::record::{AnchorSample, RoundLoad};
 
 fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
@@ -352,6 +352,24 @@ fn notes_tell_what_changes_are_relative_to() {
     assert_eq!(told(&bare), [false, false, true]);
     let anchor = anchored("a", 1.0, |_| 1.0);
     assert_eq!(told(&of(&anchor, &anchor)), [true, false, false]);
+}
+
+#[test]
+fn runs_whose_processors_were_at_different_distances_say_so() {
+    let at = |label: &str, ns: f64| {
+        let records = vec![timed("a", "naive", 10.0)];
+        let launch = records[0].sample_launches.first().copied().unwrap_or(0);
+        let line = RoundLoad { launch, core_to_core_ns: Some(ns), ..RoundLoad::default() };
+        Folder { rounds: vec![line; 3], ..folder(label, records) }
+    };
+    let said = |before: f64, after: f64| {
+        let notes = of(&at("old", before), &at("new", after)).notes;
+        notes.into_iter().find(|note| note.starts_with("The core-to-core latency"))
+    };
+    let part = "was 23 ns in old and 180 ns in new";
+    assert!(said(23.0, 180.0).is_some_and(|note| note.contains(part)));
+    assert!(said(180.0, 23.0).is_some());
+    assert_eq!([said(20.0, 30.0), said(180.0, 190.0)], [None, None]);
 }
 
 #[test]
