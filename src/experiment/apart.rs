@@ -10,9 +10,6 @@ use std::collections::HashSet;
 
 /// With additional launches, a group has at most this many times as many launches as were requested.
 const MOST: usize = 2;
-/// The smallest number of launches to which the others are not added: a single launch would be a mere look.
-const LEAST: usize = 2;
-
 /// A complete launch of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Launch {
@@ -29,24 +26,23 @@ impl Launch {
     }
 }
 
-/// Returns the launches whose latency is at most 1.5 times the smallest latency, and those of unknown latency.
-fn near(launches: &[Launch]) -> Vec<Launch> {
-    let least = launches.iter().filter_map(|launch| launch.core_to_core_ns).fold(f64::INFINITY, f64::min);
-    let is_near = |launch: &&Launch| launch.core_to_core_ns.is_none_or(|ns| ns <= MOVED * least);
-    launches.iter().filter(is_near).copied().collect()
+/// Returns whether a launch's latency is unknown, or at most 1.5 times `nearest_ns`, the smallest latency of the run.
+fn is_near(launch: &Launch, nearest_ns: f64) -> bool {
+    launch.core_to_core_ns.is_none_or(|ns| ns <= MOVED * nearest_ns)
 }
 
 /// Returns whether a group needs no further launch if `wanted` launches were requested.
-pub(super) fn are_enough(launches: &[Launch], wanted: usize) -> bool {
-    near(launches).len() >= wanted || launches.len() >= MOST * wanted
+pub(super) fn are_enough(launches: &[Launch], wanted: usize, nearest_ns: f64) -> bool {
+    let near = launches.iter().filter(|launch| is_near(launch, nearest_ns)).count();
+    near >= wanted || launches.len() >= MOST * wanted
 }
 
-/// Returns the numbers of the launches whose samples do not count. If fewer than two launches are near, all launches
-/// count.
-pub(super) fn left_out(launches: &[Launch]) -> HashSet<u32> {
-    let near = near(launches);
-    let is_left_out = |launch: &&Launch| near.len() >= LEAST && !near.contains(launch);
-    launches.iter().filter(is_left_out).map(|launch| launch.number).collect()
+/// Returns the numbers of the launches whose samples do not count. If no launch is near, all launches count.
+pub(super) fn left_out(launches: &[Launch], nearest_ns: f64) -> HashSet<u32> {
+    let (near, far): (Vec<&Launch>, Vec<&Launch>) =
+        launches.iter().partition(|launch| is_near(launch, nearest_ns));
+    let numbers = far.iter().map(|launch| launch.number);
+    if near.is_empty() { HashSet::new() } else { numbers.collect() }
 }
 
 #[cfg(test)]
@@ -68,30 +64,30 @@ mod tests {
 
     #[test]
     fn launches_with_processors_further_apart_are_replaced() {
-        let near_at_once = launches(&[20.0, 30.0, 25.0]);
-        assert!(are_enough(&near_at_once, 3) && !are_enough(&near_at_once, 4));
-        assert_eq!(left_out(&near_at_once), HashSet::new());
+        let near = launches(&[20.0, 30.0, 25.0]);
+        assert!(are_enough(&near, 3, 20.0) && !are_enough(&near, 4, 20.0));
+        assert_eq!(left_out(&near, 20.0), HashSet::new());
         let moved = launches(&[180.0, 20.0, 170.0, 30.0]);
-        assert!(!are_enough(&moved, 3) && are_enough(&moved, 2));
-        assert_eq!(left_out(&moved), HashSet::from([0, 2]));
+        assert!(!are_enough(&moved, 3, 20.0) && are_enough(&moved, 2, 20.0));
+        assert_eq!(left_out(&moved, 20.0), HashSet::from([0, 2]));
         // 31 is more than 1.5 times 20, and 30 is not.
-        assert_eq!(left_out(&launches(&[20.0, 31.0, 30.0])), HashSet::from([1]));
+        assert_eq!(left_out(&launches(&[20.0, 31.0, 30.0]), 20.0), HashSet::from([1]));
     }
 
     #[test]
     fn launches_end_at_twice_their_number() {
         let moved = launches(&[20.0, 180.0, 180.0, 180.0]);
-        assert!(are_enough(&moved, 2) && !are_enough(&moved[..3], 2));
-        // One near launch is too few, so all four count.
-        assert_eq!(left_out(&moved), HashSet::new());
+        assert!(are_enough(&moved, 2, 20.0) && !are_enough(&moved[..3], 2, 20.0));
+        assert_eq!(left_out(&moved, 20.0), HashSet::from([1, 2, 3]));
     }
 
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
-        assert!(are_enough(&launches(&[0.0, 0.0]), 2));
-        assert_eq!(left_out(&launches(&[0.0, 20.0, 180.0])), HashSet::from([2]));
+        assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
+        assert_eq!(left_out(&launches(&[0.0, 20.0, 180.0]), 20.0), HashSet::from([2]));
+        // In another group of the run, the processors were closer together.
         let far = launches(&[180.0, 190.0]);
-        assert!(are_enough(&far, 2));
-        assert_eq!(left_out(&far), HashSet::new());
+        assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
+        assert_eq!(left_out(&far, 20.0), HashSet::new());
     }
 }

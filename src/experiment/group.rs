@@ -84,10 +84,10 @@ impl OpenGroup {
     }
 
     /// Returns whether the group needs no further launch. Only times of processors depend on where these are.
-    fn has_enough(&self, run: &Run<'_>) -> bool {
+    fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
         let wanted = run.experiment.timing.launches as usize;
         match self.is_on_processors(run) {
-            true => apart::are_enough(&self.whole, wanted),
+            true => apart::are_enough(&self.whole, wanted, sink.nearest_ns()),
             false => self.whole.len() >= wanted,
         }
     }
@@ -114,7 +114,7 @@ impl OpenGroup {
         supervisor.turn_to(self.visits, self.tasks());
         loop {
             self.check(run, supervisor, sink)?;
-            if self.has_enough(run) || self.points.is_empty() {
+            if self.has_enough(run, sink) || self.points.is_empty() {
                 break;
             }
             match self.time(run, supervisor, sink)? {
@@ -132,7 +132,7 @@ impl OpenGroup {
                 }
             }
         }
-        if self.has_enough(run) { self.finish(run, sink) } else { Ok(()) }
+        if self.has_enough(run, sink) { self.finish(run, sink) } else { Ok(()) }
     }
 
     /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches
@@ -146,7 +146,7 @@ impl OpenGroup {
         };
         let all: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
         for launch in all.into_iter().filter(|launch| past.iter().all(|taken| has(taken, *launch))) {
-            if !self.has_enough(run) {
+            if !self.has_enough(run, sink) {
                 self.whole.push(Launch::of(launch, sink.past_core_to_core_ns(launch)));
             }
         }
@@ -246,16 +246,17 @@ impl OpenGroup {
         };
         let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
         let Timed { taken, failed, core_to_core_ns, .. } = timed;
+        let is_whole = matches!(end, End::Enough(_));
         let left = (timing.launches as usize).saturating_sub(self.whole.len());
         sink.advances(left * failed.len());
         let points = std::mem::take(&mut self.points).into_iter().zip(taken).enumerate();
         for (_, (mut pending, taken)) in points.filter(|(place, _)| !failed.contains(place)) {
-            if matches!(end, End::Enough(_)) {
+            if is_whole {
                 pending.taken.extend(taken);
             }
             self.points.push(pending);
         }
-        if matches!(end, End::Enough(_)) {
+        if is_whole {
             self.whole.push(Launch::of(launch, core_to_core_ns));
         }
         Ok(end)
@@ -265,7 +266,7 @@ impl OpenGroup {
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
         let left_out: HashSet<u32> = match self.is_on_processors(run) {
-            true => apart::left_out(&self.whole),
+            true => apart::left_out(&self.whole, sink.nearest_ns()),
             false => HashSet::new(),
         };
         let completed = |mut pending: PendingPoint| {

@@ -28,6 +28,8 @@ pub trait ResultSink {
     fn past(&self, key: &str) -> Vec<Taken>;
     /// Returns the readings of the core-to-core latency in an earlier session's launch, in nanoseconds.
     fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64>;
+    /// Returns the smallest core-to-core latency in the folder, in nanoseconds; infinity if there is none.
+    fn nearest_ns(&self) -> f64;
 }
 
 /// Stores a run's results as soon as they are known.
@@ -72,6 +74,10 @@ impl ResultSink for FolderSink<'_> {
     fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
         let rounds = self.results.past().rounds.iter();
         rounds.filter(|line| line.launch == launch).filter_map(|line| line.core_to_core_ns).collect()
+    }
+
+    fn nearest_ns(&self) -> f64 {
+        self.results.nearest_ns()
     }
 
     /// Writes the record to disk before it informs the observer.
@@ -163,9 +169,11 @@ mod tests {
         for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
             sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
         }
+        assert_eq!(sink.nearest_ns(), 20.0);
         drop(results);
         let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+        assert_eq!(sink.nearest_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
         assert_eq!(sink.past_core_to_core_ns(9), [30.0, 25.0]);
         assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);

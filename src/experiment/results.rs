@@ -28,6 +28,8 @@ pub struct Results {
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
+    /// The smallest core-to-core latency of this session in nanoseconds; infinity if there is none.
+    nearest_ns: f64,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -115,6 +117,7 @@ impl Results {
             anchors: JsonLines::append_to(&anchors)?,
             controls: None,
             host: None,
+            nearest_ns: f64::INFINITY,
             peak: Peak::kept_in(folder)?,
             past: past([&records, &samples, &rounds])?,
             _lock: lock,
@@ -171,7 +174,14 @@ impl Results {
 
     /// Stores the load of other processes while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
+        self.nearest_ns = load.core_to_core_ns.map_or(self.nearest_ns, |ns| self.nearest_ns.min(ns));
         self.rounds.append(load)
+    }
+
+    /// Returns the smallest core-to-core latency in the folder, in nanoseconds; infinity if there is none.
+    pub fn nearest_ns(&self) -> f64 {
+        let past = self.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
+        past.fold(self.nearest_ns, f64::min)
     }
 
     /// Stores a time of the anchor.

@@ -96,4 +96,8 @@ impl ResultSink for Shared<'_, '_, '_> {
     fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
         locked(self.0).past_core_to_core_ns(launch)
     }
+
+    fn nearest_ns(&self) -> f64 {
+        locked(self.0).nearest_ns()
+    }
 }

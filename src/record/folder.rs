@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::reader;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The file in which `raycl merge` describes the attempts that it merged into a folder.
@@ -77,8 +77,11 @@ impl Folder {
         let mut sure = how_sure(&records);
         sure.extend(hosts_that_differ(&records, &controls));
         sure.extend(disturbance(&rounds, &records));
-        sure.extend(moved_processors(&rounds, &records));
-        sure.extend(launches_left_out(&rounds, &records));
+        if hosts(&records) <= 1 {
+            // Latencies of different machines differ, even if no processor was moved.
+            sure.extend(moved_processors(&rounds, &records));
+            sure.extend(launches_left_out(&rounds, &records));
+        }
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
         let dirty = dirty(&records, environment["git_revision"].as_str());
         Ok(Self {
@@ -162,6 +165,11 @@ impl Shown {
         tell_scenes_apart(&mut records);
         Self { records, notes }
     }
+}
+
+/// Returns the number of machines on which the records were measured; 0 if the records name none.
+fn hosts(records: &[Record]) -> usize {
+    records.iter().filter_map(|record| record.host.as_ref()).collect::<HashSet<_>>().len()
 }
 
 /// Returns "1 record is" or "3 records are"; `None` for zero.
@@ -448,6 +456,28 @@ mod tests {
             assert!(read.notes.iter().any(|note| note.starts_with(start)), "{start}: {:?}", read.notes);
         }
         assert!(read.records[0].place.is_some() && read.controls[0].place.is_some());
+    }
+
+    #[test]
+    fn latencies_of_several_machines_are_not_compared() {
+        use crate::record::fixtures::measured;
+        let noted = |hosts: [Option<&str>; 2]| {
+            let at = |(host, name): (Option<&str>, &str)| Record {
+                host: host.map(str::to_owned),
+                ..measured("cpu", name, 8, 10.0)
+            };
+            let [first, second] = hosts;
+            let folder = folder(&[at((first, "naive")), at((second, "wide"))]);
+            let mut rounds = JsonLines::append_to(&folder.path().join(ROUNDS)).unwrap();
+            for n in 0..20_u32 {
+                let core_to_core_ns = Some(f64::from(60 + 200 * (n % 2)));
+                rounds.append(&RoundLoad { core_to_core_ns, ..RoundLoad::default() }).unwrap();
+            }
+            let notes = Folder::read(folder.path()).unwrap().notes;
+            notes.iter().any(|note| note.starts_with("The core-to-core latency changed"))
+        };
+        assert!(noted([None, None]) && noted([Some("n1"), Some("n1")]));
+        assert!(!noted([Some("n1"), Some("n2")]));
     }
 
     #[test]

@@ -50,6 +50,9 @@ impl ResultSink for Noting {
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
     }
+    fn nearest_ns(&self) -> f64 {
+        self.latencies_ns.iter().copied().fold(f64::INFINITY, f64::min)
+    }
     fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
         self.latencies_ns.get(launch as usize).map_or(Vec::new(), |ns| vec![*ns; 3])
     }
