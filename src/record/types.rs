@@ -136,7 +136,8 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order of measurement, without preempted samples.
+    /// The device time of every frame, in the order of measurement. Without preempted samples, and without launches in
+    /// which the processors were further apart.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
