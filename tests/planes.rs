@@ -7,7 +7,7 @@ use glam::{Vec3, vec3};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::scene::{Scene, load_scene};
-use raycl::strategy::{Strategy, Traversal, preset};
+use raycl::strategy::{Culling, Intersector, Strategy, Traversal, preset};
 use std::fmt::Write as _;
 
 /// The image's size. Both numbers are odd, so that rays run along planes of symmetry.
@@ -81,11 +81,30 @@ fn thin_triangles(seed: u64) -> Scene {
         }
         let _ = writeln!(faces, "f {first} {} {}", first + 1, first + 2);
     }
+    with_mesh(&text, &(mesh + &faces), "")
+}
+
+/// Returns a scene with an OBJ; `material` is more of its object.
+fn with_mesh(text: &str, obj: &str, material: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
-    write("thin.obj", &(mesh + &faces));
-    write("thin.toml", &(text + "[[object]]\nobj = \"thin.obj\"\n"));
-    load_scene(&folder.path().join("thin.toml")).expect("a scene").scene
+    write("mesh.obj", obj);
+    write("scene.toml", &format!("{text}[[object]]\nobj = \"mesh.obj\"\n{material}"));
+    load_scene(&folder.path().join("scene.toml")).expect("a scene").scene
+}
+
+/// Returns a triangle whose normals turn away from the eye, although light reaches it. Halfway between light and eye is
+/// a direction behind the surface, in which there is no highlight.
+fn turned_away() -> Scene {
+    let text = "[camera]\nz_near = 0.01\n[[light]]\nposition = [50, 0, 1]\npower = 10000\n";
+    let obj = "v -2 -2 -2\nv 2 -2 -2\nv 0 3 -2\nvn 0.4 0 -0.9\nf 1//1 2//1 3//1\n";
+    with_mesh(text, obj, "material = { k_l = 0.5, k_g = 0.5, shininess = 2 }\n")
+}
+
+#[test]
+fn a_surface_has_no_highlight_behind_it() {
+    let wrong = wrong("normals turned away", turned_away());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]
@@ -93,4 +112,30 @@ fn thin_triangles_and_distant_lights_are_verified_right() {
     let wrong: Vec<String> =
         (0..4).flat_map(|seed| wrong(&format!("seed {seed}"), thin_triangles(seed))).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Returns still-life seen in a direction, from outside.
+fn seen_along(forward: Vec3) -> Scene {
+    let mut scene = scene("still-life.toml");
+    let (low, high) = scene.mesh.bounds().expect("triangles");
+    let camera = &mut scene.camera;
+    camera.position = 0.5 * (low + high) - 0.8 * (high - low).length() * forward;
+    (camera.forward, camera.right) = (forward, vec3(forward.z, forward.x, forward.y));
+    camera.up = camera.right.cross(forward);
+    scene
+}
+
+/// The watertight test looks along the axis that is nearest to the ray. Whichever this is and wherever the ray runs, the
+/// same triangles show their backs, which culling removes.
+#[test]
+fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
+    for forward in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {
+        let mut stand = Stand::new(seen_along(forward), [61, 41]);
+        for name in ["watertight", "bvh"] {
+            let usual = preset(name).expect("a preset").strategy;
+            let strategy = Strategy { intersector: Intersector::WATERTIGHT, culling: Culling::Back, ..usual };
+            let verdict = stand.check(&strategy, COMMON_LOCAL_SIZE).unwrap_or_else(|why| panic!("{why}"));
+            assert_eq!(verdict.reason, None, "{strategy}, along {forward}");
+        }
+    }
 }

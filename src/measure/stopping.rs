@@ -160,6 +160,14 @@ mod tests {
     }
 
     #[test]
+    fn precise_points_and_points_whose_noise_settled_stop_together() {
+        let noisy: Vec<f64> = (0..60).map(|i| if i % 2 == 0 { 0.9 } else { 1.1 }).collect();
+        let stop = |other: &[f64]| RULE.stop(&[noisy.clone(), other.to_vec()], 60.0);
+        assert_eq!(stop(&[1.0; 60]), Some(StopReason::NoiseSettled));
+        assert_eq!(stop(&noisy), Some(StopReason::NoiseSettled));
+    }
+
+    #[test]
     fn one_noisy_point_keeps_its_group_going() {
         let noisy: Vec<f64> = (0..12).map(|i| 1.0 + 0.01 * f64::from(i)).collect();
         assert_eq!(RULE.stop(&[vec![1.0; 12], noisy], 12.0), None);

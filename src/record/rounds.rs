@@ -274,6 +274,14 @@ mod tests {
     #[test]
     fn what_processes_and_guests_take_adds_up() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
+        // The worst launch is the one from which both together took most.
+        let launches = [line(0, 0.3), RoundLoad { stolen: 0.4, ..line(1, 0.2) }];
+        let both = [Record { sample_launches: vec![0, 1], ..Record::default() }];
+        let said = disturbance(&launches, &both).unwrap();
+        assert!(
+            said.contains("kept 0.20 of 2 processors busy, and other virtual machines used another 0.40"),
+            "{said}"
+        );
         // Neither half disturbs alone.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));

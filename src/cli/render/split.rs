@@ -130,8 +130,7 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
         .transpose()?;
     let rows: Vec<Row> = shares.into_iter().map(Row::from).collect();
     let longest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    let [width, height] = image_size.map(f64::from);
-    let rays = (width * height + (hits * scene.shadow_rays_per_hit()) as f64) * f64::from(sampling.most);
+    let rays = rays(image_size, hits * scene.shadow_rays_per_hit(), sampling.most);
     let frame_ms = longest(|row| row.frame_ms);
     let report = Report {
         scene: scene.name.clone(),
@@ -210,6 +209,12 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
+/// Returns the number of rays of a frame, from the number of shadow rays per sample.
+fn rays(image_size: [u32; 2], shadow_rays: usize, samples: u32) -> f64 {
+    let [width, height] = image_size.map(f64::from);
+    (width * height + shadow_rays as f64) * f64::from(samples)
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
@@ -234,6 +239,11 @@ mod tests {
             frames: vec![times],
             read_ms: 12.0,
         }
+    }
+
+    #[test]
+    fn each_sample_has_its_primary_and_shadow_rays() {
+        assert_eq!(rays([4, 3], 10, 2), 44.0);
     }
 
     #[test]
