@@ -6,9 +6,9 @@ mod tests;
 mod timed;
 
 use super::Run;
-use super::apart::{self, Launch};
 use super::asleep;
 use super::complete::{Taken, complete};
+use super::moved_processors::{Launch, are_enough, left_out};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
@@ -22,6 +22,10 @@ use crate::record::{Record, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
 use timed::Timed;
+
+/// What a run says before the first additional launch of a group.
+const ADDITIONAL: &str =
+    "the host moved this virtual machine's processors, so additional launches replace some launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
@@ -83,19 +87,17 @@ impl OpenGroup {
         self.points.is_empty()
     }
 
-    /// Returns whether the group needs no further launch. Only times of processors depend on where these are.
+    /// Returns whether the group needs no further launch.
     fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
-        let wanted = run.experiment.timing.launches as usize;
-        match self.is_on_processors(run) {
-            true => apart::are_enough(&self.whole, wanted, sink.nearest_ns()),
-            false => self.whole.len() >= wanted,
-        }
+        are_enough(&self.whole, run.experiment.timing.launches as usize, self.nearest_ns(run, sink))
     }
 
-    /// Returns whether processors cast all points of the group.
-    fn is_on_processors(&self, run: &Run<'_>) -> bool {
+    /// Returns the smallest core-to-core latency, with which those of launches are compared, in nanoseconds. It is
+    /// infinite, so that all launches count, if another device than a processor casts a point of the group.
+    fn nearest_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         let is_processor = |device: &DeviceInfo| device.kind == DeviceKind::Cpu;
-        self.points.iter().all(|pending| device_of(run, pending).is_none_or(is_processor))
+        let all = self.points.iter().all(|pending| device_of(run, pending).is_none_or(is_processor));
+        if all { sink.nearest_ns() } else { f64::INFINITY }
     }
 
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
@@ -116,6 +118,9 @@ impl OpenGroup {
             self.check(run, supervisor, sink)?;
             if self.has_enough(run, sink) || self.points.is_empty() {
                 break;
+            }
+            if self.whole.len() == launches {
+                sink.says(&format!("{}: {ADDITIONAL}", self.points[0].record.scene));
             }
             match self.time(run, supervisor, sink)? {
                 End::Enough(reason) => {
@@ -265,10 +270,7 @@ impl OpenGroup {
     /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
-        let left_out: HashSet<u32> = match self.is_on_processors(run) {
-            true => apart::left_out(&self.whole, sink.nearest_ns()),
-            false => HashSet::new(),
-        };
+        let left_out = left_out(&self.whole, self.nearest_ns(run, sink));
         let completed = |mut pending: PendingPoint| {
             pending.taken.retain(|sample| !left_out.contains(&sample.launch));
             complete(&mut pending.record, &pending.taken, reason);

@@ -6,7 +6,6 @@
 //! The worker replies with a record or a sample. The supervisor handles workers that die or hang.
 
 mod ahead;
-mod apart;
 pub mod asleep;
 mod check;
 mod complete;
@@ -24,6 +23,7 @@ mod host;
 mod key;
 mod launches;
 mod lock;
+mod moved_processors;
 mod observer;
 mod pending;
 mod pictures;

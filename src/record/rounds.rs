@@ -79,10 +79,15 @@ pub(crate) fn mean_load<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>) -> O
     Some(MeanLoad { processors, others: mean(|line| line.others), stolen: mean(|line| line.stolen) })
 }
 
+/// Returns the launches of the records' samples.
+fn launches_of(records: &[Record]) -> HashSet<u32> {
+    records.iter().flat_map(|record| &record.sample_launches).copied().collect()
+}
+
 /// Returns a note if other processes or virtual machines disturbed the launches in which these
 /// records were measured.
 pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let shown = launches_of(records);
     let mean = |launch: &u32| mean_load(lines.iter().filter(|line| line.launch == *launch));
     let means: Vec<_> = shown.iter().filter_map(mean).collect();
     let bad = means.iter().filter(|mean| mean.taken() > DISTURBED * mean.processors);
@@ -119,7 +124,7 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
 
 /// Returns a note if the core-to-core latency changed while these records were measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let shown = launches_of(records);
     let [low, high] = core_to_core_ns(lines.iter().filter(|line| shown.contains(&line.launch)))?;
     (high > MOVED * low).then(|| {
         format!(
@@ -141,7 +146,7 @@ pub(crate) fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
 /// Returns a note on the launches that were left out because the virtual machine's processors were further apart than
 /// in the launches of these records.
 pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let shown = launches_of(records);
     let mut readings: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     for line in lines {
         readings.entry(line.launch).or_default().extend(line.core_to_core_ns);
@@ -151,14 +156,13 @@ pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Opti
     let near = shown.into_iter().map(|(_, ns)| ns).reduce(f64::min)?;
     let far: Vec<f64> = others.into_iter().map(|(_, ns)| ns).filter(|ns| *ns > MOVED * near).collect();
     let [nearest, farthest] = [f64::min, f64::max].map(|of| far.iter().copied().reduce(of));
-    let (launches, them) = match far.len() {
-        1 => ("1 launch is".to_owned(), "it"),
-        several => (format!("{several} launches are"), "them"),
+    let launches = match far.len() {
+        1 => "1 launch is".to_owned(),
+        several => format!("{several} launches are"),
     };
     Some(format!(
-        "{launches} left out: during {them}, this virtual machine's processors were on cores further apart \
-         (core-to-core latency {}, otherwise {} ns). Times differ there, above all those of kernels whose work-groups \
-         share data.",
+        "{launches} left out, because this virtual machine's processors were on cores further apart (core-to-core latency \
+         {}, otherwise {} ns). Times then differ, above all those of kernels whose work-groups share data.",
         range(nearest?, farthest?),
         significant(near, 2)
     ))
@@ -167,7 +171,7 @@ pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Opti
 /// Returns the median core-to-core latency of the launches of these records, in nanoseconds; `None` if there are too
 /// few readings.
 pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64> {
-    let shown: HashSet<u32> = records.iter().flat_map(|record| &record.sample_launches).copied().collect();
+    let shown = launches_of(records);
     let of_shown = lines.iter().filter(|line| shown.contains(&line.launch));
     median_latency_ns(of_shown.filter_map(|line| line.core_to_core_ns).collect())
 }
@@ -191,10 +195,10 @@ mod tests {
             launches_left_out(&lines, &records)
         };
         let said = shown(&[1, 2]).unwrap();
-        assert!(said.starts_with("2 launches are left out: during them,"), "{said}");
+        assert!(said.starts_with("2 launches are left out, because"), "{said}");
         assert!(said.contains("(core-to-core latency 180 to 195 ns, otherwise 23 ns)"), "{said}");
         let said = shown(&[1, 3]).unwrap();
-        assert!(said.starts_with("1 launch is left out: during it,"), "{said}");
+        assert!(said.starts_with("1 launch is left out, because"), "{said}");
         assert!(said.contains("latency 180 ns, otherwise 23 ns"), "{said}");
         assert_eq!([shown(&[0, 1, 3]), shown(&[])], [None, None]);
         let latency = |launches: &[u32]| {

@@ -70,11 +70,11 @@ impl<K: ResultSink> Timed<'_, '_, K> {
 impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
         let pending = &self.points[point];
-        let launches = self.run.experiment.timing.launches;
-        let of = match self.number.checked_sub(launches as usize) {
-            Some(0) | None if launches > 1 => format!(", launch {} of {launches}", self.number),
-            Some(0) | None => String::new(),
-            Some(more) => format!(", additional launch {more}"),
+        let launches = self.run.experiment.timing.launches as usize;
+        let of = match self.number {
+            number if number > launches => format!(", additional launch {}", number - launches),
+            number if launches > 1 => format!(", launch {number} of {launches}"),
+            _ => String::new(),
         };
         self.sink.works_on(&format!("timing {}{of}", pending.label));
         match self.supervisor.cast(pending.task())? {

@@ -10,6 +10,7 @@ use std::collections::HashSet;
 
 /// With additional launches, a group has at most this many times as many launches as were requested.
 const MOST: usize = 2;
+
 /// A complete launch of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Launch {
