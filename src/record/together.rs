@@ -264,7 +264,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; `launches = 4` in the config's `[timing]` measures these differences."
+            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If launches were left out, run again."
         ));
     }
     notes.extend(
