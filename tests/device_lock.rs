@@ -2,8 +2,9 @@
 //! measures at the same time as the first.
 
 use crate::binary::{Place, TRIANGLE, config, device, has, repository, send_interrupt, until};
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 /// Five points: the baseline, and two kernels at two local sizes.
 const POINTS: &str = r#"
@@ -94,6 +95,43 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
     place.output(&render);
     end(first);
     place.output(&[&render[..], &["--repeat", "2", "--no-wait", "-o", "other.png"]].concat());
+}
+
+/// Returns whether a process holds a lock.
+fn is_held(place: &Place) -> bool {
+    let files = std::fs::read_dir(place.path(".locks")).into_iter().flatten().flatten();
+    files
+        .filter_map(|file| File::open(file.path()).ok())
+        .any(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+}
+
+#[test]
+fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
+    let device = device();
+    let frames = ["--width", "400", "--height", "250", "--repeat", "3000"];
+    for arguments in [
+        [&["render", "scene.toml", "--device", &device], &frames[..]].concat(),
+        [&["render", "scene.toml", "--devices", &device], &frames[..]].concat(),
+        vec!["peak", "--device", &device],
+    ] {
+        let place = place();
+        let mut process = start(&place, &arguments, "said.txt");
+        // A lock that is released at once is not found ten times in a row.
+        let look = || {
+            std::thread::sleep(Duration::from_millis(2));
+            is_held(&place)
+        };
+        let held = loop {
+            if (0..10).all(|_| look()) {
+                break true;
+            }
+            if process.try_wait().expect("a process").is_some() {
+                break false;
+            }
+        };
+        assert!(held, "{arguments:?}: {}", place.text("said.txt"));
+        end(process);
+    }
 }
 
 #[test]

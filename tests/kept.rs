@@ -170,6 +170,18 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
     until("the program is kept", kept);
     let second = report();
     assert_eq!([&first["build_from_cache"], &second["build_from_cache"]], [false, true]);
+    let note = "another process is storing the compiled program, so that the next start need not compile it";
+    let is_told =
+        |report: &Value| report["notes"].as_array().is_some_and(|notes| notes.contains(&note.into()));
+    // A driver that returns a binary at once needs no other process.
+    let in_background = device.to_lowercase().contains("portable computing language");
+    assert_eq!([is_told(&first), is_told(&second)], [in_background, false], "{first} {second}");
+    // The kernels of a folder are probably being edited, so their programs are not stored in the background.
+    let cl = crate::binary::repository("cl");
+    let edited = [&arguments[..], &["--strategy", "naive", "--cl-dir", cl.to_str().expect("text")]].concat();
+    let output = raycl(&place, &edited).assert().success().get_output().clone();
+    let edited: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&edited["build_from_cache"], is_told(&edited)), (&Value::Bool(false), false), "{edited}");
     for report in [&first, &second] {
         let parts = report["parts"].as_array().expect("parts");
         let sum: f64 = parts.iter().filter_map(|part| part["ms"].as_f64()).sum();

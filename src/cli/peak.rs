@@ -9,6 +9,7 @@ use crate::own_program::own_program;
 use crate::peak::{Figure, Peak, measure};
 use crate::program::Sources;
 use crate::record::{dirty_program, significant};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -103,10 +104,7 @@ impl Wanted<'_> {
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices were being measured"));
             }
-            // Several patterns may match the same device.
-            let new = |peak: &Peak| all.iter().all(|known| known.device != peak.device);
-            let found: Vec<Peak> = found?.into_iter().filter(new).collect();
-            all.extend(found);
+            add_new(&mut all, found?);
         }
         Ok(all)
     }
@@ -118,16 +116,31 @@ impl Wanted<'_> {
         };
         let mut command = own_program()?;
         // The child's messages go to the user: they say which process the child waits for, or why the child failed.
-        command.args(["peak", "--json", "--device", pattern]).stdin(Stdio::null()).stderr(Stdio::inherit());
-        command.args(self.no_wait.then_some("--no-wait"));
-        if let Some(folder) = self.cl_dir {
-            command.arg("--cl-dir").arg(folder);
-        }
+        command.args(self.arguments(pattern)).stdin(Stdio::null()).stderr(Stdio::inherit());
         let output = command.output().map_err(|error| failed(&error))?;
-        let text = String::from_utf8_lossy(&output.stdout);
-        // A driver may print lines before the JSON.
-        let list = text.find("[\n").map_or("", |at| &text[at..]);
-        serde_json::from_str(list).map_err(|_| failed(&"the reason is above"))
+        listed(&String::from_utf8_lossy(&output.stdout)).ok_or_else(|| failed(&"the reason is above"))
+    }
+
+    /// Returns the arguments of the child process that measures the devices of a pattern.
+    fn arguments(&self, pattern: &str) -> Vec<OsString> {
+        let mut arguments = ["peak", "--json", "--device", pattern].map(OsString::from).to_vec();
+        arguments.extend(self.no_wait.then(|| "--no-wait".into()));
+        arguments.extend(self.cl_dir.into_iter().flat_map(|folder| ["--cl-dir".into(), folder.into()]));
+        arguments
+    }
+}
+
+/// Reads what a child process printed. A driver may print lines before the JSON.
+fn listed(printed: &str) -> Option<Vec<Peak>> {
+    serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
+}
+
+/// Adds the devices that are not in the list yet, since several patterns may match the same device.
+fn add_new(all: &mut Vec<Peak>, found: Vec<Peak>) {
+    for peak in found {
+        if all.iter().all(|known| known.device != peak.device) {
+            all.push(peak);
+        }
     }
 }
 
@@ -157,6 +170,30 @@ fn text(peak: &Peak) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_runs_choices_are_those_of_the_process_that_measures() {
+        let wanted = Wanted { given: "measure", patterns: &[], cl_dir: None, no_wait: false };
+        assert_eq!(wanted.arguments("cpu"), ["peak", "--json", "--device", "cpu"]);
+        let wanted = Wanted { cl_dir: Some(Path::new("mine")), no_wait: true, ..wanted };
+        let expected = ["peak", "--json", "--device", "all", "--no-wait", "--cl-dir", "mine"];
+        assert_eq!(wanted.arguments("all"), expected);
+    }
+
+    #[test]
+    fn a_device_that_two_patterns_match_is_listed_once_and_a_drivers_lines_are_skipped() {
+        let peak = |device: &str, driver: &str| Peak {
+            device: device.into(),
+            driver: driver.into(),
+            ..Peak::default()
+        };
+        let mut all = vec![peak("a", "first")];
+        add_new(&mut all, vec![peak("a", "second"), peak("b", "first")]);
+        assert_eq!(all, [peak("a", "first"), peak("b", "first")]);
+        let json = serde_json::to_string_pretty(&all).unwrap();
+        assert_eq!(listed(&format!("[driver] ready\n{json}\n")), Some(all));
+        assert_eq!((listed(""), listed("[\nno list")), (None, None));
+    }
 
     #[test]
     fn each_row_has_its_own_rate_or_time_in_its_own_unit() {

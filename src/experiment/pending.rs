@@ -245,5 +245,37 @@ mod tests {
         let both = Run { other_sources: Some(&Sources::Embedded), ..plain };
         let expected = [named("serial", 0), named("naive (built in, A)", 0), named("naive (built in, B)", 1)];
         assert_eq!(names(&both), expected);
+        let plan = both.plan();
+        let groups = both.pending_points(&plan, &plan.by_device()).unwrap();
+        let told = groups
+            .iter()
+            .flatten()
+            .map(|one| (one.label.as_str(), one.record.preset.as_deref(), one.record.kernels_of.as_deref()));
+        let expected = [
+            ("triangle 8x5 host serial-f32", None, None),
+            ("triangle 8x5 naive 4x4 (built in, A)", None, Some("built in, A")),
+            ("triangle 8x5 naive 4x4 (built in, B)", None, Some("built in, B")),
+        ];
+        assert_eq!(told.collect::<Vec<_>>(), expected);
+        let folders = ["a/cl", "b/cl", "b/mine"].map(|path| Sources::Folder(path.into()));
+        assert_eq!(labels([&folders[0], &folders[1]]), ["cl, A", "cl, B"]);
+        assert_eq!(labels([&folders[2], &Sources::Embedded]), ["mine", "built in"]);
+    }
+
+    #[test]
+    fn a_program_is_built_only_for_points_that_fit_the_imitated_device() {
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let lines = "local_sizes = [4]\nbaselines = ['serial']\n[[strategy]]\npreset = 'local-vectors'";
+        let experiment = fixtures::experiment(&format!("{lines}\n[emulate]\nlocal_bytes = 100"));
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+        let told: Vec<_> = groups
+            .iter()
+            .flatten()
+            .map(|one| (one.record.name.as_str(), one.fits, one.order().map(|order| order.point)))
+            .collect();
+        assert_eq!(told, [("serial", true, None), ("naive", true, Some(1)), ("local-vectors", false, None)]);
     }
 }

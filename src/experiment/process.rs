@@ -6,8 +6,9 @@ use crate::error::{Error, Result};
 use crate::own_program::own_program;
 use crate::program::CACHE_DISABLE;
 use serde::Serialize;
+use std::ffi::OsString;
 use std::io::{BufRead as _, BufReader, Read, Write as _};
-use std::process::{Child, ChildStdin, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -39,6 +40,21 @@ impl Processes {
     pub fn using_driver_cache(self) -> Self {
         Self { driver_cache: true, ..self }
     }
+
+    /// Returns the command that starts a worker. `disabled` is the user's variable that disables the driver's cache.
+    fn command(&self, disabled: Option<OsString>) -> Result<Command> {
+        let mut command = own_program()?;
+        command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // The end of a worker's standard error goes into records, where a backtrace would be too
+        // long.
+        command.env("RUST_BACKTRACE", "0");
+        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
+        // `driver_cache` is set. Users who want the driver's cache can set the variable themselves.
+        if !self.driver_cache && disabled.is_none() {
+            command.env(CACHE_DISABLE, "1");
+        }
+        Ok(command)
+    }
 }
 
 impl Spawner for Processes {
@@ -49,17 +65,7 @@ impl Spawner for Processes {
                  command with --resume",
             )
         };
-        let mut command = own_program()?;
-        command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // The end of a worker's standard error goes into records, where a backtrace would be too
-        // long.
-        command.env("RUST_BACKTRACE", "0");
-        // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
-        // `driver_cache` is set. Users who want the driver's cache can set the variable themselves.
-        if !self.driver_cache && std::env::var_os(CACHE_DISABLE).is_none() {
-            command.env(CACHE_DISABLE, "1");
-        }
-        let mut child = command.spawn().map_err(failed)?;
+        let mut child = self.command(std::env::var_os(CACHE_DISABLE))?.spawn().map_err(failed)?;
         let mut worker = WorkerProcess {
             requests: child.stdin.take(),
             replies: child.stdout.take().map_or_else(|| channel().1, read_replies),
@@ -190,4 +196,38 @@ fn cause(status: std::process::ExitStatus) -> String {
 #[cfg(not(unix))]
 fn cause(status: std::process::ExitStatus) -> String {
     format!("ended with {status}")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn workers_compile_without_the_drivers_cache_unless_builders_or_users_choose_it() {
+        let disables = |processes: &Processes, of_user: Option<&str>| {
+            let command = processes.command(of_user.map(OsString::from)).unwrap();
+            assert!(command.get_args().eq(["worker"]));
+            let set: Vec<_> = command.get_envs().filter(|(name, _)| *name == CACHE_DISABLE).collect();
+            set.iter().any(|(_, value)| *value == Some("1".as_ref()))
+        };
+        let plain = Processes::new(Vec::new());
+        assert!(disables(&plain, None) && !disables(&plain, Some("0")));
+        assert!(!disables(&plain.using_driver_cache(), None));
+    }
+
+    #[test]
+    fn replies_are_read_between_a_drivers_lines() {
+        let replies = read_replies(&b"{\"star\n\n\"started\"\nready\n{\"built\":null}"[..]);
+        let next = || replies.recv_timeout(Duration::from_secs(120)).ok();
+        assert_eq!([next(), next(), next()], [Some(Reply::Started), Some(Reply::Built(None)), None]);
+    }
+
+    #[test]
+    fn last_words_are_the_end_of_what_was_said() {
+        let said = |text: String| read_last_words(std::io::Cursor::new(text)).join().unwrap();
+        assert_eq!(said(" oh\n".into()), "oh");
+        let long: String = (0..3000).map(|n| char::from(b'a' + (n % 26) as u8)).collect();
+        assert_eq!(said(long.clone()), long[1000..]);
+    }
 }

@@ -200,9 +200,10 @@ fn changed(device: Option<&DeviceInfo>) -> Error {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Pictures;
+    use super::super::{Pictures, fixtures};
     use super::*;
     use crate::config;
+    use crate::device::discover;
     use crate::program::Sources;
     use std::cell::Cell;
     use std::path::Path;
@@ -262,5 +263,41 @@ mod tests {
         assert_eq!(warmed(3, 1000.0), (6.0, 3));
         assert_eq!(warmed(3, 150.0), (7.0, 2), "two frames take more than a tenth of the limit");
         assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
+    }
+
+    /// Casts a frame on this machine's first device, as if it were a device of this kind with this timer.
+    fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
+        let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 1, warmup = 0 }");
+        let mut device = discover(&Sources::Embedded).unwrap().remove(0);
+        device.info.kind = kind;
+        device.info.hardware.timer_resolution_ns = timer_resolution_ns;
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 1);
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let key = drafter.draft(&plan.points[0], Some(&device.info), &at).unwrap().key;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let checker = Checker::open(drafter, Some(&device), Pictures::of(folder.path())).unwrap();
+        let mut handler = RequestHandler::new(drafter, plan, checker, None);
+        assert!(handler.answer(&Request::Cast { point: 0 }).is_err(), "it was not checked");
+        handler.answer(&Request::Check { point: 0, key, verified: None }).unwrap();
+        match handler.answer(&Request::Cast { point: 0 }).unwrap() {
+            Reply::Sample(times) => times,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_sample_has_processor_time_where_processors_cast_it() {
+        let on_processors = sample(DeviceKind::Cpu, None);
+        assert!(on_processors.processor_ms.is_some() && on_processors.batch.is_none(), "{on_processors:?}");
+        assert_eq!(sample(DeviceKind::Gpu, None).processor_ms, None);
+    }
+
+    #[test]
+    fn a_coarse_timer_times_batches_even_without_a_warm_up() {
+        // No frame of this size takes fifty steps of a second, and a batch has at most 256 frames.
+        assert_eq!(sample(DeviceKind::Cpu, Some(1_000_000_000)).batch, Some(256));
+        assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);
     }
 }

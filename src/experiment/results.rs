@@ -296,6 +296,7 @@ mod tests {
         assert_eq!(found, [("b", Outcome::Measured), ("a", Outcome::Measured)]);
         let taken = &past.samples["c"];
         assert_eq!((taken.len(), past.next_launch, taken[0].times.host_ms), (2, 1, 1.5));
+        assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
     }

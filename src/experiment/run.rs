@@ -114,3 +114,65 @@ impl Run<'_> {
         rule.shared_by(timing.launches as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures;
+    use super::*;
+    use crate::device::Hardware;
+
+    fn device(name: &str) -> DeviceInfo {
+        DeviceInfo {
+            name: name.into(),
+            platform: "CUDA".into(),
+            hardware: Hardware::default(),
+            ..asleep::device(1.0)
+        }
+    }
+
+    #[test]
+    fn a_worker_learns_the_runs_config_its_device_and_its_kernels() {
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let (one, two, locks) = (device("one"), device("two"), fixtures::own_locks());
+        let devices = [&one, &two];
+        let overrides = [("timing.seed".to_owned(), "7".to_owned())];
+        let mine = Sources::Folder("mine".into());
+        let run = Run { overrides: &overrides, ..fixtures::run(&experiment, &devices, &locks) };
+        let fault: Option<Fault> = "segv@cast:3".parse().ok();
+        let expected = |device: &DeviceInfo| Job {
+            config: experiment.path.clone(),
+            text: experiment.source.clone(),
+            overrides: overrides.to_vec(),
+            device_count: 2,
+            device: Some(device.identity()),
+            folder: "out".into(),
+            fault,
+            ..Job::default()
+        };
+        let jobs = |run: &Run<'_>| run.jobs(Path::new("out"), fault);
+        assert_eq!(jobs(&run), [expected(&one), expected(&two)]);
+        // All points are named after the first device, although each device measures some of them.
+        let spread = Run { spread: true, ..run };
+        let of_first = |device| Job { device_count: 1, stands_for: Some(one.clone()), ..expected(device) };
+        assert_eq!(jobs(&spread), [of_first(&one), of_first(&two)]);
+        let both = Run { spread: false, other_sources: Some(&mine), ..spread };
+        let of_folder = |device| Job { cl_dir: Some("mine".into()), ..expected(device) };
+        assert_eq!(jobs(&both), [expected(&one), expected(&two), of_folder(&one), of_folder(&two)]);
+        let on_host = Run { devices: &[], other_sources: None, ..both };
+        assert_eq!(jobs(&on_host), [Job { device_count: 0, device: None, ..expected(&one) }]);
+        let asleep = asleep::device(2.5);
+        let jobs = jobs(&Run { devices: &[&asleep], ..on_host });
+        assert_eq!(jobs.iter().map(|job| job.asleep_ms).collect::<Vec<_>>(), [Some(2.5)]);
+    }
+
+    #[test]
+    fn a_launch_stops_by_the_experiments_rule() {
+        let timing = "min_samples = 12, max_samples = 60, relative_sigma = 0.01, time_limit_ms = 900";
+        let experiment =
+            fixtures::experiment(&format!("local_sizes = [4]\ntiming = {{ launches = 2, {timing} }}"));
+        let rule = fixtures::run(&experiment, &[], &fixtures::own_locks()).stopping_rule();
+        let expected =
+            StoppingRule { min_samples: 6, max_samples: 30, relative_sigma: 0.01, time_limit_ms: 450.0 };
+        assert_eq!(rule, expected);
+    }
+}

@@ -1,6 +1,6 @@
 //! Measures the peak rates, one per function. Each function checks that its kernel did the work.
 
-use super::rig::{Rig, failed};
+use super::rig::{Rig, failed, repeat};
 use super::{Figure, Peak};
 use crate::device::Device;
 use crate::error::Result;
@@ -9,7 +9,7 @@ use ocl::Kernel;
 use rand::seq::SliceRandom as _;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng as _;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The values of CHAINS and STEPS in cl/peak/fma.cl.
 const CHAINS: u64 = 16;
@@ -83,7 +83,12 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let chains = CHAINS * width;
     // Every chain converges to 1 / (1 - 0.5).
     expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
-    Ok(rates((items as u64 * chains * FMA_STEPS) as f64, &seconds))
+    Ok(multiplied(items, width, &seconds))
+}
+
+/// Returns the multiply-adds per second of loops in which every work-item computes with vectors of this width.
+fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Figure {
+    rates((items as u64 * CHAINS * width * FMA_STEPS) as f64, seconds)
 }
 
 /// Returns the size of a large buffer, a multiple of a cache line, that fits easily into the device's memory.
@@ -105,7 +110,7 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     kernel.arg(&from).arg(&to);
     let kernel = kernel.build().map_err(failed)?;
     rig.launch(&kernel)?;
-    let seconds = rig.repeat(|| rig.launch(&kernel).map(|(ms, _)| ms * 1e-3))?;
+    let seconds = repeat(|| rig.launch(&kernel).map(|(ms, _)| ms * 1e-3))?;
     let mut last = [0.0_f32];
     to.cmd().read(&mut last[..]).offset(floats - 1).enq().map_err(failed)?;
     expect("the copy", f64::from(last[0]), 1.5)?;
@@ -133,7 +138,12 @@ fn local(rig: &Rig<'_>) -> Result<Figure> {
     // A sum of ones stops growing at 2^24, where adding 1 is lost by rounding.
     let reads = f64::from(loops).min(f64::from(1 << 24));
     expect("__local reads", f64::from(sums[items - 1]), reads * (SLOTS * width) as f64)?;
-    Ok(rates((items as u64 * SLOTS * width * 4) as f64, &seconds))
+    Ok(read_locally(items, width, &seconds))
+}
+
+/// Returns the bytes per second of loops in which every work-item reads vectors of floats of this width.
+fn read_locally(items: usize, width: u64, seconds: &[f64]) -> Figure {
+    rates((items as u64 * SLOTS * width * 4) as f64, seconds)
 }
 
 /// Measures the time of a single kernel launch on the device's clock and on the host's. Then measures the mean time of
@@ -145,14 +155,13 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     kernel.arg(&out).arg(7_i32);
     let kernel = kernel.build().map_err(failed)?;
     rig.launch(&kernel)?;
-    let single = rig.repeat(|| {
+    let single = repeat(|| {
         // A single kernel launch after a pause is not typical, so the shortest time of several consecutive launches is
         // used.
         let row: Vec<(f64, f64)> = (0..20).map(|_| rig.launch(&kernel)).collect::<Result<_>>()?;
-        let best = |of: fn(&(f64, f64)) -> f64| row.iter().map(of).fold(f64::INFINITY, f64::min);
-        Ok((best(|one| one.0) * 1e3, best(|one| one.1) * 1e3))
+        Ok(shortest_us(&row))
     })?;
-    let batched = rig.repeat(|| batch(rig, &kernel))?;
+    let batched = repeat(|| batch(rig, &kernel))?;
     let mut mark = [0];
     out.read(&mut mark[..]).enq().map_err(failed)?;
     expect("a launch", f64::from(mark[0]), 7.0)?;
@@ -164,6 +173,12 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     ])
 }
 
+/// Returns the shortest time on the device's clock and the shortest time on the host's, in microseconds.
+fn shortest_us(row_ms: &[(f64, f64)]) -> (f64, f64) {
+    let best = |of: fn(&(f64, f64)) -> f64| row_ms.iter().map(of).fold(f64::INFINITY, f64::min);
+    (best(|one| one.0) * 1e3, best(|one| one.1) * 1e3)
+}
+
 fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
     let start = Instant::now();
     for _ in 0..BATCH {
@@ -171,7 +186,12 @@ fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
         unsafe { kernel.cmd().queue(&rig.queue.commands).enq() }.map_err(failed)?;
     }
     rig.queue.commands.finish().map_err(failed)?;
-    Ok(start.elapsed().as_secs_f64() * 1e6 / f64::from(BATCH))
+    Ok(each_us(start.elapsed()))
+}
+
+/// Returns the time of each launch of a batch, in microseconds.
+fn each_us(all: Duration) -> f64 {
+    all.as_secs_f64() * 1e6 / f64::from(BATCH)
 }
 
 fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
@@ -271,6 +291,29 @@ mod tests {
     fn bytes_read_and_bytes_written_both_count_as_copied() {
         let rate = copied(1000, &[0.5; 5]);
         assert!((rate.median - 16_000.0).abs() < 1e-6, "{rate:?}");
+    }
+
+    #[test]
+    fn multiply_adds_and_reads_are_counted_as_the_kernels_do_them() {
+        // Ten work-items have 16 chains of 8 steps with vectors of 4 floats.
+        assert_eq!(multiplied(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 16.0 * 8.0 * 4.0);
+        // Ten work-items read 8 vectors of 4 floats of 4 bytes.
+        assert_eq!(read_locally(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 8.0 * 4.0 * 4.0);
+        let defines = |file: &str, name: &str, value: u64| {
+            let text = Sources::Embedded.read(file).expect("a file");
+            text.lines().any(|line| line.split_whitespace().eq(["#define", name, &value.to_string()]))
+        };
+        assert!(defines("peak/fma.cl", "CHAINS", CHAINS) && defines("peak/fma.cl", "STEPS", FMA_STEPS));
+        assert!(
+            defines("peak/local.cl", "SLOTS", SLOTS) && defines("peak/latency.cl", "STEPS", STEPS as u64)
+        );
+    }
+
+    #[test]
+    fn launches_are_told_in_microseconds() {
+        assert_eq!(shortest_us(&[(0.25, 0.5), (0.125, 0.75), (0.5, 1.0)]), (125.0, 500.0));
+        // 500 launches in a second take two milliseconds each.
+        assert!((each_us(Duration::from_secs(1)) - 2000.0).abs() < 1e-9);
     }
 
     #[test]

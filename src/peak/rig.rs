@@ -127,23 +127,65 @@ impl<'a> Rig<'a> {
         kernel: &Kernel,
         mut before: impl FnMut(i32) -> Result<()>,
     ) -> Result<(Vec<f64>, i32)> {
-        let mut timed = |loops: i32| -> Result<f64> {
+        looped(|loops| {
             before(loops)?;
             kernel.set_arg(0, loops).map_err(failed)?;
             self.launch(kernel).map(|(device_ms, _)| device_ms)
-        };
-        let mut loops = 256;
-        // The first kernel launch may include compilation.
-        timed(loops)?;
-        while timed(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
-            loops *= 2;
-        }
-        let seconds = self.repeat(|| timed(loops).map(|ms| ms * 1e-3 / f64::from(loops)))?;
-        Ok((seconds, loops))
+        })
+    }
+}
+
+/// Returns the seconds per loop, one value per repeat, and the number of loops. `timed_ms` takes a number of loops and
+/// returns their time.
+fn looped(mut timed_ms: impl FnMut(i32) -> Result<f64>) -> Result<(Vec<f64>, i32)> {
+    let mut loops = 256;
+    // The first kernel launch may include compilation.
+    timed_ms(loops)?;
+    while timed_ms(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
+        loops *= 2;
+    }
+    let seconds = repeat(|| timed_ms(loops).map(|ms| ms * 1e-3 / f64::from(loops)))?;
+    Ok((seconds, loops))
+}
+
+/// Repeats a measurement the usual number of times.
+pub fn repeat<T>(mut once: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
+    (0..REPEATS).map(|_| once()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kernel_is_timed_with_loops_that_take_twenty_milliseconds() {
+        // Each loop takes a microsecond, and the first launch also compiles for a second.
+        let mut launches = Vec::new();
+        let found = looped(|loops| {
+            launches.push(loops);
+            Ok(if launches.len() == 1 { 1000.0 } else { 1e-3 * f64::from(loops) })
+        });
+        let (seconds, loops) = found.expect("it is measured");
+        // 2^15 is the first power of two that is larger than 20,000.
+        assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
+        assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
+        // A loop that takes no time is not repeated without end.
+        assert_eq!(looped(|_| Ok(0.0)).expect("it is measured").1, 1 << 24);
     }
 
-    /// Repeats a measurement the usual number of times.
-    pub fn repeat<T>(&self, mut once: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
-        (0..REPEATS).map(|_| once()).collect()
+    #[test]
+    fn a_launchs_times_are_milliseconds_of_which_the_hosts_include_the_devices() {
+        let device = crate::device::discover(&Sources::Embedded).expect("devices").remove(0);
+        let rig = Rig::open(&device, &Sources::Embedded).expect("a device");
+        let program = rig.program("peak/launch.cl", &[]).expect("a program");
+        let out = rig.buffer::<i32>(1).expect("a buffer");
+        let mut kernel = rig.kernel(&program, "nothing", 1, 1);
+        let kernel = kernel.arg(&out).arg(7_i32).build().expect("a kernel");
+        for _ in 0..5 {
+            let start = Instant::now();
+            let (device_ms, host_ms) = rig.launch(&kernel).expect("it runs");
+            let all_ms = start.elapsed().as_secs_f64() * 1e3;
+            assert!(device_ms <= host_ms && host_ms <= all_ms, "{device_ms} {host_ms} {all_ms}");
+        }
     }
 }

@@ -8,21 +8,27 @@ use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
 /// The sensors of one device.
-struct NvmlSensor(Device<'static>);
+struct NvmlSensor<D>(D);
 
 /// Returns the sensors of the device with this PCI address or UUID; `None` if there is no such library or
 /// device.
 pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
-    if hardware.pci_bus.is_none() && hardware.uuid.is_none() {
-        return None;
-    }
     // The library is loaded once and never unloaded, since its handles live as long as the process.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
-    let library = LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref()?;
-    let by_bus = || library.device_by_pci_bus_id(hardware.pci_bus.clone()?).ok();
-    let by_uuid = || library.device_by_uuid(uuid_name(hardware.uuid.as_deref()?)?).ok();
-    let device = by_bus().or_else(by_uuid)?;
-    Some(Box::new(NvmlSensor(device)))
+    let library = || LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref();
+    let by_bus = |address: &str| library()?.device_by_pci_bus_id(address).ok();
+    let by_uuid = |name: &str| library()?.device_by_uuid(name).ok();
+    Some(Box::new(NvmlSensor(named(hardware, by_bus, by_uuid)?)))
+}
+
+/// Returns the device at the PCI address, or else the device with the UUID.
+fn named<D>(
+    hardware: &Hardware,
+    by_bus: impl FnOnce(&str) -> Option<D>,
+    by_uuid: impl FnOnce(&str) -> Option<D>,
+) -> Option<D> {
+    let at_address = hardware.pci_bus.as_deref().and_then(by_bus);
+    at_address.or_else(|| by_uuid(&uuid_name(hardware.uuid.as_deref()?)?))
 }
 
 /// Formats 32 hexadecimal digits in the library's form: "GPU-01234567-89ab-...".
@@ -32,7 +38,39 @@ fn uuid_name(digits: &str) -> Option<String> {
     Some(format!("GPU-{a}-{b}-{c}-{d}-{e}"))
 }
 
-impl Sensor for NvmlSensor {
+/// The values that the library reads, each in the library's own unit; `None` if a device does not report a value.
+trait Source {
+    fn clock_mhz(&self, clock: Clock) -> Option<u32>;
+    fn power_mw(&self) -> Option<u32>;
+    fn temperature_c(&self) -> Option<u32>;
+    fn throttle_reasons(&self) -> Option<ThrottleReasons>;
+    /// Returns the energy that the device has used since its driver was loaded.
+    fn energy_mj(&self) -> Option<u64>;
+}
+
+impl Source for Device<'_> {
+    fn clock_mhz(&self, clock: Clock) -> Option<u32> {
+        self.clock_info(clock).ok()
+    }
+
+    fn power_mw(&self) -> Option<u32> {
+        self.power_usage().ok()
+    }
+
+    fn temperature_c(&self) -> Option<u32> {
+        self.temperature(TemperatureSensor::Gpu).ok()
+    }
+
+    fn throttle_reasons(&self) -> Option<ThrottleReasons> {
+        self.current_throttle_reasons().ok()
+    }
+
+    fn energy_mj(&self) -> Option<u64> {
+        self.total_energy_consumption().ok()
+    }
+}
+
+impl<D: Source + Send> Sensor for NvmlSensor<D> {
     fn read(&mut self) -> Reading {
         let Self(device) = self;
         // The reasons for throttling; idleness and clocks set by a user are not among them.
@@ -42,15 +80,14 @@ impl Sensor for NvmlSensor {
             | ThrottleReasons::HW_THERMAL_SLOWDOWN
             | ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN;
         let shown = SensorReading {
-            clock_mhz: device.clock_info(Clock::SM).ok().map(f64::from),
-            memory_clock_mhz: device.clock_info(Clock::Memory).ok().map(f64::from),
-            power_w: device.power_usage().ok().map(|milliwatts| f64::from(milliwatts) * 1e-3),
-            temperature_c: device.temperature(TemperatureSensor::Gpu).ok().map(f64::from),
-            throttled: device.current_throttle_reasons().is_ok_and(|reasons| reasons.intersects(slowing)),
+            clock_mhz: device.clock_mhz(Clock::SM).map(f64::from),
+            memory_clock_mhz: device.clock_mhz(Clock::Memory).map(f64::from),
+            power_w: device.power_mw().map(|milliwatts| f64::from(milliwatts) * 1e-3),
+            temperature_c: device.temperature_c().map(f64::from),
+            throttled: device.throttle_reasons().is_some_and(|reasons| reasons.intersects(slowing)),
             energy_mj: None,
         };
-        let energy_counter_mj = device.total_energy_consumption().ok().map(|millijoules| millijoules as f64);
-        Reading { shown, energy_counter_mj }
+        Reading { shown, energy_counter_mj: device.energy_mj().map(|millijoules| millijoules as f64) }
     }
 }
 
@@ -68,5 +105,88 @@ mod tests {
     #[test]
     fn a_device_without_a_place_has_no_sensors() {
         assert!(find(&Hardware::default()).is_none());
+    }
+
+    #[test]
+    fn a_device_is_found_by_its_address_or_else_by_its_uuid() {
+        let hardware = |bus: &str, uuid: &str| Hardware {
+            pci_bus: Some(bus.to_owned()).filter(|bus| !bus.is_empty()),
+            uuid: Some(uuid.to_owned()).filter(|uuid| !uuid.is_empty()),
+            ..Hardware::default()
+        };
+        let found = |hardware: &Hardware| {
+            let at = |address: &str| (address == "0000:17:00.0").then(|| "at the address".to_owned());
+            named(hardware, at, |name| Some(name.to_owned()))
+        };
+        let uuid = "0123456789abcdef0123456789abcdef";
+        let name = "GPU-01234567-89ab-cdef-0123-456789abcdef";
+        assert_eq!(found(&hardware("0000:17:00.0", uuid)).as_deref(), Some("at the address"));
+        assert_eq!(found(&hardware("0000:17:00.0", "")).as_deref(), Some("at the address"));
+        assert_eq!(found(&hardware("0000:18:00.0", uuid)).as_deref(), Some(name));
+        assert_eq!(found(&hardware("", uuid)).as_deref(), Some(name));
+        assert_eq!(found(&hardware("0000:18:00.0", "")), None);
+    }
+
+    /// A device that reports everything, or nothing.
+    struct Fake {
+        reports: bool,
+        reasons: ThrottleReasons,
+    }
+
+    impl Source for Fake {
+        fn clock_mhz(&self, clock: Clock) -> Option<u32> {
+            let mhz = match clock {
+                Clock::SM => 1980,
+                Clock::Memory => 2619,
+                _ => 345,
+            };
+            self.reports.then_some(mhz)
+        }
+        fn power_mw(&self) -> Option<u32> {
+            self.reports.then_some(350_000)
+        }
+        fn temperature_c(&self) -> Option<u32> {
+            self.reports.then_some(41)
+        }
+        fn throttle_reasons(&self) -> Option<ThrottleReasons> {
+            self.reports.then_some(self.reasons)
+        }
+        fn energy_mj(&self) -> Option<u64> {
+            self.reports.then_some(5_000_000_000)
+        }
+    }
+
+    #[test]
+    fn a_reading_has_megahertz_watts_degrees_and_millijoules() {
+        let reasons = ThrottleReasons::empty();
+        let reading = NvmlSensor(Fake { reports: true, reasons }).read();
+        let shown = reading.shown;
+        assert_eq!([shown.clock_mhz, shown.memory_clock_mhz], [Some(1980.0), Some(2619.0)]);
+        assert!(shown.power_w.is_some_and(|power_w| (power_w - 350.0).abs() < 1e-9), "{shown:?}");
+        assert_eq!((shown.temperature_c, shown.throttled, shown.energy_mj), (Some(41.0), false, None));
+        // A counter of 32 bits would have overflowed.
+        assert_eq!(reading.energy_counter_mj, Some(5e9));
+        assert_eq!(NvmlSensor(Fake { reports: false, reasons }).read(), Reading::default());
+    }
+
+    #[test]
+    fn power_and_heat_throttle_a_device_and_idleness_and_users_do_not() {
+        let throttled = |reasons| NvmlSensor(Fake { reports: true, reasons }).read().shown.throttled;
+        for reason in [
+            ThrottleReasons::SW_POWER_CAP,
+            ThrottleReasons::HW_SLOWDOWN,
+            ThrottleReasons::SW_THERMAL_SLOWDOWN,
+            ThrottleReasons::HW_THERMAL_SLOWDOWN,
+            ThrottleReasons::HW_POWER_BRAKE_SLOWDOWN,
+        ] {
+            assert!(throttled(reason) && throttled(reason | ThrottleReasons::GPU_IDLE), "{reason:?}");
+        }
+        for other in [
+            ThrottleReasons::GPU_IDLE,
+            ThrottleReasons::APPLICATIONS_CLOCKS_SETTING,
+            ThrottleReasons::SYNC_BOOST,
+        ] {
+            assert!(!throttled(other), "{other:?}");
+        }
     }
 }

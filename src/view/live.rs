@@ -226,13 +226,9 @@ impl Live {
     ///
     /// Fails if the device is the only one, or if the next device cannot be opened.
     pub fn next_device(&mut self) -> Result<()> {
-        let found: Vec<Device> =
-            discover(&self.sources)?.into_iter().filter(|device| device.info.unusable.is_none()).collect();
-        let same = |device: &Device| device.info.identity() == self.device.info.identity();
-        let place = found.iter().position(same).map_or(0, |place| place + 1);
-        match found.get(place % found.len().max(1)) {
-            Some(device) if !same(device) => self.move_to(device.clone()),
-            _ => Err(Error::input(format!("{} is the only usable device", self.device.info.name))),
+        match after(&self.device.info, &discover(&self.sources)?) {
+            Some(device) => self.move_to(device.clone()),
+            None => Err(Error::input(format!("{} is the only usable device", self.device.info.name))),
         }
     }
 
@@ -265,6 +261,15 @@ impl Live {
         self.sum.restart();
         Ok(())
     }
+}
+
+/// Returns the usable device that follows this one, or the first usable device if this one is the last; `None` if there
+/// is no other.
+fn after<'a>(current: &DeviceInfo, found: &'a [Device]) -> Option<&'a Device> {
+    let usable: Vec<&Device> = found.iter().filter(|device| device.info.unusable.is_none()).collect();
+    let same = |device: &&Device| device.info.identity() == current.identity();
+    let place = usable.iter().position(same).map_or(0, |place| place + 1);
+    usable.get(place % usable.len().max(1)).copied().filter(|device| !same(device))
 }
 
 fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>, samples: u32) -> Session {
@@ -354,5 +359,73 @@ mod tests {
         cast(&mut live);
         live.moved();
         assert_eq!(live.progress(), [0, 2]);
+    }
+
+    #[test]
+    fn the_next_device_is_the_next_usable_one_and_the_last_is_followed_by_the_first() {
+        let device = discover(&Sources::Embedded).expect("devices").remove(0);
+        let named = |name: &str, unusable: Option<&str>| {
+            let (name, unusable) = (name.to_owned(), unusable.map(str::to_owned));
+            Device { info: DeviceInfo { name, unusable, ..device.info.clone() }, ..device.clone() }
+        };
+        let found =
+            ["a", "b", "c", "d"].map(|name| named(name, (name == "c").then_some("its driver is old")));
+        let next = |current: &str, found: &[Device]| {
+            after(&named(current, None).info, found).map(|device| device.info.name.clone())
+        };
+        assert_eq!(
+            ["a", "b", "d"].map(|name| next(name, &found)),
+            ["b", "d", "a"].map(|name| Some(name.to_owned()))
+        );
+        assert_eq!(next("unplugged", &found).as_deref(), Some("a"));
+        // Only the twin's number distinguishes it.
+        let mut twin = named("a", None);
+        twin.info.twins_before = 1;
+        assert_eq!(
+            after(&twin.info, &[found[0].clone(), twin.clone()]).map(|next| next.info.twins_before),
+            Some(0)
+        );
+        assert_eq!((next("a", &found[..1]), next("b", &found[1..3]), next("a", &[])), (None, None, None));
+    }
+
+    #[test]
+    fn another_device_begins_a_new_picture_in_the_usual_way_and_one_that_cannot_cast_changes_nothing() {
+        let mut live = live(&[], 2);
+        let (usual, own) = ((live.strategy(), live.local_size()), live.device().name.clone());
+        let cast = |live: &mut Live| live.cast(&Pose::START).expect("it casts").expect("a frame").picture;
+        let picture = cast(&mut live);
+        live.next_strategy(1).expect("another strategy");
+        live.next_local_size(1).expect("another size");
+        let chosen = (live.strategy(), live.local_size());
+        assert!(chosen.0 != usual.0 && chosen.1 != usual.1);
+        cast(&mut live);
+        let mut small = live.device.clone();
+        small.info.limits.allocation_bytes = 1;
+        small.info.name = "small".into();
+        let error = live.move_to(small).expect_err("nothing fits into a byte");
+        assert_eq!(
+            ((live.strategy(), live.local_size()), live.device().name.clone(), live.progress()),
+            (chosen, own, [1, 2]),
+            "{error}"
+        );
+        let mut other = live.device.clone();
+        other.info.name = "other".into();
+        live.move_to(other).expect("it can cast");
+        assert_eq!(
+            ((live.strategy(), live.local_size()), live.device().name.as_str(), live.progress()),
+            (usual, "other", [0, 2])
+        );
+        assert!(cast(&mut live) == picture);
+    }
+
+    #[test]
+    fn a_scene_that_is_read_again_is_cast_in_the_chosen_way() {
+        let mut live = live(&[], 2);
+        live.next_strategy(1).expect("another strategy");
+        live.next_local_size(1).expect("another size");
+        let chosen = (live.strategy(), live.local_size());
+        live.cast(&Pose::START).expect("it casts");
+        live.reload().expect("it can be read");
+        assert_eq!(((live.strategy(), live.local_size()), live.progress()), (chosen, [0, 2]));
     }
 }

@@ -13,7 +13,7 @@ use crate::sources::Sources;
 use crate::strategy::{Strategy, preset_of};
 use serde::{Deserialize, Serialize};
 use std::io::Write as _;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
 /// The kind of cache entries that record when a process began to store a program.
@@ -52,7 +52,7 @@ pub fn for_the_next_start(
 ) -> Vec<String> {
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
-    let shows = show_later.is_some_and(|spec| compile_later(&spec, &device.info));
+    let shows = show_later.is_some_and(|spec| compile_later(&Cache::of_user(), &spec, &device.info));
     // Every background process also lists the devices.
     if !stores && !shows && later.is_none() && !device.lanes_are_tested {
         list_later(&device.info);
@@ -61,7 +61,8 @@ pub fn for_the_next_start(
     let (mut strategy, mut workload) = (*strategy, prepared.workload);
     if let Some(later) = later {
         notes.push(hurried(&later.strategy));
-        notes.extend(compile_later(&later.spec, &device.info).then(|| COMPILES.to_owned()));
+        let compiles = compile_later(&Cache::of_user(), &later.spec, &device.info);
+        notes.extend(compiles.then(|| COMPILES.to_owned()));
         (strategy, workload) = (later.strategy, later.workload);
     }
     guess::remember(&guess::cache(args), args, &device.info, &strategy, &workload);
@@ -86,18 +87,21 @@ const COMPILES: &str = "another process is compiling the fastest strategy for th
 /// started.
 fn order(prepared: &Prepared, device: &Device) -> bool {
     let cache = Cache::of_user();
-    if prepared.program.from_cache || device.info.has_binaries_at_hand() || !cache.keeps() {
-        return false;
-    }
-    in_background(&cache, &prepared.spec, &device.info)
+    let worth = is_worth_storing(&cache, prepared.program.from_cache, &device.info);
+    worth && in_background(&cache, &prepared.spec, &device.info)
+}
+
+/// Returns whether a program should be stored by a background process: it is not stored yet, and the driver needs a
+/// long time to return the binary.
+fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> bool {
+    !from_cache && !device.has_binaries_at_hand() && cache.keeps()
 }
 
 /// Starts a background process that compiles and stores a program, unless one is already doing so. Returns `false` if
 /// nothing is stored. If the process cannot start, the next picture is hurried too.
-fn compile_later(spec: &ProgramSpec, device: &DeviceInfo) -> bool {
-    let cache = Cache::of_user();
+fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.keeps() {
-        in_background(&cache, spec, device);
+        in_background(cache, spec, device);
     }
     cache.keeps()
 }
@@ -131,13 +135,18 @@ fn begin(cache: &Cache, name: &str) -> bool {
 
 fn start(order: &Order) -> std::io::Result<()> {
     let text = serde_json::to_vec(order)?;
-    let mut command = own_program().map_err(std::io::Error::other)?;
+    let mut child = background(order).map_err(std::io::Error::other)?.spawn()?;
+    child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
+}
+
+/// Returns the command that starts the background process.
+fn background(order: &Order) -> Result<Command> {
+    let mut command = own_program()?;
     if order.anew {
         command.env(CACHE_DISABLE, "1");
     }
     command.args(["worker", "--keep"]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
-    let mut child = command.spawn()?;
-    child.stdin.take().map_or(Ok(()), |mut input| input.write_all(&text))
+    Ok(command)
 }
 
 /// The background process: reads its task from standard input, lists the devices if no list is stored, and builds and
@@ -186,6 +195,7 @@ fn yield_to_others() {}
 mod tests {
     use super::*;
     use crate::device::{DeviceKind, tests::example};
+    use std::ffi::OsStr;
 
     #[test]
     fn a_program_for_assumed_lane_operations_is_stored_only_if_the_device_has_them() {
@@ -199,6 +209,53 @@ mod tests {
         device.limits.lane_operations = LaneOperations::Barriers;
         assert!(program_for(&order, &device).is_none());
         assert!(program_for(&order_for(&device, None), &device).is_none());
+    }
+
+    #[test]
+    fn a_process_stores_only_what_is_not_stored_yet_and_takes_long_to_return() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cache = Cache::at(folder.path(), 1 << 20);
+        let slow = example("Portable Computing Language", "cpu", DeviceKind::Cpu, 2);
+        let fast = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        assert!(is_worth_storing(&cache, false, &slow));
+        assert!(!is_worth_storing(&cache, true, &slow) && !is_worth_storing(&cache, false, &fast));
+        assert!(!is_worth_storing(&Cache::none(), false, &slow));
+    }
+
+    #[test]
+    fn a_program_that_another_process_is_compiling_is_told_of_and_not_compiled_twice() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let cache = Cache::at(folder.path(), 1 << 20);
+        let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        let spec = ProgramSpec { source: "kernel".into(), options: "-D A=1".into(), files: Vec::new() };
+        assert!(begin(&cache, &spec.hash()));
+        assert!(!in_background(&cache, &spec, &device), "another process has begun");
+        assert!(compile_later(&cache, &spec, &device));
+        assert!(!compile_later(&Cache::none(), &spec, &device), "without a cache, nothing can be stored");
+    }
+
+    #[test]
+    fn a_process_uses_the_drivers_cache_unless_the_program_has_to_be_compiled_anew() {
+        let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
+        let command =
+            |anew: bool| background(&Order { anew, ..order_for(&device, None) }).expect("a command");
+        let disabled = |anew: bool| {
+            let of = |(name, value): (&OsStr, Option<&OsStr>)| {
+                (name == CACHE_DISABLE).then(|| value == Some("1".as_ref()))
+            };
+            command(anew).get_envs().find_map(of)
+        };
+        assert_eq!((disabled(false), disabled(true)), (None, Some(true)));
+        assert!(command(false).get_args().eq(["worker", "--keep"]));
+        assert!(!order_for(&device, None).anew, "at first, the driver's cache is used");
+    }
+
+    #[test]
+    fn a_note_names_the_fastest_strategy_and_the_one_that_was_used() {
+        let strategy = crate::strategy::preset("deferred").expect("a preset").strategy;
+        let expected =
+            "the fastest strategy (deferred) is not compiled yet, so this picture was cast with bvh";
+        assert_eq!(hurried(&strategy), expected);
     }
 
     #[test]

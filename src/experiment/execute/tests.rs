@@ -8,10 +8,11 @@ use crate::experiment::fixtures;
 use crate::experiment::protocol::{Built, Reply, Request};
 use crate::experiment::supervisor::{Wait, Worker};
 use crate::launch::FrameTimes;
-use crate::record::{AnchorSample, Environment, read_lines};
+use crate::record::{AnchorSample, Environment, Sample, read_lines};
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
 
 const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_samples = 5 }";
 /// The number of requests that are never reached.
@@ -31,6 +32,8 @@ struct Answering {
     refuses: bool,
     /// The hashes of pictures that need not be compared again, as told to workers.
     verified: Arc<Mutex<Vec<Option<String>>>>,
+    /// The time limit of every wait for a worker.
+    limits: Arc<Mutex<Vec<Duration>>>,
 }
 
 impl Default for Answering {
@@ -43,6 +46,7 @@ impl Default for Answering {
             outcome: Outcome::Measured,
             refuses: false,
             verified: Arc::default(),
+            limits: Arc::default(),
         }
     }
 }
@@ -82,7 +86,8 @@ impl Worker for Answer {
         };
     }
 
-    fn wait(&mut self, _limit: std::time::Duration) -> Wait {
+    fn wait(&mut self, limit: Duration) -> Wait {
+        self.of.limits.lock().unwrap().push(limit);
         Wait::Reply(self.next.clone())
     }
 }
@@ -236,11 +241,18 @@ fn a_record_has_the_time_for_which_a_builder_built_its_program() {
     let workers = Answering::default();
     let builder =
         Builder { usual: Box::new(workers.clone()), without_driver_cache: Box::new(workers.clone()) };
-    let limit = std::time::Duration::from_secs(120);
-    let records = ahead.beside(vec![builder], limit, &AtomicBool::new(false), || {
+    let limit = Duration::from_secs(120);
+    let (records, heard) = ahead.beside(vec![builder], limit, &AtomicBool::new(false), || {
         let lines = format!("local_sizes = [1, 2]\n{TIMING}");
-        session(folder.path(), &lines, &workers, |run| Run { ahead: Some(ahead), ..run }).0.unwrap()
+        session(folder.path(), &lines, &workers, |run| Run { ahead: Some(ahead), ..run })
     });
+    let records = records.unwrap();
+    let built = heard.works.iter().filter(|work| work.starts_with("building ")).map(String::as_str);
+    assert!(
+        built.eq(["building triangle 8x5 naive 1x1", "building triangle 8x5 naive 2x2"]),
+        "{:?}",
+        heard.works
+    );
     let built = |record: &Record| (record.build_ms, record.build_from_cache);
     assert_eq!([built(&records[0]), built(&records[1])], [(Some(42.0), Some(true)); 2]);
     assert_eq!(ahead.tally().kept, 2);
@@ -289,4 +301,91 @@ fn a_run_on_two_devices_stores_and_tells_what_a_run_on_one_does() {
     let before = workers.requests.load(Ordering::Relaxed);
     let (_, heard) = session(folder.path(), &lines, &workers, |run| Run { spread: true, ..run });
     assert_eq!((workers.requests.load(Ordering::Relaxed), heard.resumed), (before, vec![[3, 6]]));
+}
+
+#[test]
+fn workers_have_the_time_limit_of_the_run_on_one_device_and_on_two() {
+    let limit = Duration::from_millis(30);
+    for spread in [false, true] {
+        let (folder, workers) = (tempfile::tempdir().unwrap(), Answering::default());
+        let lines = format!("local_sizes = [1]\nbaselines = ['serial']\n{TIMING}");
+        session(folder.path(), &lines, &workers, |run| Run { limit, spread, ..run }).0.unwrap();
+        let limits = workers.limits.lock().unwrap();
+        assert!(!limits.is_empty() && limits.iter().all(|one| *one == limit), "{spread}: {limits:?}");
+    }
+}
+
+/// Returns the order of three scenes in the second launch, and the order of the samples of the first scene's points in
+/// the first launch.
+fn orders(seed: u64, spread: bool) -> [Vec<String>; 2] {
+    let scenes =
+        ["pyramid-upper", "pyramid-lower"].map(|name| format!("[[scene]]\nfile = 'scenes/{name}.toml'\n"));
+    let timing = TIMING.replace("launches", &format!("seed = {seed}, launches"));
+    let lines = format!("local_sizes = [1, 2, 4]\n{timing}\n{}", scenes.concat());
+    let (experiment, device, locks) =
+        (fixtures::experiment(&lines), asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = Run { spread, ..fixtures::run(&experiment, &devices, &locks) };
+    let (folder, mut workers, mut heard) =
+        (tempfile::tempdir().unwrap(), Answering::default(), Heard::default());
+    let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
+    let interrupted = Arc::clone(&workers.interrupted);
+    let records = match spread {
+        false => run.execute(&mut results, &mut heard, &mut workers, &interrupted),
+        true => run.execute_spread(&mut results, &mut heard, vec![Box::new(workers)], &interrupted),
+    };
+    assert_eq!(records.unwrap().len(), 9);
+    let timed = |launch: &str| {
+        let ending = format!("launch {launch} of 2");
+        let timed =
+            heard.works.iter().filter(move |work| work.starts_with("timing ") && work.ends_with(&ending));
+        timed.map(|work| work.split(' ').nth(1).unwrap_or_default().to_owned())
+    };
+    let mut scenes: Vec<String> = timed("2").collect();
+    scenes.dedup();
+    let points =
+        heard.works.iter().filter(|work| work.starts_with("timing triangle ") && work.ends_with("1 of 2"));
+    [scenes, points.cloned().collect()]
+}
+
+#[test]
+fn the_order_of_groups_and_of_their_points_follows_from_the_seed() {
+    for spread in [false, true] {
+        let all = [1, 2, 3, 4, 5].map(|seed| orders(seed, spread));
+        assert_eq!(all[0], orders(1, spread), "the same seed makes the same order");
+        for (place, count) in [(0, 3), (1, 15)] {
+            assert!(all.iter().all(|orders| orders[place].len() == count), "{all:?}");
+            let different: HashSet<&Vec<String>> = all.iter().map(|orders| &orders[place]).collect();
+            assert!(different.len() > 1, "{spread}: {:?}", all[0][place]);
+        }
+    }
+}
+
+#[test]
+fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_launches() {
+    let anchors = |launches: u32| {
+        let folder = tempfile::tempdir().unwrap();
+        let timing = TIMING.replace("launches = 2", &format!("launches = {launches}"));
+        let lines = format!("local_sizes = [1, 2, 4]\n{timing}");
+        let (records, heard) = session(folder.path(), &lines, &Answering::default(), plain);
+        assert_eq!(records.unwrap().len(), 3);
+        let anchors: Vec<AnchorSample> = read_lines(&folder.path().join("anchors.jsonl")).unwrap().lines;
+        let samples: Vec<Sample> = read_lines(&folder.path().join("samples.jsonl")).unwrap().lines;
+        (anchors, samples, heard)
+    };
+    let (found, samples, _) = anchors(2);
+    let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
+    // In each launch, three kernels are cast five times: after the first, seventh and thirteenth of these frames the
+    // anchor is run.
+    let of: Vec<_> = found.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
+    assert_eq!(of, [(0, 0), (0, 2), (0, 4), (1, 0), (1, 2), (1, 4)]);
+    for anchor in &found {
+        assert_eq!((&anchor.anchor, anchor.ms), (&name, 1.0));
+        let of_round = samples.iter().filter(|one| (one.launch, one.round) == (anchor.launch, anchor.round));
+        let first_ms = of_round.filter_map(|one| one.at_ms).fold(f64::INFINITY, f64::min);
+        assert!(anchor.at_ms >= first_ms, "{anchor:?}");
+    }
+    let (none, _, heard) = anchors(1);
+    assert!(none.is_empty());
+    assert!(heard.works.iter().any(|work| work == "timing triangle 8x5 naive 1x1"), "{:?}", heard.works);
 }

@@ -24,11 +24,18 @@ struct Noting {
     latencies_ns: Vec<f64>,
     records: Vec<Record>,
     launches: u32,
+    works: Vec<String>,
+    said: Vec<String>,
+    steps: usize,
 }
 
 impl ResultSink for Noting {
-    fn works_on(&mut self, _what: &str) {}
-    fn says(&mut self, _line: &str) {}
+    fn works_on(&mut self, what: &str) {
+        self.works.push(what.to_owned());
+    }
+    fn says(&mut self, line: &str) {
+        self.said.push(line.to_owned());
+    }
     fn keep(&mut self, record: Record) -> Result<()> {
         self.records.push(record);
         Ok(())
@@ -46,7 +53,9 @@ impl ResultSink for Noting {
         self.launches += 1;
         self.launches - 1
     }
-    fn advances(&mut self, _steps: usize) {}
+    fn advances(&mut self, steps: usize) {
+        self.steps += steps;
+    }
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
     }
@@ -81,7 +90,8 @@ impl Spawner for Mortals {
 impl Worker for Mortal {
     fn send(&mut self, request: &Request) {
         if let Request::Check { key, .. } = request {
-            let record = Box::new(Record { key: key.clone(), ..Record::default() });
+            let record = Record { key: key.clone(), scene: "triangle".to_owned(), ..Record::default() };
+            let record = Box::new(record);
             self.answer = Wait::Reply(Reply::Checked { record, ready: true });
             return;
         }
@@ -162,6 +172,10 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();
     assert!(sink.records.iter().all(|record| record.interval_ms.is_some()));
+    assert_eq!(
+        (sink.steps, sink.said),
+        (2, vec!["a worker process was lost: its whole launch is repeated".to_owned()])
+    );
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
 }
@@ -222,4 +236,50 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let possible = before - 5.1e-4..after + 5.1e-4;
     assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
     assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);
+}
+
+#[test]
+fn an_additional_launch_is_told_and_is_no_step() {
+    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) =
+        (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let samples = |launch: u32| vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; 5];
+    let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));
+    // No machine has latencies as long as these, so the new launch is nearer.
+    let latencies_ns = vec![1e9, 1e6];
+    let mut sink = Noting { past: past.into(), latencies_ns, launches: 2, ..Noting::default() };
+    let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
+    workers.frames.set(DEADLY);
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    let mut group = group();
+    group.points[1].label = "b".into();
+    group.visit(&run, &mut supervisor, &mut sink).unwrap();
+    let words = "triangle: the host moved this virtual machine's processors, so additional launches replace some launches";
+    assert_eq!((sink.said, sink.steps), (vec![words.to_owned()], 4));
+    assert!(sink.works.contains(&"timing b, additional launch 1".to_owned()), "{:?}", sink.works);
+    let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
+    assert_eq!(launches, vec![[1, 1, 1, 1, 1, 2, 2, 2, 2, 2]; 2]);
+}
+
+#[test]
+fn a_checked_record_has_the_names_of_its_draft_and_the_results_of_its_check() {
+    let draft = Record {
+        name: "naive (mine)".into(),
+        preset: Some("naive".into()),
+        kernels_of: Some("mine".into()),
+        control: Some("control".into()),
+        block: Some(3),
+        is_control: true,
+        image_hash: Some("of the draft".into()),
+        ..Record::default()
+    };
+    let checked =
+        Record { name: "naive".into(), image_hash: Some("of the check".into()), ..Record::default() };
+    for ready in [false, true] {
+        let expected = Record { image_hash: checked.image_hash.clone(), ..draft.clone() };
+        assert_eq!(named((Box::new(checked.clone()), ready), &draft), (Box::new(expected), ready));
+    }
 }

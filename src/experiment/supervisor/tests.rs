@@ -18,8 +18,10 @@ struct Noting {
     instead: Rc<RefCell<VecDeque<Wait>>>,
     /// Set by the next request, if there is one.
     interrupts: Option<Rc<AtomicBool>>,
-    /// What comes instead of the reply that a worker has started.
+    /// What comes instead of the reply that the next worker has started.
     at_start: Option<Wait>,
+    /// The time limit of every wait for a worker.
+    limits: Rc<RefCell<Vec<Duration>>>,
 }
 
 struct Noted {
@@ -30,7 +32,7 @@ struct Noted {
 impl Spawner for Noting {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>> {
         self.devices.borrow_mut().push(device);
-        let next = self.at_start.clone().unwrap_or(Wait::Reply(Reply::Started));
+        let next = self.at_start.take().unwrap_or(Wait::Reply(Reply::Started));
         Ok(Box::new(Noted { of: self.clone(), next }))
     }
 }
@@ -46,7 +48,8 @@ impl Worker for Noted {
         });
     }
 
-    fn wait(&mut self, _limit: Duration) -> Wait {
+    fn wait(&mut self, limit: Duration) -> Wait {
+        self.of.limits.borrow_mut().push(limit);
         match self.next {
             Wait::Reply(Reply::Started) => self.next.clone(),
             _ => self.of.instead.borrow_mut().pop_front().unwrap_or_else(|| self.next.clone()),
@@ -209,4 +212,73 @@ fn a_workers_own_error_ends_the_run_with_its_words_and_so_does_a_worker_that_can
     let mut dead = Noting { at_start: Some(Wait::Dead(death)), ..Noting::default() };
     let error = Supervisor::new(&mut dead, &never, LIMIT).check(task(0, 0, 0)).unwrap_err();
     assert_eq!(error.to_string(), "a worker process could not start: it ended with exit status: 1");
+}
+
+#[test]
+fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, Duration::ZERO);
+    passes(&mut supervisor, task(0, 0, 0));
+    noting.instead.borrow_mut().push_back(Wait::Silence);
+    let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
+    assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
+    passes(&mut supervisor, task(1, 0, 0));
+    // An anchor that hangs does not hang the run either.
+    noting.instead.borrow_mut().push_back(Wait::Silence);
+    assert!(supervisor.anchor(task(1, 0, 0)).unwrap().is_none());
+    passes(&mut supervisor, task(2, 0, 0));
+    assert_eq!(noting.devices.borrow().len(), 3, "each hung worker is replaced");
+}
+
+#[test]
+fn while_a_worker_is_silent_interruptions_are_looked_up_and_no_wait_exceeds_the_limit() {
+    for (limit, wait) in
+        [(LIMIT, Duration::from_millis(100)), (Duration::from_millis(7), Duration::from_millis(7))]
+    {
+        let (noting, never) = (Noting::default(), AtomicBool::new(false));
+        let mut spawner = noting.clone();
+        let mut supervisor = Supervisor::new(&mut spawner, &never, limit);
+        assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(Some(Ok(_)))));
+        // The worker starts, checks the point and casts it.
+        assert_eq!(*noting.limits.borrow(), [wait; 3]);
+    }
+}
+
+#[test]
+fn a_frame_is_not_cast_if_its_point_fails_the_check_and_is_cast_again_if_its_worker_died() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let failed = Record { outcome: Outcome::WrongImage, reason: Some("dark".into()), ..Record::default() };
+    let reply = Reply::Checked { record: Box::new(failed), ready: false };
+    noting.instead.borrow_mut().push_back(Wait::Reply(reply));
+    let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
+    assert_eq!(failure, PointFailure::new(Outcome::WrongImage, "dark"));
+    assert_eq!(*noting.requests.borrow(), [check(0)]);
+    passes(&mut supervisor, task(0, 0, 0));
+    noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
+    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(None)), "the caller may try again");
+    noting.requests.borrow_mut().clear();
+    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(Some(Ok(_)))));
+    assert_eq!(
+        *noting.requests.borrow(),
+        [check(0), Request::Cast { point: 0 }],
+        "a new worker checks first"
+    );
+}
+
+#[test]
+fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_told() {
+    let never = AtomicBool::new(false);
+    let noting = Noting { at_start: Some(Wait::Dead(Death::default())), ..Noting::default() };
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    supervisor.start_ahead([task(0, 0, 0)].into_iter()).unwrap();
+    passes(&mut supervisor, task(0, 0, 0));
+    assert_eq!(noting.devices.borrow().len(), 2);
+    let mut hanging = Noting { at_start: Some(Wait::Silence), ..Noting::default() };
+    let error = Supervisor::new(&mut hanging, &never, Duration::ZERO).check(task(0, 0, 0)).unwrap_err();
+    let words = "a worker process could not start: it did not open its device in 0 s";
+    assert_eq!(error.to_string(), words);
 }
