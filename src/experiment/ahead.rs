@@ -225,6 +225,12 @@ impl Ahead {
         self.changed.notify_all();
     }
 
+    /// Returns the number of programs that were ordered.
+    #[cfg(test)]
+    pub(super) fn ordered(&self) -> usize {
+        self.locked().ordered.len()
+    }
+
     fn is_stored(&self, program: &Program) -> bool {
         self.kept.get(program.device).is_some_and(|kept| kept.has(&program.name()))
     }

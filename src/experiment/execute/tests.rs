@@ -2,16 +2,18 @@
 //! measures.
 
 use super::*;
+use crate::device::DeviceInfo;
 use crate::experiment::ahead::{Ahead, Builder};
 use crate::experiment::asleep;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Built, Reply, Request};
 use crate::experiment::supervisor::{Wait, Worker};
 use crate::launch::FrameTimes;
-use crate::record::{AnchorSample, Environment, Sample, read_lines};
+use crate::record::{AnchorSample, Environment, RoundLoad, Sample, read_lines};
+use crate::shard::Block;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Barrier, Mutex};
 use std::time::Duration;
 
 const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_samples = 5 }";
@@ -34,6 +36,10 @@ struct Answering {
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
+    /// The number of workers at the first request.
+    at_first: Arc<AtomicUsize>,
+    /// At the first check of each worker, it waits until so many workers have come to theirs.
+    gathering: Option<Arc<Barrier>>,
 }
 
 impl Default for Answering {
@@ -47,6 +53,8 @@ impl Default for Answering {
             refuses: false,
             verified: Arc::default(),
             limits: Arc::default(),
+            at_first: Arc::default(),
+            gathering: None,
         }
     }
 }
@@ -65,15 +73,23 @@ impl Spawner for Answering {
 
 impl Worker for Answer {
     fn send(&mut self, request: &Request) {
-        if self.of.requests.fetch_add(1, Ordering::Relaxed) + 1 == self.of.interrupts_at {
+        let requests = self.of.requests.fetch_add(1, Ordering::Relaxed) + 1;
+        if requests == self.of.interrupts_at {
             self.of.interrupted.store(true, Ordering::Relaxed);
+        }
+        if requests == 1 {
+            self.of.at_first.store(self.of.devices.lock().unwrap().len(), Ordering::Relaxed);
+        }
+        if let Some(all) = self.of.gathering.take() {
+            all.wait();
         }
         let (ready, outcome) = (self.of.outcome == Outcome::Measured, self.of.outcome);
         self.next = match request {
             Request::Check { key, verified, .. } => {
                 self.of.verified.lock().unwrap().push(verified.clone());
                 let image_hash = Some("a hash".to_owned());
-                let record = Record { key: key.clone(), outcome, image_hash, ..Record::default() };
+                let build_ms = Some(if verified.is_none() { 1.0 } else { 2.0 });
+                let record = Record { key: key.clone(), outcome, image_hash, build_ms, ..Record::default() };
                 Reply::Checked { record: Box::new(record), ready }
             }
             Request::Build { .. } => {
@@ -225,8 +241,9 @@ fn a_picture_is_compared_in_the_first_launch_only_and_a_refused_point_has_no_mor
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
     let workers = Answering::default();
-    session(folder.path(), &lines, &workers, plain).0.unwrap();
+    let records = session(folder.path(), &lines, &workers, plain).0.unwrap();
     assert_eq!(*workers.verified.lock().unwrap(), [None, Some("a hash".to_owned())]);
+    assert_eq!(records[0].build_ms, Some(1.0), "a record is of the first launch's check");
     let folder = tempfile::tempdir().unwrap();
     let refusing = Answering { refuses: true, ..Answering::default() };
     let (records, heard) = session(folder.path(), &lines, &refusing, plain);
@@ -371,6 +388,9 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
         assert_eq!(records.unwrap().len(), 3);
         let anchors: Vec<AnchorSample> = read_lines(&folder.path().join("anchors.jsonl")).unwrap().lines;
         let samples: Vec<Sample> = read_lines(&folder.path().join("samples.jsonl")).unwrap().lines;
+        // A machine that tells nothing of its load has no lines.
+        let loads: Vec<RoundLoad> = read_lines(&folder.path().join("rounds.jsonl")).unwrap().lines;
+        assert!(loads.iter().all(|load| load.launch < launches && load.round < 5), "{loads:?}");
         (anchors, samples, heard)
     };
     let (found, samples, _) = anchors(2);
@@ -388,4 +408,81 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     let (none, _, heard) = anchors(1);
     assert!(none.is_empty());
     assert!(heard.works.iter().any(|work| work == "timing triangle 8x5 naive 1x1"), "{:?}", heard.works);
+}
+
+/// Runs an experiment on these devices in a new folder. Returns what the observer heard.
+fn on_devices(
+    lines: &str,
+    devices: &[&DeviceInfo],
+    workers: &Answering,
+    change: impl for<'a> Fn(Run<'a>) -> Run<'a>,
+) -> (Result<Vec<Record>>, Heard) {
+    let (experiment, locks) = (fixtures::experiment(lines), fixtures::own_locks());
+    let run = change(fixtures::run(&experiment, devices, &locks));
+    let folder = tempfile::tempdir().unwrap();
+    let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
+    let mut heard = Heard::default();
+    let records = if run.spread {
+        let spawners = devices.iter().map(|_| Box::new(workers.clone()) as Box<dyn Spawner + Send>).collect();
+        run.execute_spread(&mut results, &mut heard, spawners, &workers.interrupted)
+    } else {
+        run.execute(&mut results, &mut heard, &mut workers.clone(), &workers.interrupted)
+    };
+    (records, heard)
+}
+
+#[test]
+fn each_of_two_devices_has_its_workers_which_start_together() {
+    let devices = ["one", "two"].map(|name| DeviceInfo { name: name.into(), ..asleep::device(1.0) });
+    let devices = [&devices[0], &devices[1]];
+    let lines = format!("local_sizes = [1]\n{}", TIMING.replace("launches = 2", "launches = 1"));
+    let workers = Answering::default();
+    let (records, heard) = on_devices(&lines, &devices, &workers, plain);
+    assert_eq!((records.unwrap().len(), heard.begun), (2, vec![[2, 2]]));
+    let mut started = workers.devices.lock().unwrap().clone();
+    started.sort_unstable();
+    assert_eq!((started, workers.at_first.load(Ordering::Relaxed)), (vec![0, 1], 2));
+    // Of two groups that are distributed, neither ends before both have begun, so each device has one.
+    let lines = format!("{lines}\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'");
+    let workers = Answering { gathering: Some(Arc::new(Barrier::new(2))), ..Answering::default() };
+    let (records, _) = on_devices(&lines, &devices, &workers, |run| Run { spread: true, ..run });
+    let mut started = workers.devices.lock().unwrap().clone();
+    started.sort_unstable();
+    assert_eq!((records.unwrap().len(), started), (2, vec![0, 1]));
+}
+
+#[test]
+fn a_control_point_that_a_block_borrows_counts_as_steps_and_not_as_a_point() {
+    let blocks = [(1, [0, 1]), (2, [2, 3])].map(|(number, points)| Block {
+        number,
+        shard: 1,
+        points: points.to_vec(),
+        control: Some(1),
+    });
+    let blocks: &'static [Block] = Box::leak(Box::new(blocks));
+    let lines = format!("local_sizes = [1, 2, 4, 8]\n{TIMING}");
+    let device = asleep::device(1.0);
+    let (records, heard) =
+        on_devices(&lines, &[&device], &Answering::default(), |run| Run { blocks: Some(blocks), ..run });
+    assert_eq!((records.unwrap().len(), heard.finished), (4, 4));
+    assert_eq!((heard.begun, heard.steps), (vec![[4, 10]], 10));
+}
+
+#[test]
+fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
+    // The program of `naive` is the same for both scenes, and the program of a tree is not.
+    let more =
+        "[[strategy]]\npreset = 'bvh'\nlocal_sizes = [1]\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
+    let lines = format!("local_sizes = [1]\n{TIMING}\n{more}");
+    let ordered = |kind: DeviceKind| {
+        let ahead: &'static Ahead = Box::leak(Box::default());
+        let workers = Answering::default();
+        // There are no builders, and the user ends the run while it waits for the first group's program.
+        workers.interrupted.store(true, Ordering::Relaxed);
+        let device = DeviceInfo { kind, ..asleep::device(1.0) };
+        let (records, _) = on_devices(&lines, &[&device], &workers, |run| Run { ahead: Some(ahead), ..run });
+        assert_eq!(records.unwrap_err().exit_code(), 130);
+        ahead.ordered()
+    };
+    assert_eq!((ordered(DeviceKind::Gpu), ordered(DeviceKind::Cpu)), (3, 2));
 }

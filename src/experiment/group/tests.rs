@@ -150,6 +150,7 @@ fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();
+    assert_eq!(sink.steps, 4, "two launches of two points were requested");
     sink.records.into_iter().map(|record| record.sample_launches).collect()
 }
 
@@ -282,4 +283,20 @@ fn a_checked_record_has_the_names_of_its_draft_and_the_results_of_its_check() {
         let expected = Record { image_hash: checked.image_hash.clone(), ..draft.clone() };
         assert_eq!(named((Box::new(checked.clone()), ready), &draft), (Box::new(expected), ready));
     }
+}
+
+#[test]
+fn a_launch_is_repeated_by_new_workers_on_all_devices() {
+    let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device, &device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let (off, mut workers, mut sink) = (AtomicBool::new(false), Mortals::default(), Noting::default());
+    let started = Rc::clone(&workers.started);
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    let mut group = group();
+    group.points[1].device = 1;
+    group.visit(&run, &mut supervisor, &mut sink).unwrap();
+    assert_eq!((started.get(), sink.records.len()), (4, 2));
 }

@@ -256,16 +256,21 @@ fn a_frame_is_not_cast_if_its_point_fails_the_check_and_is_cast_again_if_its_wor
     let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
     assert_eq!(failure, PointFailure::new(Outcome::WrongImage, "dark"));
     assert_eq!(*noting.requests.borrow(), [check(0)]);
-    passes(&mut supervisor, task(0, 0, 0));
-    noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
-    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(None)), "the caller may try again");
-    noting.requests.borrow_mut().clear();
-    assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(Some(Ok(_)))));
-    assert_eq!(
-        *noting.requests.borrow(),
-        [check(0), Request::Cast { point: 0 }],
-        "a new worker checks first"
-    );
+    for point in [0, 1] {
+        // A point that failed its check is checked again, and so is every point of a new worker.
+        for outcome in ["it is cast", "its worker dies"] {
+            noting.requests.borrow_mut().clear();
+            assert!(matches!(supervisor.cast(task(point, 0, 0)), Ok(Some(Ok(_)))), "{outcome}");
+            assert_eq!(*noting.requests.borrow(), [check(point), Request::Cast { point }]);
+            noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
+            if outcome == "it is cast" {
+                assert!(matches!(supervisor.cast(task(point, 0, 0)), Ok(None)), "the caller may try again");
+            } else {
+                let failure = supervisor.cast(task(point, 0, 0)).unwrap().unwrap().unwrap_err();
+                assert_eq!(failure.outcome, Outcome::Crashed);
+            }
+        }
+    }
 }
 
 #[test]
@@ -277,6 +282,11 @@ fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_to
     supervisor.start_ahead([task(0, 0, 0)].into_iter()).unwrap();
     passes(&mut supervisor, task(0, 0, 0));
     assert_eq!(noting.devices.borrow().len(), 2);
+    // A worker that was started before the launch's workers ended belongs to the launch.
+    supervisor.start_ahead([task(1, 1, 0)].into_iter()).unwrap();
+    supervisor.retire();
+    passes(&mut supervisor, task(1, 1, 0));
+    assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 0, 1, 1], 2));
     let mut hanging = Noting { at_start: Some(Wait::Silence), ..Noting::default() };
     let error = Supervisor::new(&mut hanging, &never, Duration::ZERO).check(task(0, 0, 0)).unwrap_err();
     let words = "a worker process could not start: it did not open its device in 0 s";
