@@ -257,6 +257,10 @@ mod tests {
             ("triangle 8x5 naive 4x4 (built in, B)", None, Some("built in, B")),
         ];
         assert_eq!(told.collect::<Vec<_>>(), expected);
+        let two = [&device, &device];
+        let workers: Vec<usize> =
+            names(&Run { devices: &two, ..both }).into_iter().map(|(_, worker)| worker).collect();
+        assert_eq!(workers, [0, 0, 2, 1, 3], "the workers with the other folder follow the first ones");
         let folders = ["a/cl", "b/cl", "b/mine"].map(|path| Sources::Folder(path.into()));
         assert_eq!(labels([&folders[0], &folders[1]]), ["cl, A", "cl, B"]);
         assert_eq!(labels([&folders[2], &Sources::Embedded]), ["mine", "built in"]);

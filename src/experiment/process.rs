@@ -208,6 +208,7 @@ mod tests {
         let disables = |processes: &Processes, of_user: Option<&str>| {
             let command = processes.command(of_user.map(OsString::from)).unwrap();
             assert!(command.get_args().eq(["worker"]));
+            assert!(command.get_envs().any(|set| set == ("RUST_BACKTRACE".as_ref(), Some("0".as_ref()))));
             let set: Vec<_> = command.get_envs().filter(|(name, _)| *name == CACHE_DISABLE).collect();
             set.iter().any(|(_, value)| *value == Some("1".as_ref()))
         };

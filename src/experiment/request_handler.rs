@@ -205,6 +205,7 @@ mod tests {
     use crate::config;
     use crate::device::discover;
     use crate::program::Sources;
+    use crate::record::Record;
     use std::cell::Cell;
     use std::path::Path;
 
@@ -265,26 +266,72 @@ mod tests {
         assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
     }
 
-    /// Casts a frame on this machine's first device, as if it were a device of this kind with this timer.
-    fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
+    /// Checks a point and casts a frame on this machine's first device, changed by `change`. `stands_for` is the device
+    /// whose name is in records.
+    fn served(
+        change: impl Fn(&mut DeviceInfo),
+        stands_for: Option<DeviceInfo>,
+    ) -> (DeviceInfo, Record, FrameTimes) {
         let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 1, warmup = 0 }");
         let mut device = discover(&Sources::Embedded).unwrap().remove(0);
-        device.info.kind = kind;
-        device.info.hardware.timer_resolution_ns = timer_resolution_ns;
+        change(&mut device.info);
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 1);
         let at = Hashed::from(experiment.scenes[0].load().unwrap());
-        let key = drafter.draft(&plan.points[0], Some(&device.info), &at).unwrap().key;
+        let named = stands_for.as_ref().unwrap_or(&device.info);
+        let key = drafter.draft(&plan.points[0], Some(named), &at).unwrap().key;
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         let checker = Checker::open(drafter, Some(&device), Pictures::of(folder.path())).unwrap();
-        let mut handler = RequestHandler::new(drafter, plan, checker, None);
+        let mut handler = RequestHandler::new(drafter, plan, checker, stands_for);
         assert!(handler.answer(&Request::Cast { point: 0 }).is_err(), "it was not checked");
-        handler.answer(&Request::Check { point: 0, key, verified: None }).unwrap();
-        match handler.answer(&Request::Cast { point: 0 }).unwrap() {
-            Reply::Sample(times) => times,
-            other => panic!("{other:?}"),
+        let check = handler.answer(&Request::Check { point: 0, key, verified: None }).unwrap();
+        let Reply::Checked { record, ready: true } = check else { panic!("{check:?}") };
+        let cast = handler.answer(&Request::Cast { point: 0 }).unwrap();
+        let Reply::Sample(times) = cast else { panic!("{cast:?}") };
+        assert_eq!(handler.entries[&0].batch, Some(times.batch.unwrap_or(1)), "the warm-up is not repeated");
+        (device.info.clone(), *record, times)
+    }
+
+    /// Casts a frame on a device of this kind with this timer.
+    fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
+        let change = |info: &mut DeviceInfo| {
+            info.kind = kind;
+            info.hardware.timer_resolution_ns = timer_resolution_ns;
+        };
+        served(change, None).2
+    }
+
+    #[test]
+    fn a_record_names_the_device_for_which_another_one_of_its_model_stands() {
+        let (own, record, _) = served(|_| {}, None);
+        assert_eq!((record.device, record.measured_on), (own.label.clone(), None));
+        let first = DeviceInfo { label: "the first".into(), name: "first".into(), ..own.clone() };
+        let (own, record, _) = served(|_| {}, Some(first));
+        assert_eq!((record.device.as_str(), record.measured_on), ("the first", Some(own.slug())));
+    }
+
+    #[test]
+    fn a_point_of_an_earlier_scene_must_be_checked_again() {
+        let scenes = "scenes = ['scenes/triangle.toml', 'scenes/pyramid-upper.toml']";
+        let experiment = fixtures::experiment_of(&format!("{scenes}\nbaselines = ['serial']"));
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 0);
+        let key = |place: usize| {
+            let at = Hashed::from(experiment.scenes[place].load().unwrap());
+            drafter.draft(&plan.points[place], None, &at).unwrap().key
+        };
+        let keys = [key(0), key(1)];
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        let mut handler = RequestHandler::new(drafter, plan.clone(), checker, None);
+        for (point, key) in keys.into_iter().enumerate() {
+            let checked = handler.answer(&Request::Check { point, key, verified: None });
+            assert!(matches!(checked, Ok(Reply::Checked { ready: true, .. })), "{point}");
         }
+        assert!(matches!(handler.answer(&Request::Cast { point: 1 }), Ok(Reply::Sample(_))));
+        assert!(handler.answer(&Request::Cast { point: 0 }).is_err());
     }
 
     #[test]
@@ -297,7 +344,11 @@ mod tests {
     #[test]
     fn a_coarse_timer_times_batches_even_without_a_warm_up() {
         // No frame of this size takes fifty steps of a second, and a batch has at most 256 frames.
-        assert_eq!(sample(DeviceKind::Cpu, Some(1_000_000_000)).batch, Some(256));
+        let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
+        assert_eq!(batch.batch, Some(256));
+        // Both times are of one frame. No machine has as many processors as this.
+        let most_ms = 1e3 * batch.host_ms;
+        assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);
     }
 }

@@ -165,12 +165,14 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     let mut mark = [0];
     out.read(&mut mark[..]).enq().map_err(failed)?;
     expect("a launch", f64::from(mark[0]), 7.0)?;
-    let of = |values: Vec<f64>| Figure::of(&values);
-    Ok([
-        of(single.iter().map(|one| one.0).collect()),
-        of(single.iter().map(|one| one.1).collect()),
-        of(batched),
-    ])
+    let [on_device, on_host] = figures(&single);
+    Ok([on_device, on_host, Figure::of(&batched)])
+}
+
+/// Summarises times on the device's clock and times on the host's.
+fn figures(pairs: &[(f64, f64)]) -> [Figure; 2] {
+    let (on_device, on_host): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
+    [on_device, on_host].map(|times| Figure::of(&times))
 }
 
 /// Returns the shortest time on the device's clock and the shortest time on the host's, in microseconds.
@@ -312,6 +314,10 @@ mod tests {
     #[test]
     fn launches_are_told_in_microseconds() {
         assert_eq!(shortest_us(&[(0.25, 0.5), (0.125, 0.75), (0.5, 1.0)]), (125.0, 500.0));
+        assert_eq!(
+            figures(&[(1.0, 10.0), (2.0, 20.0), (9.0, 90.0)]).map(|figure| figure.median),
+            [2.0, 20.0]
+        );
         // 500 launches in a second take two milliseconds each.
         assert!((each_us(Duration::from_secs(1)) - 2000.0).abs() < 1e-9);
     }

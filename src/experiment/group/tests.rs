@@ -27,6 +27,7 @@ struct Noting {
     works: Vec<String>,
     said: Vec<String>,
     steps: usize,
+    loads: Vec<RoundLoad>,
 }
 
 impl ResultSink for Noting {
@@ -43,7 +44,8 @@ impl ResultSink for Noting {
     fn sample(&mut self, _key: &str, _round: u32, _taken: &Taken) -> Result<()> {
         Ok(())
     }
-    fn load(&mut self, _load: &RoundLoad) -> Result<()> {
+    fn load(&mut self, load: &RoundLoad) -> Result<()> {
+        self.loads.push(load.clone());
         Ok(())
     }
     fn anchor(&mut self, _sample: &AnchorSample) -> Result<()> {
@@ -237,6 +239,15 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let possible = before - 5.1e-4..after + 5.1e-4;
     assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
     assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);
+    // A short round tells nothing of the load of other processes. Some systems tell it of no round.
+    while cfg!(target_os = "linux") && timed.sink.loads.is_empty() {
+        assert!(start.elapsed() < Duration::from_secs(120), "the load is never told");
+        std::thread::sleep(Duration::from_millis(20));
+        timed.ended(5).unwrap();
+    }
+    let loads = timed.sink.loads.iter();
+    assert!(loads.clone().all(|load| (load.launch, load.round) == (3, 5)));
+    assert!(loads.filter_map(|load| load.core_to_core_ns).eq(timed.core_to_core_ns.iter().copied()));
 }
 
 #[test]
