@@ -211,6 +211,49 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
+/// Returns a folder with the points and anchors of two folders. Those of the second are of another scene and, if
+/// `apart`, of other launches; otherwise of another device.
+fn and(one: Folder, other: Folder, apart: bool) -> Folder {
+    let (launches, device) = if apart { (10, "gpu") } else { (0, "another") };
+    let record = |record: &Record| Record {
+        scene: "room".into(),
+        key: format!("room {}", record.key),
+        device: device.into(),
+        sample_launches: record.sample_launches.iter().map(|launch| launch + launches).collect(),
+        ..record.clone()
+    };
+    let anchor = |sample: &AnchorSample| AnchorSample {
+        device: device.into(),
+        launch: sample.launch + launches,
+        ..sample.clone()
+    };
+    let records = one.records.iter().cloned().chain(other.records.iter().map(record)).collect::<Vec<_>>();
+    let anchors = one.anchors.iter().cloned().chain(other.anchors.iter().map(anchor)).collect();
+    Folder { label: one.label, records: judged(records), anchors, ..Folder::default() }
+}
+
+#[test]
+fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
+    for apart in [true, false] {
+        let run = |label: &str, machine: f64, slower: f64| {
+            and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| slower), apart)
+        };
+        let usual = run("old", 1.0, 1.0);
+        let slow_machine = of(&usual, &run("new", 2.0, 1.0));
+        assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{apart}");
+        assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
+        // Only the points of the second group are 1.2 times as slow; the mean of all is the root of this factor.
+        let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
+        assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{apart}");
+        let found = slow_kernels.regressions(5.0);
+        assert!(found[0].starts_with("all points together are 9."), "{apart}: {found:?}");
+        assert!(found[1].starts_with("naive at its 4 points is 9."), "{apart}: {found:?}");
+        assert_eq!(found.iter().filter(|line| line.starts_with("room ")).count(), 4, "{apart}: {found:?}");
+        let on = |line: &&String| line.contains(", another is ");
+        assert_eq!(found.iter().filter(on).count(), if apart { 0 } else { 4 }, "{apart}: {found:?}");
+    }
+}
+
 #[test]
 fn another_anchor_tells_nothing() {
     let mut other = anchored("new", 1.0, |_| 1.1);
