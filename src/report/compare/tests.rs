@@ -211,10 +211,9 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// Returns a folder with the points and anchors of two folders. Those of the second are of another scene and, if
-/// `apart`, of other launches; otherwise of another device.
-fn and(one: Folder, other: Folder, apart: bool) -> Folder {
-    let (launches, device) = if apart { (10, "gpu") } else { (0, "another") };
+/// Returns a folder with the points and anchors of two folders. Those of the second are of another scene; the numbers
+/// of their launches are greater by `launches`.
+fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
     let record = |record: &Record| Record {
         scene: "room".into(),
         key: format!("room {}", record.key),
@@ -234,23 +233,38 @@ fn and(one: Folder, other: Folder, apart: bool) -> Folder {
 
 #[test]
 fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
-    for apart in [true, false] {
+    for (launches, device) in [(10, "gpu"), (0, "another")] {
         let run = |label: &str, machine: f64, slower: f64| {
-            and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| slower), apart)
+            and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| slower), launches, device)
         };
         let usual = run("old", 1.0, 1.0);
         let slow_machine = of(&usual, &run("new", 2.0, 1.0));
-        assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{apart}");
+        assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
         assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
         // Only the points of the second group are 1.2 times as slow; the mean of all is the root of this factor.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
-        assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{apart}");
+        assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
         let found = slow_kernels.regressions(5.0);
-        assert!(found[0].starts_with("all points together are 9."), "{apart}: {found:?}");
-        assert!(found[1].starts_with("naive at its 4 points is 9."), "{apart}: {found:?}");
-        assert_eq!(found.iter().filter(|line| line.starts_with("room ")).count(), 4, "{apart}: {found:?}");
-        let on = |line: &&String| line.contains(", another is ");
-        assert_eq!(found.iter().filter(on).count(), if apart { 0 } else { 4 }, "{apart}: {found:?}");
+        assert!(found[0].starts_with("all points together are 9."), "{found:?}");
+        assert!(found[1].starts_with("naive at its 4 points is 9."), "{found:?}");
+        assert_eq!(found.iter().filter(|line| line.starts_with("room ")).count(), 4, "{found:?}");
+        let on = found.iter().filter(|line| line.contains(", another is ")).count();
+        assert_eq!(on, if device == "another" { 4 } else { 0 }, "{found:?}");
+    }
+}
+
+#[test]
+fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_their_own_anchors() {
+    let run = |label: &str, machine: f64, launches: u32| {
+        and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
+    };
+    let together = run("together", 1.0, 0);
+    // Beside an anchor of the other group, the second run would be slower.
+    let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
+    for (before, after) in [(&together, &slow), (&fast, &together)] {
+        let comparison = of(before, after);
+        assert_eq!([Verdict::Faster, Verdict::Slower].map(|verdict| comparison.count(verdict)), [0, 0]);
+        assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
     }
 }
 
