@@ -1,7 +1,7 @@
 //! Commands that only print: devices, strategies, occupancy, man pages and completions. Also messages about mistakes,
 //! and colours.
 
-use crate::binary::{finish, run};
+use crate::binary::{Place, TRIANGLE, device, finish, run};
 use std::process::{Command, Stdio};
 
 use assert_cmd::assert::OutputAssertExt as _;
@@ -183,4 +183,37 @@ fn bash_completes_commands_options_and_presets() {
         );
     }
     assert!(!offered(&["raycl", ""]).contains(&"worker".to_owned()), "it is hidden");
+}
+
+#[test]
+fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() {
+    let case = |name: &str| {
+        format!(
+            "[[case]]\nname = \"{name}\"\nscene = \"scene.toml\"\nsize = [24, 15]\nkinds = [\"few\"]\ndevices = [\"cpu\", \"gpu\"]\n"
+        )
+    };
+    let cases = case("little one") + &case("another");
+    let place = Place::with(&[("scene.toml", TRIANGLE), ("cases.toml", &cases)]);
+    let device = device();
+    let options = ["--only", "little", "--rounds", "2", "--conditions", "a quiet room", "-o", "sweep.json"];
+    let table = place.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
+    let sweep: serde_json::Value = serde_json::from_str(&place.text("sweep.json")).expect("JSON");
+    assert_eq!((sweep["rounds"].as_u64(), sweep["conditions"].as_str()), (Some(2), Some("a quiet room")));
+    let [case] = &sweep["cases"].as_array().expect("cases")[..] else { panic!("{sweep}") };
+    for (key, expected) in [
+        ("name", "\"little one\""),
+        ("triangles", "1"),
+        ("pixels", "360"),
+        ("inside", "false"),
+        ("watertight", "false"),
+    ] {
+        assert_eq!(case[key].to_string(), expected, "{key}");
+    }
+    let times = case["least_ms"].as_object().expect("times");
+    assert!(times.contains_key("exhaustive") && times.contains_key("single"), "{times:?}");
+    assert!(times.values().all(|ms| ms.as_f64().is_some_and(|ms| ms > 0.0)), "{times:?}");
+    assert!(table.contains("least of 2 rounds") && table.contains("little one"), "{table}");
+    assert_eq!(place.output(&["rule", "--show", "sweep.json"]), table);
+    let none = place.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
+    assert!(none.contains("none of the 2 cases of 'cases.toml'") && none.contains("'great'"), "{none}");
 }

@@ -80,3 +80,21 @@ fn a_layer_does_not_replace_the_picture() {
         |name: &str| read.layer_data.channel_data.list.iter().any(|channel| channel.name.eq(name));
     assert!(has_channel("R") && has_channel("Z"));
 }
+
+/// The order of the triangle's corners is reversed, so that the camera sees its back.
+#[test]
+fn layers_show_what_the_strategy_shows_of_backs() {
+    let place =
+        Place::with(&[("scene.toml", &TRIANGLE.replace("faces = [[0, 1, 2]]", "faces = [[2, 1, 0]]"))]);
+    let depth = |strategy: &str| {
+        render(&place, &["--layers", "all.exr", "-o", "picture.png", "--strategy", strategy]);
+        let read = read_first_flat_layer_from_file(place.path("all.exr")).expect("an EXR");
+        let found = read.layer_data.channel_data.list.iter().find(|channel| channel.name.eq("Z"));
+        match found.map(|channel| channel.sample_data.clone()) {
+            Some(FlatSamples::F32(values)) => values[12 * 40 + 20],
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!((depth("naive,culling=none") - 2.0).abs() < 1e-6);
+    assert!(depth("naive,culling=back").is_infinite());
+}

@@ -130,6 +130,56 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
 }
 
 #[test]
+fn a_comparison_in_json_has_both_folders_and_its_threshold_and_plain_times_are_a_choice() {
+    let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
+    let of = |own: Value, more: Value| folder(&[&[own, more][..], &others].concat());
+    let before = of(record("teapot", "naive", 8, 10.0), record("teapot", "wide", 4, 1.0));
+    let after = of(record("teapot", "naive", 8, 12.0), record("teapot", "wide", 16, 1.0));
+    let json = |more: &[&str]| -> Value {
+        let (said, _) = outcome(&[&["compare", path(&before), path(&after), "--json"], more].concat(), 0);
+        serde_json::from_str(&said).expect("JSON")
+    };
+    let name = |folder: &tempfile::TempDir| {
+        folder.path().file_name().and_then(|name| name.to_str()).map(str::to_owned)
+    };
+    let said = json(&[]);
+    assert_eq!(
+        [said["before"].as_str(), said["after"].as_str()],
+        [name(&before).as_deref(), name(&after).as_deref()]
+    );
+    assert_eq!(said["summary"], "0 faster, 1 slower, 3 same, 0 unclear");
+    assert_eq!(said["points"].as_array().map(Vec::len), Some(4));
+    let others = said["not_compared"].to_string();
+    for (size, folder) in [("wide 4x4", &before), ("wide 16x16", &after)] {
+        let line = format!("teapot 800 x 500, {size}: only in {}", name(folder).expect("a name"));
+        assert!(others.contains(&line), "{line}: {others}");
+    }
+    assert!(said["notes"].to_string().contains("No baseline was measured"), "{said}");
+    assert_eq!(json(&["--threshold", "30"])["summary"], "0 faster, 0 slower, 4 same, 0 unclear");
+    assert!(json(&["--times"])["notes"].to_string().contains("Plain times are compared"));
+}
+
+#[test]
+fn a_report_of_one_folder_renews_its_summary_with_the_configs_question() {
+    let results = folder(&[record("teapot", "naive", 8, 10.0)]);
+    let environment = json!({"config": "question = \"Which?\"\nexpectation = \"None.\""}).to_string();
+    std::fs::write(results.path().join("environment.json"), environment).expect("it writes");
+    let out = tempfile::tempdir().expect("a folder");
+    outcome(&["report", path(&results), "--quiet", "--out", path(&out)], 0);
+    assert!(!results.path().join("summary.md").exists(), "only the page was asked for");
+    let (said, _) = outcome(&["report", path(&results), "--json"], 0);
+    let said: Value = serde_json::from_str(&said).expect("JSON");
+    let at = |name: &str| Some(results.path().join(name).display().to_string());
+    for (key, name) in [("report", "report.html"), ("plots", "plots"), ("exports", "exports")] {
+        assert_eq!(said[key].as_str().map(str::to_owned), at(name), "{key}");
+    }
+    let plots = std::fs::read_dir(results.path().join("plots")).expect("plots").count();
+    assert_eq!(said["plot_count"].as_u64(), Some(plots as u64 / 2), "each as SVG and PNG");
+    let summary = std::fs::read_to_string(results.path().join("summary.md")).expect("a summary");
+    assert!(summary.starts_with("# Which?\n\nExpected: None.\n"), "{summary}");
+}
+
+#[test]
 fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     let few = |name: &str, side: u32, n: usize| {
         // Earlier versions wrote records with an interval of width 0.

@@ -24,7 +24,7 @@ impl Ground {
     fn new() -> Self {
         let scene = repository("scenes/triangle.toml");
         let text = format!(
-            "question = \"?\"\nexpectation = \"!\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
+            "question = \"What is measured?\"\nexpectation = \"Nothing new.\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
              local_sizes = [2, 4, 8]\nstrategies = [\"naive\", \"deferred\"]\n\
              [timing]\nlaunches = 2\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n"
         );
@@ -147,6 +147,16 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let before = files(&ground.place.path("out"));
     ground.merge();
     assert!(before == files(&ground.place.path("out")), "the second merge changed something");
+    has(&ground.place.text("out/summary.md"), &["# What is measured?\n\nExpected: Nothing new.\n"]);
+    let points = objects(&ground.place.output(&["merge", "out", "--json"]));
+    let mut keys: Vec<_> = points.iter().filter_map(|point| point["key"].as_str()).collect();
+    keys.sort_unstable();
+    let mut own: Vec<_> = records.iter().map(|record| record.key.as_str()).collect();
+    own.sort_unstable();
+    assert_eq!((points.len(), keys), (POINTS, own));
+    let states = objects(&ground.place.output(&["merge", "out", "--status", "--json"]));
+    assert!(states.len() == 3 && states.iter().all(|one| one["state"] == "done"), "{states:?}");
+    assert_eq!(ground.place.output(&["merge", "out", "--quiet"]), "");
     has(&ground.place.output(&["merge", "out", "--status"]), &["done", "3 attempts at 3 shards"]);
 }
 
@@ -188,6 +198,11 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     assert_eq!(records(0) + records(1), POINTS, "no point was measured twice");
     ground.merge();
     ground.is_whole();
+}
+
+/// Returns the objects of a text, one after another.
+fn objects(text: &str) -> Vec<serde_json::Value> {
+    serde_json::Deserializer::from_str(text).into_iter().map(|object| object.expect("JSON")).collect()
 }
 
 /// Returns the number of complete lines of a file, which may not exist yet.

@@ -116,6 +116,40 @@ fn keys_orbit_switch_and_go_back() {
     quit(child, &server);
 }
 
+/// Returns the first column and the last column in which a picture differs from its first pixel.
+fn columns(picture: &RgbImage) -> Option<[u32; 2]> {
+    let differs = |x: &u32| (0..picture.height()).any(|y| picture[(*x, y)] != picture[(0, 0)]);
+    Some([(0..picture.width()).find(differs)?, (0..picture.width()).rev().find(differs)?])
+}
+
+#[test]
+fn the_right_button_drags_the_scene_along_and_the_left_button_turns_it() {
+    let small = "vertices = [[0, 0.5, -2], [-0.5, -0.5, -2], [0.5, -0.5, -2]]";
+    let scene = TRIANGLE.replace("vertices = [[0, 1, -2], [-1.9, -1, -2], [1.6, -0.5, -2]]", small);
+    let place = Place::with(&[("scene.toml", &scene)]);
+    let own = rendered(&place, &[]);
+    let [left, right] = columns(&own).expect("a triangle");
+    let is_as_wide = |[first, last]: [u32; 2]| (last - first).abs_diff(right - left) <= 1;
+    let is_moved = |at: [u32; 2]| at[0] >= left + 8 && is_as_wide(at);
+    let is_turned = |[first, last]: [u32; 2]| last - first + 4 <= right - left;
+    for (button, is_dragged) in [(3, &is_moved as &dyn Fn([u32; 2]) -> bool), (1, &is_turned)] {
+        let server = Server::start(SIZE);
+        let child = start(&place, &server, &["--samples", "1", "--json"]);
+        server.until_shown("it shows the picture", |shown| differences(shown, &own) == 0);
+        let mut user = server.user();
+        user.point([40, 30]);
+        user.button(button, true);
+        let mut x = 40;
+        until("the scene follows the pointer", || {
+            x = (x + 1).min(64);
+            user.point([x, 30]);
+            columns(&server.picture()).is_some_and(is_dragged)
+        });
+        user.button(button, false);
+        quit(child, &server);
+    }
+}
+
 #[test]
 fn the_pointer_finds_the_triangle() {
     let place = place();
@@ -305,4 +339,17 @@ fn a_terminal_shows_the_picture_and_takes_keys() {
     tmux.run(&["send-keys", "q"]);
     until("it has ended", || tmux.text().is_empty());
     assert_eq!(place.text("report.txt"), "");
+}
+
+#[test]
+fn ctrl_c_ends_the_view_in_a_terminal() {
+    let place = place();
+    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
+    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), place.path("code.txt").display().to_string());
+    let command =
+        format!("'{program}' view '{scene}' --terminal --device '{device}' --quiet; echo $? >'{code}'");
+    let tmux = Tmux::start(&place, &command);
+    until("the last line tells the speed", || tmux.text().contains("rays/s"));
+    tmux.run(&["send-keys", "C-c"]);
+    until("it has ended", || std::fs::read_to_string(&code).is_ok_and(|code| code == "0\n"));
 }

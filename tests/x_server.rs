@@ -100,18 +100,29 @@ impl User {
     /// Presses and releases the key with this symbol (for a letter, its code).
     pub fn press(&mut self, symbol: u32) {
         let code = self.keycode(symbol);
-        let mut request = Vec::new();
-        for kind in [2, 3] {
-            request.extend([25, 0, 11, 0]);
-            request.extend(self.window.to_le_bytes());
-            request.extend([1 << (kind - 2), 0, 0, 0]);
-            request.extend([kind, code, 0, 0, 0, 0, 0, 0]);
-            request.extend([self.root, self.window, 0].map(u32::to_le_bytes).as_flattened());
-            request.extend([0; 10]);
-            request.extend([1, 0]);
-        }
+        let request = [2, 3].map(|kind| self.event(kind, code)).concat();
         self.send(&request);
         self.until_done();
+    }
+
+    /// Presses or releases a button of the pointer: 1 is the left one, 3 the right one.
+    pub fn button(&mut self, number: u8, is_down: bool) {
+        let request = self.event(if is_down { 4 } else { 5 }, number);
+        self.send(&request);
+        self.until_done();
+    }
+
+    /// Returns the request that sends an event to the window: that a key is pressed (2) or released (3), or a button
+    /// (4 and 5).
+    fn event(&self, kind: u8, key: u8) -> Vec<u8> {
+        let mut request = vec![25, 0, 11, 0];
+        request.extend(self.window.to_le_bytes());
+        request.extend([1 << (kind - 2), 0, 0, 0]);
+        request.extend([kind, key, 0, 0, 0, 0, 0, 0]);
+        request.extend([self.root, self.window, 0].map(u32::to_le_bytes).as_flattened());
+        request.extend([0; 10]);
+        request.extend([1, 0]);
+        request
     }
 
     /// Waits until the server has processed all requests, since it discards the requests of a user that has

@@ -191,4 +191,45 @@ mod tests {
             |found, expected| compare(&flat(found), &flat(expected), None).largest_relative_difference;
         assert_eq!((largest(0.5, 1.0), largest(1.0, 0.5)), (0.5, 1.0));
     }
+
+    #[test]
+    fn the_peak_is_white_or_the_brightest_channel_of_the_expected_picture() {
+        let flat = |value: f32| Radiance { pixels: vec![[0.0, value, 0.0]; 4], ..Radiance::new(2, 2) };
+        let psnr = |found, expected| compare(&flat(found), &flat(expected), None).psnr_db;
+        // One of three channels is wrong by 0.1, so the mean square is 0.01 / 3.
+        let of_peak = |peak: f64| 10.0 * (peak * peak * 300.0).log10();
+        for (found, expected, peak) in [(0.6, 0.5, 1.0), (4.1, 4.0, 4.0), (4.0, 4.1, 4.1)] {
+            let found = psnr(found, expected).unwrap_or_default();
+            assert!((found - of_peak(peak)).abs() < 1e-3, "{found}, not {}", of_peak(peak));
+        }
+    }
+
+    #[test]
+    fn the_text_has_every_difference_with_its_place_and_its_unit() {
+        let report = Report {
+            psnr_db: Some(43.686),
+            equal: false,
+            different_pixels: 3,
+            pixels: 400,
+            largest_error: 0.2,
+            largest_error_at: Some([12, 7]),
+            largest_relative_difference: 0.5,
+            output: Some("d.png".into()),
+        };
+        let told = text(&report);
+        let lines: Vec<String> =
+            told.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+        assert_eq!(
+            lines,
+            [
+                "PSNR 43.69 dB",
+                "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
+                "largest relative 5.00e-1",
+                "different pixels 3 of 400 (0.75%)",
+                "differences d.png",
+            ]
+        );
+        assert_eq!(["40", "40dB", "40 dB"].map(decibels), [Ok(40.0), Ok(40.0), Ok(40.0)]);
+        assert!(decibels("loud").is_err() && decibels("inf").is_err());
+    }
 }

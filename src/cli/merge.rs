@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::output::{Choice, OutFolder};
 use crate::record::{Folder, Record, renew_intervals, summary_terminal};
 use crate::report;
-use crate::shard::{Merged, Missing, ShardPlan, merge, no_shards, status};
+use crate::shard::{Merged, Missing, ShardPlan, Status, merge, no_shards, status};
 use crate::words::counted;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -126,11 +126,7 @@ fn tell(args: &Args) -> Result<()> {
     };
     let all = status(&args.out, Duration::from_secs_f64(args.between));
     if args.json {
-        return all.iter().try_for_each(|one| {
-            super::print_json(&serde_json::json!({
-                "attempt": one.name, "state": one.state.to_string(), "steps": one.beat.steps, "beats": one.beat.beats,
-            }))
-        });
+        return all.iter().try_for_each(|one| super::print_json(&json(one)));
     }
     let mut table = super::table(&["attempt", "state", "steps"], 2);
     for one in &all {
@@ -141,9 +137,87 @@ fn tell(args: &Args) -> Result<()> {
     super::print(format!("{attempts} at {shards}"))
 }
 
+/// Returns an attempt's state as an object for JSON.
+fn json(one: &Status) -> serde_json::Value {
+    serde_json::json!({
+        "attempt": one.name, "state": one.state.to_string(), "steps": one.beat.steps, "beats": one.beat.beats,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::Outcome;
+    use crate::shard::{Beat, MissingKind, State};
+
+    #[test]
+    fn an_attempt_in_json_has_its_name_its_state_and_its_counters() {
+        let beat = Beat { steps: 5, beats: 7, ..Beat::default() };
+        let one = Status { name: "1-of-2".into(), state: State::Hung(9), beat };
+        let expected = serde_json::json!({
+            "attempt": "1-of-2", "state": "hung: no step for 9 s", "steps": 5, "beats": 7
+        });
+        assert_eq!(json(&one), expected);
+    }
+
+    fn refused(missing: &Missing, records: &[Record]) -> (String, String) {
+        let error = complete(missing, records, Path::new("out")).expect_err("it is not complete");
+        assert_eq!(error.exit_code(), 1);
+        (error.to_string(), error.remedy().to_owned())
+    }
+
+    #[test]
+    fn missing_points_are_counted_for_each_device_with_their_shards_and_the_command_that_measures_them() {
+        let kind = |device: &str, points: &[&str], shards: &[u32]| MissingKind {
+            device: device.into(),
+            points: points.iter().map(|point| (*point).to_owned()).collect(),
+            of: 9,
+            shards: shards.to_vec(),
+            command: format!("raycl run on {device}"),
+        };
+        let missing = Missing {
+            kinds: vec![kind("gpu", &["a", "b"], &[2, 3]), kind("cpu", &["c"], &[4])],
+            took_part: Some("gpu, cpu".into()),
+            ..Missing::default()
+        };
+        let (said, remedy) = refused(&missing, &[]);
+        assert_eq!(said, "3 points are missing");
+        let lines: Vec<&str> = remedy.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "to measure the missing points",
+                "gpu: 2 of 9 points, of shards 2, 3 (a, b):",
+                "  raycl run on gpu",
+                "cpu: 1 of 9 points, of shard 4 (c):",
+                "  raycl run on cpu",
+                "devices with results: gpu, cpu",
+            ]
+        );
+        let one = Missing { kinds: vec![kind("cpu", &["c"], &[4])], ..Missing::default() };
+        assert_eq!(refused(&one, &[]).0, "1 point is missing");
+    }
+
+    #[test]
+    fn a_merge_before_any_shard_says_how_to_start_one_and_a_failed_point_is_an_error() {
+        let none = Missing { nothing_began: true, ..Missing::default() };
+        assert_eq!(refused(&none, &[]).0, "no shard has begun to measure");
+        let with = |outcome| Record { outcome, ..Record::default() };
+        let fine = [Outcome::Measured, Outcome::Infeasible, Outcome::OtherKind].map(with);
+        assert!(complete(&Missing::default(), &fine, Path::new("out")).is_ok());
+        let records = [&fine[..], &[with(Outcome::WrongImage)]].concat();
+        let (said, remedy) = refused(&Missing::default(), &records);
+        assert_eq!(said, "1 of 4 points were not measured");
+        assert!(remedy.contains("out/summary.md"), "{remedy}");
+    }
+
+    #[test]
+    fn seconds_between_readings_are_0_to_3600() {
+        assert_eq!(["0", "2.5", "3600"].map(|text| seconds(text).ok()), [0.0, 2.5, 3600.0].map(Some));
+        for wrong in ["-1", "3601", "NaN", "soon"] {
+            assert!(seconds(wrong).is_err_and(|said| said.contains(wrong)), "{wrong}");
+        }
+    }
 
     #[test]
     fn three_missing_points_are_the_whole_list_and_the_first_three_of_four_are_not() {

@@ -105,3 +105,77 @@ fn text(noise: &Noise) -> String {
     lines.extend(causes.threads.map(|threads| format!("  the device used {threads} threads")));
     lines.join("\n")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Causes;
+
+    /// Returns the lines of a text, with single spaces.
+    fn lines(noise: &Noise) -> Vec<String> {
+        text(noise).lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+    }
+
+    #[test]
+    fn each_difference_and_each_cause_has_a_line_of_its_own() {
+        let noise = Noise {
+            device: "a device".into(),
+            samples: 60,
+            launches: 3,
+            within_launch: Some(0.01),
+            between_launches: Some(0.02),
+            own_time: Some(0.03),
+            causes: Causes {
+                processors: Some(8.0),
+                others: Some(0.25),
+                stolen: Some(0.5),
+                preempted_samples: Some(4),
+                core_to_core_ns: Some([20.0, 90.0]),
+                clocks_mhz: Some([1200.0, 3400.0]),
+                governor: Some("powersave".into()),
+                device_clock_mhz: Some(1980.0),
+                throttled_samples: Some(7),
+                threads: Some(6),
+            },
+        };
+        assert_eq!(
+            lines(&noise),
+            [
+                "a device, 60 samples in 3 launches".to_owned(),
+                format!("smallest difference that one launch can show {}", percent(0.01)),
+                format!("smallest difference that all launches together can show {}", percent(0.02)),
+                format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
+                "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
+                "other programs delayed 4 samples, which are left out".to_owned(),
+                "a cache line took 20 to 90 ns from one processor to another".to_owned(),
+                "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
+                "the device ran at 1980 MHz".to_owned(),
+                "the device throttled in 7 samples".to_owned(),
+                "the device used 6 threads".to_owned(),
+            ]
+        );
+    }
+
+    #[test]
+    fn causes_that_the_system_does_not_report_have_no_line() {
+        let noise = Noise {
+            device: "a device".into(),
+            samples: 60,
+            launches: 3,
+            within_launch: None,
+            between_launches: None,
+            own_time: None,
+            causes: Causes::default(),
+        };
+        let told = lines(&noise);
+        assert_eq!(told.len(), 4, "{told:?}");
+        assert!(told[1..].iter().all(|line| line.ends_with("not enough samples")), "{told:?}");
+    }
+
+    #[test]
+    fn the_experiment_that_is_built_in_can_be_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        unpack(folder.path()).expect("it writes");
+        crate::config::load(&folder.path().join(FILES[0].0), &[]).expect("its scene is there");
+    }
+}

@@ -29,6 +29,7 @@ use crate::words::counted;
 use casting::{Cast, Picture, Shows, cast};
 use judge::{check, refuse_not_finite, saved_at};
 use motion::Motion;
+use notify::RecursiveMode;
 use opening::{Opened, open};
 use report::{Report, Verified};
 use std::path::PathBuf;
@@ -133,9 +134,13 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::input("standard input cannot be watched")
             .with_help("name the scene's file instead of `-`"));
     }
-    let folders = folders(&args.subject.scene, args.subject.cl_dir.as_deref());
-    let watched = Watched::new(&folders, &written(&args), &INPUTS)?;
+    let watched = Watched::new(&watched_folders(&args), &written(&args), &INPUTS)?;
     watch(watched, args.quiet, || render(&args))
+}
+
+/// Returns the folders that `--watch` watches from the start.
+fn watched_folders(args: &Args) -> Vec<(PathBuf, RecursiveMode)> {
+    folders(&args.subject.scene, args.subject.cl_dir.as_deref())
 }
 
 /// Returns the files that the command writes.
@@ -419,5 +424,31 @@ mod tests {
         assert!(
             hard(&with(&[0.5, 0.5]), 1).is_some_and(|note| note.starts_with("several lights have a radius:"))
         );
+    }
+
+    #[test]
+    fn the_folder_of_the_scene_is_watched_and_all_folders_of_the_kernels() {
+        let of = |words: &[&str]| watched_folders(&args(words));
+        let scene = (PathBuf::from("a"), RecursiveMode::NonRecursive);
+        assert_eq!(of(&["a/b.toml", "--watch"]), std::slice::from_ref(&scene));
+        let kernels = (PathBuf::from("own/cl"), RecursiveMode::Recursive);
+        assert_eq!(of(&["a/b.toml", "--watch", "--cl-dir", "own/cl"]), [scene, kernels]);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_refused_before_the_scene_is_read() {
+        let refused = |more: &[&str]| {
+            let error = run(args(&[&["missing.toml"], more].concat())).expect_err("there is no scene");
+            error.to_string()
+        };
+        assert!(refused(&[]).contains("missing.toml"), "{}", refused(&[]));
+        for more in [&[][..], &["--devices", "all"]] {
+            let wide = refused(&[&["-o", "a.jpg", "--width", "65536", "--height", "1"], more].concat());
+            assert!(wide.contains("65536 x 1 pixels; a JPEG has at most 65535"), "{more:?}: {wide}");
+        }
+        let moving = refused(&["-o", "a.jpg", "--turntable", "2"]);
+        assert_eq!(moving, "'a.jpg' is not a valid name for moving pictures");
+        let layers = refused(&["--layers", "a.tif"]);
+        assert!(layers.contains("a.tif"), "{layers}");
     }
 }

@@ -186,9 +186,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn the_command_that_continues_names_every_device() {
-        let args = Args {
+    fn args() -> Args {
+        Args {
             device: vec!["cpu".to_owned(), "nvidia".to_owned()],
             out: PathBuf::from("out"),
             force: false,
@@ -198,7 +197,46 @@ mod tests {
             page_only: false,
             quiet: false,
             verbose: false,
-        };
+        }
+    }
+
+    #[test]
+    fn only_figure_8_measures_the_devices_peak_rates() {
+        for (name, _) in CONFIGS {
+            let run = arguments(&args(), name);
+            assert_eq!(run.peak, (name == "figure-8").then(|| "measure".to_owned()), "{name}");
+        }
+        assert!(CONFIGS.iter().any(|(name, _)| *name == "figure-8"));
+    }
+
+    #[test]
+    fn each_config_is_run_into_its_own_folder_with_the_choices_of_the_command() {
+        let command = |args: &Args| format!("{:?}", arguments(args, "quick"));
+        let told = command(&args());
+        let [config, out] = ["out/configs/quick.toml", "out/quick"];
+        for part in [
+            format!("config: {config:?}"),
+            format!("out: Some({out:?})"),
+            "device: [\"cpu\", \"nvidia\"]".to_owned(),
+            "set: [(\"timing.launches\", \"1\")]".to_owned(),
+            "no_wait: false".to_owned(),
+            "force: false".to_owned(),
+            "resume: false".to_owned(),
+        ] {
+            assert!(told.contains(&part), "{part} is not in {told}");
+        }
+        for (args, part) in [
+            (Args { no_wait: true, ..args() }, "no_wait: true"),
+            (Args { force: true, ..args() }, "force: true"),
+            (Args { resume: true, ..args() }, "resume: true"),
+        ] {
+            assert!(command(&args).contains(part), "{part}");
+        }
+    }
+
+    #[test]
+    fn the_command_that_continues_names_every_device() {
+        let args = args();
         let devices = "--device cpu --device nvidia";
         let command = format!("raycl reproduce --out out {devices} --set timing.launches=1 --resume");
         assert_eq!(resuming(&args), command);

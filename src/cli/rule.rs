@@ -164,6 +164,7 @@ fn text(sweep: &Sweep) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::strategy::Task;
 
     #[test]
     fn only_cases_of_the_kind_of_device_with_the_word_in_their_name_are_wanted() {
@@ -171,5 +172,40 @@ mod tests {
         let case: Case = toml::from_str(text).unwrap();
         let asked = [("cpu", ""), ("cpu", "bunny"), ("cpu", "dragon"), ("gpu", "bunny")];
         assert_eq!(asked.map(|(kind, word)| is_wanted(&case, kind, word)), [true, true, false, false]);
+    }
+
+    #[test]
+    fn the_choices_within_5_and_10_per_cent_of_the_best_are_counted_and_the_worst_is_told() {
+        let class = Class::TilesInVectors;
+        // With a million triangles, the rule never chooses exhaustive casting, which is the fastest here.
+        let task = Task { triangles: 1_000_000, pixels: 400_000, ..Task::default() };
+        let choice = class.constants(false).unwrap().way(&task, 2).name();
+        let case = |name: &str, chosen_ms: Option<f64>| {
+            let chosen = chosen_ms.map(|ms| (choice.to_owned(), ms));
+            let least_ms = [("exhaustive".to_owned(), 4.0)].into_iter().chain(chosen).collect();
+            Measured { name: name.to_owned(), task, least_ms }
+        };
+        let sweep = |cases: Vec<Measured>| Sweep {
+            device: "a device".to_owned(),
+            class,
+            compute_units: 2,
+            date: "2026-01-02".to_owned(),
+            conditions: String::new(),
+            rounds: 7,
+            cases,
+        };
+        let of = |ms: f64| Some(4.0 * ms);
+        let cases = [("one", of(1.05)), ("two", of(1.1)), ("three", of(1.25)), ("four", of(1.0))];
+        let told = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
+        let told = told.replace(['│', '┆'], " ");
+        assert!(told.starts_with("device    a device, 2026-01-02: least of 7 rounds\n"), "{told}");
+        let last =
+            "choices   2 of 4 within 5% of the best, 3 within 10%; the worst takes 1.250 times as long";
+        assert!(told.ends_with(last), "{told}");
+        let row = told.lines().find(|line| line.contains(" three ")).unwrap();
+        let words: Vec<&str> = row.split_whitespace().collect();
+        assert_eq!(words, ["three", "1000000", "400000", choice, "5.000", "exhaustive", "4.000", "1.250"]);
+        let refused = text(&sweep(vec![case("refused", None)])).unwrap();
+        assert!(refused.contains(" refused ") && refused.contains("0 of 1 within 5%"), "{refused}");
     }
 }

@@ -195,4 +195,44 @@ mod tests {
         assert!(told(Some("abc-dirty")).contains("with uncommitted changes"));
         assert_eq!(told(None), "raycl 1, built outside a git repository");
     }
+
+    #[test]
+    fn a_file_outside_a_repository_says_so_and_a_long_hash_is_shortened() {
+        let file = serde_json::json!({"what": "scene", "path": "a.toml", "hash": "0123456789abcdef"});
+        assert_eq!(source(&file), ("scene a.toml".into(), "in no git repository; hash 0123456789ab".into()));
+    }
+
+    #[test]
+    fn a_program_has_each_of_its_hashes_once_and_baselines_are_none() {
+        let of = |name: &str, strategy: &str, hash: &str| Record {
+            name: name.into(),
+            strategy: strategy.into(),
+            program_hash: Some(hash.into()),
+            device: "gpu".into(),
+            ..Record::default()
+        };
+        let records = [
+            of("naive", "width=1", "a"),
+            of("wide", "width=4", "b"),
+            of("naive", "width=1", "c"),
+            of("naive", "width=1", "a"),
+            of("naive", "width=2", "d"),
+            Record { program_hash: None, ..of("bvh", "traversal=bvh", "") },
+            Record { device: crate::record::HOST.into(), ..of("serial", "serial-f32", "e") },
+        ];
+        let program = |name: &str, strategy: &str, hashes: &[&str]| Program {
+            name: name.into(),
+            strategy: strategy.into(),
+            hashes: hashes.iter().map(|hash| (*hash).to_owned()).collect(),
+        };
+        assert_eq!(
+            programs(&records),
+            [
+                program("naive", "width=1", &["a", "c"]),
+                program("wide", "width=4", &["b"]),
+                program("naive", "width=2", &["d"]),
+                program("bvh", "traversal=bvh", &[]),
+            ]
+        );
+    }
 }

@@ -188,4 +188,17 @@ mod tests {
         assert_eq!(at(&record), Some((100.0, 25.0)));
         assert_eq!(at(&Record { local_size: None, ..record }), None);
     }
+
+    #[test]
+    fn the_caption_says_whose_occupancy_is_predicted_and_from_which_registers() {
+        let own = whose(Some("9.0"), true);
+        assert!(own.contains("compute capability, 9.0, and uses the registers"), "{own}");
+        let assumed = whose(Some("9.0"), false);
+        assert!(
+            assumed.contains("compute capability, 9.0, and assumes the paper's 63 registers"),
+            "{assumed}"
+        );
+        let of_paper = whose(None, false);
+        assert!(of_paper.contains("Figure 5 (compute capability 2.0), corrected"), "{of_paper}");
+    }
 }

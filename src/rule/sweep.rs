@@ -89,8 +89,7 @@ impl Measured {
         let queue = Queue::open(device.platform, device.device)?;
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
         let mut casters = Vec::new();
-        let may_be_fastest = |way: &Way| *way != Way::Exhaustive || task.triangles <= MOST_TESTED;
-        for way in Class::of(limits).ways().into_iter().filter(may_be_fastest) {
+        for way in Class::of(limits).ways().into_iter().filter(|way| may_be_fastest(*way, &task)) {
             let (strategy, local_size) = way.strategy(limits, task.watertight)?;
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
@@ -106,11 +105,7 @@ impl Measured {
             .map(|(_, caster, _)| caster.cast().and_then(|_| frames_of_sample(caster)).map_err(failed))
             .collect::<Result<_>>()?;
         for round in 0..rounds {
-            let mut order: Vec<usize> = (0..casters.len()).collect();
-            if round % 2 == 1 {
-                order.reverse();
-            }
-            for place in order {
+            for place in order(round, casters.len()) {
                 let (_, caster, least_ms) = &mut casters[place];
                 *least_ms = least_ms.min(caster.cast_batch(frames[place]).map_err(failed)?.frame_ms);
             }
@@ -120,11 +115,28 @@ impl Measured {
     }
 }
 
-/// Returns how many frames a sample needs to take at least `SAMPLE_MS`. The device must already be
-/// warm.
+/// Returns whether a candidate is measured.
+fn may_be_fastest(way: Way, task: &Task) -> bool {
+    way != Way::Exhaustive || task.triangles <= MOST_TESTED
+}
+
+/// Returns the order in which a round measures the candidates.
+fn order(round: u32, candidates: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..candidates).collect();
+    if round % 2 == 1 {
+        order.reverse();
+    }
+    order
+}
+
+/// Casts a frame, and returns how many such frames make a sample. The device must already be warm.
 fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
-    let one_ms = caster.cast()?.frame_ms.max(1e-6);
-    Ok((SAMPLE_MS / one_ms).ceil().clamp(1.0, MOST_FRAMES) as u32)
+    Ok(frames_for(caster.cast()?.frame_ms))
+}
+
+/// Returns how many frames a sample needs to take at least `SAMPLE_MS`, if each takes `one_ms`.
+fn frames_for(one_ms: f64) -> u32 {
+    (SAMPLE_MS / one_ms.max(1e-6)).ceil().clamp(1.0, MOST_FRAMES) as u32
 }
 
 #[cfg(test)]
@@ -148,5 +160,24 @@ mod tests {
         let refused = verdict(&[("exhaustive", 3.0)]).expect("times");
         assert_eq!((refused.choice_ms, refused.ratio()), (None, f64::INFINITY));
         assert!(verdict(&[]).is_none());
+    }
+
+    #[test]
+    fn a_sample_has_frames_for_10_ms_but_at_most_200() {
+        assert_eq!([25.0, 10.0, 9.9, 3.0, 0.1, 0.01, 0.0].map(frames_for), [1, 1, 2, 4, 100, 200, 200]);
+    }
+
+    #[test]
+    fn every_second_round_is_in_reverse_order() {
+        assert_eq!([0, 1, 2].map(|round| order(round, 3)), [[0, 1, 2], [2, 1, 0], [0, 1, 2]]);
+    }
+
+    #[test]
+    fn of_many_triangles_all_candidates_but_the_exhaustive_one_are_measured() {
+        let measured = |way, triangles| may_be_fastest(way, &Task { triangles, ..Task::default() });
+        assert_eq!([2000, 2001].map(|triangles| measured(Way::Exhaustive, triangles)), [true, false]);
+        for way in Class::TilesInVectors.ways().into_iter().filter(|way| *way != Way::Exhaustive) {
+            assert!(measured(way, 1_000_000), "{}", way.name());
+        }
     }
 }

@@ -26,7 +26,7 @@ pub use attempt::{About, Attempt, End};
 pub use block::{Block, Cost, cut};
 pub use kind::{Kind, KindPoint};
 pub use merge::{Merged, merge, no_shards};
-pub use missing::{Missing, missing};
+pub use missing::{Missing, MissingKind, missing};
 pub use number::{Asked, Shard};
 pub use plan::{Header, ShardPlan};
 pub use pulse::{Beat, Pulse, Steps};

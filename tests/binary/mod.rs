@@ -12,7 +12,7 @@ pub const LIMIT: Duration = Duration::from_secs(600);
 
 /// Waits until `so` returns true; fails after the time limit.
 #[track_caller]
-pub fn until(what: &str, so: impl Fn() -> bool) {
+pub fn until(what: &str, mut so: impl FnMut() -> bool) {
     let start = Instant::now();
     while !so() {
         assert!(start.elapsed() < LIMIT, "waited {} s in vain until {what}", LIMIT.as_secs());

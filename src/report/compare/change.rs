@@ -67,7 +67,7 @@ pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::measured;
+    use crate::record::fixtures::{judged, measured};
 
     #[test]
     fn the_half_with_the_changes_closest_to_the_median_is_alike() {
@@ -82,5 +82,58 @@ mod tests {
         assert_eq!(alike_of(&[2.0, 1.01, 0.4, 1.0, 1.02]), [1.0, 1.01, 1.02]);
         assert_eq!(alike_of(&[0.5, 1.0, 4.0]), [0.5, 1.0]);
         assert_eq!(alike_of(&[1.0, 9.0]), [1.0, 9.0], "of two, none stands out");
+    }
+
+    /// Returns the records of two groups, each with the launches of its own: in each group a kernel, and a baseline.
+    fn two_groups([kernels, baselines]: [[f64; 2]; 2]) -> Vec<Record> {
+        let of = |group: u32, record: Record| {
+            let sample_launches = record.sample_launches.iter().map(|launch| launch + 2 * group).collect();
+            Record { sample_launches, key: format!("{} {group}", record.key), ..record }
+        };
+        let group = |number: usize| {
+            let kernel = measured("gpu", "naive", 8, kernels[number]);
+            let baseline = measured("host", "serial", 8, baselines[number]);
+            [kernel, baseline].map(|record| of(number as u32, record))
+        };
+        judged([group(0), group(1)].concat())
+    }
+
+    fn middle(found: Option<(Interval, Against)>) -> Option<(f64, Against)> {
+        found.map(|(change, against)| ((100.0 * change.middle).round() / 100.0, against))
+    }
+
+    #[test]
+    fn a_kernel_is_compared_with_the_baselines_of_its_own_group() {
+        let before = two_groups([[1.0, 10.0], [100.0, 300.0]]);
+        // In the first group the machine has become half as fast. In the second group, the kernel has.
+        let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
+        let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
+        let [first, _, second, _] = all[..] else { panic!("{} pairs", all.len()) };
+        assert_eq!(middle(change(first, &all)), Some((1.0, Against::Baselines)));
+        assert_eq!(middle(change(second, &all)), Some((2.0, Against::Baselines)));
+        assert_eq!(middle(bare(first)), Some((2.0, Against::BareTimes)));
+    }
+
+    #[test]
+    fn a_baseline_that_one_of_the_runs_measured_in_another_group_is_none() {
+        let kernels = |factor: f64| ["naive", "wide"].map(|name| measured("gpu", name, 8, factor));
+        let baseline = |ms: f64, first_launch: u32| {
+            let record = measured("host", "serial", 8, ms);
+            let sample_launches = record.sample_launches.iter().map(|launch| launch + first_launch).collect();
+            Record { sample_launches, ..record }
+        };
+        let run = |factor: f64, first_launch: u32| {
+            judged([&kernels(factor)[..], &[baseline(100.0, first_launch)]].concat())
+        };
+        let against = |before: &[Record], after: &[Record]| {
+            let all: Vec<Both<'_>> = before.iter().zip(after).collect();
+            middle(change(all[0], &all))
+        };
+        let ([together, apart], [slow, slow_apart]) =
+            ([run(1.0, 0), run(1.0, 2)], [run(3.0, 0), run(3.0, 2)]);
+        assert_eq!(against(&together, &slow), Some((3.0, Against::Baselines)));
+        for (before, after) in [(&together, &slow_apart), (&apart, &slow), (&apart, &slow_apart)] {
+            assert_eq!(against(before, after), Some((1.0, Against::PointsInCommon)));
+        }
     }
 }

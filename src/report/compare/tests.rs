@@ -211,6 +211,63 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
+/// Returns a folder with the points and anchors of two folders. Those of the second are of another scene; the numbers
+/// of their launches are greater by `launches`.
+fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
+    let record = |record: &Record| Record {
+        scene: "room".into(),
+        key: format!("room {}", record.key),
+        device: device.into(),
+        sample_launches: record.sample_launches.iter().map(|launch| launch + launches).collect(),
+        ..record.clone()
+    };
+    let anchor = |sample: &AnchorSample| AnchorSample {
+        device: device.into(),
+        launch: sample.launch + launches,
+        ..sample.clone()
+    };
+    let records = one.records.iter().cloned().chain(other.records.iter().map(record)).collect::<Vec<_>>();
+    let anchors = one.anchors.iter().cloned().chain(other.anchors.iter().map(anchor)).collect();
+    Folder { label: one.label, records: judged(records), anchors, ..Folder::default() }
+}
+
+#[test]
+fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
+    for (launches, device) in [(10, "gpu"), (0, "another")] {
+        let run = |label: &str, machine: f64, slower: f64| {
+            and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| slower), launches, device)
+        };
+        let usual = run("old", 1.0, 1.0);
+        let slow_machine = of(&usual, &run("new", 2.0, 1.0));
+        assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
+        assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
+        // Only the points of the second group are 1.2 times as slow; the mean of all is the root of this factor.
+        let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
+        assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
+        let found = slow_kernels.regressions(5.0);
+        assert!(found[0].starts_with("all points together are 9."), "{found:?}");
+        assert!(found[1].starts_with("naive at its 4 points is 9."), "{found:?}");
+        assert_eq!(found.iter().filter(|line| line.starts_with("room ")).count(), 4, "{found:?}");
+        let on = found.iter().filter(|line| line.contains(", another is ")).count();
+        assert_eq!(on, if device == "another" { 4 } else { 0 }, "{found:?}");
+    }
+}
+
+#[test]
+fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_their_own_anchors() {
+    let run = |label: &str, machine: f64, launches: u32| {
+        and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
+    };
+    let together = run("together", 1.0, 0);
+    // Beside an anchor of the other group, the second run would be slower.
+    let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
+    for (before, after) in [(&together, &slow), (&fast, &together)] {
+        let comparison = of(before, after);
+        assert_eq!([Verdict::Faster, Verdict::Slower].map(|verdict| comparison.count(verdict)), [0, 0]);
+        assert_eq!(comparison.regressions(5.0), Vec::<String>::new());
+    }
+}
+
 #[test]
 fn another_anchor_tells_nothing() {
     let mut other = anchored("new", 1.0, |_| 1.1);

@@ -3,7 +3,9 @@
 use super::{Graphics, Input, Screen};
 use crate::error::{Error, Result};
 use crate::view::keys::Key;
-use crossterm::event::{self, Event, KeyCode, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind};
+use crossterm::event::{
+    self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
+};
 use crossterm::{cursor, execute, terminal};
 use image::RgbImage;
 use std::io::{ErrorKind, IsTerminal as _, Stdout, Write as _};
@@ -117,11 +119,7 @@ impl Screen for Terminal {
         let mut input = Input::default();
         while self.is_interactive && event::poll(Duration::ZERO).map_err(failed)? {
             match event::read().map_err(failed)? {
-                Event::Key(key) if key.kind != KeyEventKind::Release => {
-                    let control = key.modifiers.contains(KeyModifiers::CONTROL);
-                    input.closed |= control && key.code == KeyCode::Char('c');
-                    input.keys.extend(meant(key.code).filter(|_| !control));
-                }
+                Event::Key(key) => pressed(&mut input, key),
                 Event::Mouse(mouse) => self.mouse(&mut input, mouse.kind, [mouse.column, mouse.row]),
                 _ => {}
             }
@@ -159,6 +157,16 @@ fn failed(error: std::io::Error) -> Error {
         .with_help("without --terminal, raycl opens a window instead")
 }
 
+/// Adds a key to the input, unless it was only released. Ctrl-C closes the view; no other key has a meaning with Ctrl.
+fn pressed(input: &mut Input, key: KeyEvent) {
+    if key.kind == KeyEventKind::Release {
+        return;
+    }
+    let control = key.modifiers.contains(KeyModifiers::CONTROL);
+    input.closed |= control && key.code == KeyCode::Char('c');
+    input.keys.extend(meant(key.code).filter(|_| !control));
+}
+
 /// Returns the key that a code of the terminal means.
 fn meant(code: KeyCode) -> Option<Key> {
     match code {
@@ -181,6 +189,28 @@ mod tests {
         assert_eq!(meant(KeyCode::Char('S')), Some(Key::Char('S')));
         assert_eq!(meant(KeyCode::Esc), Some(Key::Escape));
         assert_eq!(meant(KeyCode::F(1)), None);
+    }
+
+    #[test]
+    fn only_ctrl_c_closes_the_view_and_a_key_that_is_released_does_nothing() {
+        let input = |keys: &[KeyEvent]| {
+            let mut input = Input::default();
+            keys.iter().for_each(|key| pressed(&mut input, *key));
+            (input.closed, input.keys)
+        };
+        let key = |letter: char, modifiers| KeyEvent::new(KeyCode::Char(letter), modifiers);
+        let (none, control) = (KeyModifiers::NONE, KeyModifiers::CONTROL);
+        assert_eq!(input(&[key('c', control)]), (true, vec![]));
+        // A later key does not undo it.
+        assert_eq!(input(&[key('c', control), key('s', none)]), (true, vec![Key::Char('s')]));
+        assert_eq!(input(&[key('c', none)]), (false, vec![Key::Char('c')]));
+        assert_eq!(input(&[key('q', control)]), (false, vec![]));
+        assert_eq!(input(&[key('S', KeyModifiers::SHIFT)]), (false, vec![Key::Char('S')]));
+        let of_kind = |kind| KeyEvent { kind, ..key('x', none) };
+        assert_eq!(input(&[of_kind(KeyEventKind::Repeat)]), (false, vec![Key::Char('x')]));
+        assert_eq!(input(&[of_kind(KeyEventKind::Release)]), (false, vec![]));
+        let released = KeyEvent { kind: KeyEventKind::Release, ..key('c', control) };
+        assert_eq!(input(&[released]), (false, vec![]));
     }
 
     /// Returns a terminal of 80 x 24 characters, of 10 x 20 pixels each, in which no user presses keys.
@@ -226,6 +256,10 @@ mod tests {
         // 23 characters of 10 pixels to the right, 2 of 20 pixels up.
         assert_eq!((orbit, pan), ([230.0 / 460.0, -40.0 / 460.0], [0.0; 2]));
         mouse(MouseEventKind::Up(MouseButton::Left), [33, 8]);
+        // A movement without a button, or after it was released, is no drag.
+        mouse(MouseEventKind::Moved, [40, 8]);
+        assert_eq!(mouse(MouseEventKind::Drag(MouseButton::Left), [50, 9]), (orbit, pan));
+        mouse(MouseEventKind::Up(MouseButton::Left), [50, 9]);
         mouse(MouseEventKind::Down(MouseButton::Right), [0, 0]);
         let (still, pan) = mouse(MouseEventKind::Drag(MouseButton::Right), [0, 23]);
         assert_eq!((still, pan), (orbit, [0.0, 1.0]));

@@ -61,12 +61,7 @@ impl Window {
         let down = self.is_down(MouseButton::Left) || self.pans();
         let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);
         let at = at.map(|(x, y)| [x, y].map(f64::from));
-        let by = match (self.dragged, at) {
-            (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
-            _ => [0.0; 2],
-        };
-        self.dragged = at;
-        by.map(|pixels| pixels / f64::from(self.size[1]))
+        moved(std::mem::replace(&mut self.dragged, at), at, self.size)
     }
 
     fn is_down(&self, button: MouseButton) -> bool {
@@ -103,7 +98,7 @@ impl Screen for Window {
             self.window.update();
         }
         let by = self.drag();
-        let (orbit, pan) = if self.pans() { ([0.0; 2], by) } else { (by, [0.0; 2]) };
+        let [orbit, pan] = orbit_and_pan(by, self.pans());
         Ok(Input {
             keys: self.keys.try_iter().collect(),
             orbit,
@@ -113,6 +108,21 @@ impl Screen for Window {
             closed: !self.window.is_open(),
         })
     }
+}
+
+/// Returns the way between two positions of a drag in a picture of `size`, in heights of the picture. A drag that has
+/// only begun, or has ended, moves nothing.
+fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 2] {
+    let by = match (from, at) {
+        (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
+        _ => [0.0; 2],
+    };
+    by.map(|pixels| pixels / f64::from(size[1]))
+}
+
+/// Returns the parts of a drag by which the eye moves around the scene and aside.
+fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
+    if pans { [[0.0; 2], by] } else { [by, [0.0; 2]] }
 }
 
 /// Returns whether windows need an X11 display.
@@ -195,5 +205,15 @@ mod tests {
         typed.add_char(0x1b);
         let [s, left] = [Key::Char('s'), Key::Left];
         assert_eq!(keys.try_iter().collect::<Vec<_>>(), [s, s, left, left, left, Key::Escape]);
+    }
+
+    #[test]
+    fn drags_are_counted_in_heights_of_the_picture_from_one_position_to_the_next() {
+        let moved = |from, at| moved(from, at, [800, 500]);
+        assert_eq!(moved(Some([100.0, 200.0]), Some([150.0, 175.0])), [0.1, -0.05]);
+        assert_eq!([moved(None, Some([9.0, 9.0])), moved(Some([9.0, 9.0]), None)], [[0.0; 2]; 2]);
+        let by = [0.1, -0.05];
+        assert_eq!(orbit_and_pan(by, false), [by, [0.0; 2]]);
+        assert_eq!(orbit_and_pan(by, true), [[0.0; 2], by]);
     }
 }
