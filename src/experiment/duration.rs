@@ -1,5 +1,7 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
+use super::group::is_on_processors;
+use super::moved_processors::MOST;
 use super::pending::PendingPoint;
 use super::{Plan, Run};
 use crate::error::Result;
@@ -27,6 +29,9 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
+    /// Longest time of additional launches. They replace launches in which the host of a virtual machine moved its
+    /// processors further apart.
+    pub additional: Duration,
 }
 
 /// A point's times in an earlier record, in milliseconds.
@@ -54,7 +59,7 @@ impl Run<'_> {
             least_frames: launches * self.stopping_rule().least(),
             ..Expected::default()
         };
-        let mut all_ms = 0.0;
+        let (mut all_ms, mut additional_ms) = (0.0, 0.0);
         let plan = self.plan();
         for group in self.pending_points(&plan, &self.pieces(&plan))? {
             let meant =
@@ -64,9 +69,13 @@ impl Run<'_> {
             expected.points[0] += drafts.len();
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
+            if group.iter().all(|pending| is_on_processors(self, pending)) {
+                additional_ms += (MOST - 1) as f64 * launches as f64 * self.launch_ms(&known);
+            }
         }
         // A file may contain anything; an invalid time counts as zero.
-        expected.time = Duration::try_from_secs_f64(1e-3 * all_ms).unwrap_or_default();
+        let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
+        (expected.time, expected.additional) = (duration(all_ms), duration(additional_ms));
         Ok(expected)
     }
 
@@ -108,8 +117,14 @@ impl Run<'_> {
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
 
-    /// Returns the time for all launches of a group.
+    /// Returns the time for all launches of a group. In the first launch, pictures are compared with the reference.
     fn group_ms(&self, points: &[Known]) -> f64 {
+        let compare_ms: f64 = points.iter().map(|point| point.check_ms[1] - point.check_ms[0]).sum();
+        f64::from(self.experiment.timing.launches) * self.launch_ms(points) + compare_ms
+    }
+
+    /// Returns the time for a launch of a group in which pictures are not compared with the reference.
+    fn launch_ms(&self, points: &[Known]) -> f64 {
         if points.is_empty() {
             return 0.0;
         }
@@ -123,11 +138,7 @@ impl Run<'_> {
         let warm = |point: &Known| {
             (f64::from(timing.warmup) * point.sample_ms).min(0.1 * timing.time_limit_ms + point.sample_ms)
         };
-        let launch_ms = START_MS + sum(&warm) + rounds as f64 * round_ms;
-        let launches = f64::from(timing.launches);
-        launches * launch_ms
-            + (launches - 1.0) * sum(&|point| point.check_ms[0])
-            + sum(&|point| point.check_ms[1])
+        START_MS + sum(&warm) + rounds as f64 * round_ms + sum(&|point| point.check_ms[0])
     }
 }
 
@@ -172,10 +183,10 @@ impl fmt::Display for Expected {
             let frames = counted(self.least_frames, "frame");
             return write!(f, "at least {frames} of each; how long this takes is unknown");
         }
-        let seconds = self.time.as_secs();
-        match seconds {
-            0..60 => write!(f, "about {}s", seconds.max(1))?,
-            _ => write!(f, "about {}m {}s", seconds / 60, seconds % 60)?,
+        write!(f, "about {}", in_minutes(self.time))?;
+        if self.additional > Duration::ZERO {
+            let more = in_minutes(self.additional);
+            write!(f, " (up to {more} more if launches are replaced)")?;
         }
         match known {
             _ if known == points => write!(f, ", based on earlier times"),
@@ -183,6 +194,14 @@ impl fmt::Display for Expected {
                 write!(f, " for {some} of them, based on earlier times; the times of the others are unknown")
             }
         }
+    }
+}
+
+/// Formats a duration as "6m 10s" or "10s"; it is at least one second.
+fn in_minutes(time: Duration) -> String {
+    match time.as_secs() {
+        seconds @ 0..60 => format!("{}s", seconds.max(1)),
+        seconds => format!("{}m {}s", seconds / 60, seconds % 60),
     }
 }
 
@@ -213,6 +232,16 @@ mod tests {
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
+    }
+
+    #[test]
+    fn additional_launches_are_said_beside_the_expected_time() {
+        let minutes = |n: u64| Duration::from_secs(60 * n + 5);
+        let expected = Expected { points: [2, 2], launches: 3, time: minutes(4), ..Expected::default() };
+        assert_eq!(expected.to_string(), "2 points in 3 launches: about 4m 5s, based on earlier times");
+        let additional = Expected { additional: minutes(3), ..expected }.to_string();
+        let more = "(up to 3m 5s more if launches are replaced)";
+        assert_eq!(additional, format!("2 points in 3 launches: about 4m 5s {more}, based on earlier times"));
     }
 
     #[test]

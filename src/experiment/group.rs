@@ -95,8 +95,7 @@ impl OpenGroup {
     /// Returns the smallest core-to-core latency, with which those of launches are compared, in nanoseconds. It is
     /// infinite, so that all launches count, if another device than a processor casts a point of the group.
     fn nearest_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
-        let is_processor = |device: &DeviceInfo| device.kind == DeviceKind::Cpu;
-        let all = self.points.iter().all(|pending| device_of(run, pending).is_none_or(is_processor));
+        let all = self.points.iter().all(|pending| is_on_processors(run, pending));
         if all { sink.nearest_ns() } else { f64::INFINITY }
     }
 
@@ -289,6 +288,11 @@ impl OpenGroup {
 fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo> {
     let device = run.devices.get(pending.device % run.devices.len().max(1));
     device.filter(|_| !pending.record.is_baseline()).copied()
+}
+
+/// Returns whether a point is measured on processors: by a caster on the host, or by a processor's OpenCL driver.
+pub(super) fn is_on_processors(run: &Run<'_>, pending: &PendingPoint) -> bool {
+    device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu)
 }
 
 /// Returns the names of the locks for the devices of some points.

@@ -9,7 +9,7 @@ use crate::record::{MOVED, median_latency_ns};
 use std::collections::HashSet;
 
 /// With additional launches, a group has at most this many times as many launches as were requested.
-const MOST: usize = 2;
+pub(super) const MOST: usize = 2;
 
 /// A complete launch of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
