@@ -189,7 +189,8 @@ fn bash_completes_commands_options_and_presets() {
 fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() {
     let case = |name: &str| {
         format!(
-            "[[case]]\nname = \"{name}\"\nscene = \"scene.toml\"\nsize = [24, 15]\nkinds = [\"few\"]\ndevices = [\"cpu\", \"gpu\"]\n"
+            "[[case]]\nname = \"{name}\"\nscene = \"scene.toml\"\nsize = [24, 15]\n\
+             kinds = [\"few\"]\ndevices = [\"cpu\", \"gpu\"]\n"
         )
     };
     let cases = case("little one") + &case("another");

@@ -24,7 +24,8 @@ impl Ground {
     fn new() -> Self {
         let scene = repository("scenes/triangle.toml");
         let text = format!(
-            "question = \"What is measured?\"\nexpectation = \"Nothing new.\"\nscenes = [{scene:?}]\nimage_sizes = [[40, 25], [24, 15]]\n\
+            "question = \"What is measured?\"\nexpectation = \"Nothing new.\"\nscenes = [{scene:?}]\n\
+             image_sizes = [[40, 25], [24, 15]]\n\
              local_sizes = [2, 4, 8]\nstrategies = [\"naive\", \"deferred\"]\n\
              [timing]\nlaunches = 2\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n"
         );

@@ -155,4 +155,12 @@ mod tests {
         let names: Vec<&str> = changed(&comparison).iter().map(|pair| pair.before.name.as_str()).collect();
         assert_eq!(names, ["wide", "bvh", "naive", "private"]);
     }
+
+    #[test]
+    fn a_percentage_is_a_number_that_is_not_negative_with_or_without_its_sign() {
+        assert_eq!(["5", "0.5%", "0"].map(percent), [Ok(5.0), Ok(0.5), Ok(0.0)]);
+        for wrong in ["-1", "nan", "inf", "", "five"] {
+            assert!(percent(wrong).is_err_and(|said| said.contains(&format!("'{wrong}'"))), "{wrong}");
+        }
+    }
 }
