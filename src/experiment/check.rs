@@ -225,7 +225,8 @@ mod tests {
         let (place, device) = (tempfile::tempdir().unwrap(), discover(&Sources::Embedded).unwrap().remove(0));
         let experiment = fixtures::experiment_of(
             "[[scene]]\nfile = 'scenes/pyramid-upper.toml'\n\
-             set = { light = [[{ position = [1, 3, 1], power = 10 }, { position = [-1, 3, 1], power = 5 }]] }\n\
+             set = { light = [[{ position = [1, 3, 1], power = 10 }, { position = [-1, 3, 1], power = 5 }]], \
+             \"sky.zenith\" = 1 }\n\
              [[strategy]]\npreset = 'naive'\nvectors = 'global'\ntriangles = 'constant'\nlocal_sizes = [[4, 2]]",
         );
         let (record, found, built) = checked(&experiment, &device, place.path(), None);
@@ -240,8 +241,11 @@ mod tests {
         let needed = [needs.local_bytes, needs.constant_bytes, needs.scratch_bytes, needs.private_bytes];
         assert_eq!(bytes, needed.map(Some));
         let expected = reference(&scene, record.image_size, Culling::None);
-        assert_eq!(record.shadow_rays, Some((expected.hits * scene.lights.len()) as u64));
-        assert!(expected.hits > 0 && scene.lights.len() > 1);
+        // Each hit has a shadow ray to each light and one to the sky.
+        assert_eq!(record.shadow_rays, Some((expected.hits * 3) as u64));
+        assert!(expected.hits > 0 && scene.lights.len() == 2);
+        assert_eq!(record.unexplained_pixels, Some(0));
+        assert!(record.worst_pixel.is_none_or(|[x, y]| x < 8 && y < 5));
         assert!(record.max_difference.is_some_and(|difference| difference < 1e-3));
         assert_eq!(record.uncertain_pixels, Some(expected.doubts.len() as u64));
         assert!(record.build_from_cache.is_some());

@@ -196,7 +196,23 @@ mod tests {
         assert_eq!(kernel.device_kind.as_deref(), Some("gpu"));
         assert_eq!((kernel.name.as_str(), kernel.local_size), ("mine", Some([4, 2])));
         assert_eq!(kernel.strategy, crate::strategy::preset("naive").unwrap().strategy.to_string());
+        assert_eq!((kernel.preset.as_deref(), host.preset), (Some("naive"), None));
         assert!(kernel.program_hash.is_some() && host.program_hash.is_none() && kernel.key != host.key);
+    }
+
+    #[test]
+    fn a_draft_counts_triangles_and_lights() {
+        let lights = "set = { light = [[{ position = [1, 3, 1], power = 9 }, { position = [0, 3, 1], power = 9 }, \
+                      { position = [0, 9, 1], power = 9 }]] }";
+        let scene = format!("[[scene]]\nfile = 'scenes/triangle.toml'\n{lights}\n");
+        let experiment = super::super::fixtures::experiment_of(&format!(
+            "{scene}[[strategy]]\npreset = 'naive'\nlocal_sizes = [4]"
+        ));
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let point = Plan::new(&experiment, 1).points[0];
+        let record = drafter.draft(&point, Some(&asleep::device(1.0)), &at).unwrap();
+        assert_eq!((record.triangles, record.lights), (Some(1), Some(3)));
     }
 
     #[test]

@@ -52,3 +52,29 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     };
     Ok(run.plan().points.iter().map(forecast).collect())
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::super::{asleep, fixtures};
+    use super::*;
+
+    /// The device is a GPU.
+    #[test]
+    fn a_forecast_says_what_fits_the_imitated_device_and_what_is_meant_for_it() {
+        let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n\
+                     [[strategy]]\npreset = 'wide'\n[emulate]\nlocal_bytes = 100";
+        let experiment = fixtures::experiment(lines);
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let all = dry_run(&fixtures::run(&experiment, &devices, &locks)).unwrap();
+        let [host, naive, local, wide] = &all[..] else { panic!("{all:?}") };
+        assert_eq!((host.device.as_str(), host.label.as_str()), (HOST, "triangle 8x5 host serial-f32"));
+        assert!(host.needs.is_none() && host.refused.is_none() && host.not_for.is_none());
+        assert_eq!((naive.device.as_str(), naive.label.as_str()), ("asleep", "triangle 8x5 naive 4x4"));
+        assert!(naive.needs.is_some() && naive.refused.is_none() && naive.not_for.is_none(), "{naive:?}");
+        assert!(local.refused.as_ref().is_some_and(|reason| reason.contains("> 100 B")), "{local:?}");
+        assert!(local.needs.as_ref().is_some_and(|needs| needs.local_bytes > 100) && local.not_for.is_none());
+        assert!(wide.not_for.as_ref().is_some_and(|reason| reason.starts_with("meant for CPUs")), "{wide:?}");
+    }
+}

@@ -272,6 +272,36 @@ mod tests {
         assert_eq!(expected(2, 15), format!("2 points in 3 launches: at least 15 frames {unknown}"));
     }
 
+    /// The device is a GPU.
+    #[test]
+    fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
+        let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
+        let experiment = fixtures::experiment(lines);
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        assert_eq!(run.expected(&[], &[]).unwrap().points, [2, 0], "the caster on the host and `naive`");
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+        let [host, naive, wide] =
+            [0, 1, 2].map(|place| groups.iter().flatten().nth(place).unwrap().record.clone());
+        let of = |earlier: &[Record]| -> Vec<(usize, f64, bool)> {
+            let costs = run.costs(earlier).unwrap().concat();
+            costs.iter().map(|cost| (cost.point, cost.ms, cost.may_control)).collect()
+        };
+        let guesses = of(&[]);
+        let seen: Vec<_> = guesses.iter().map(|(point, _, may_control)| (*point, *may_control)).collect();
+        assert_eq!(seen, [(0, true), (1, true), (2, false)]);
+        // A point that is passed over takes less time than any that is compiled.
+        assert!(guesses[2].1 < guesses[1].1, "{guesses:?}");
+        // A point that failed may fail again, and a block's control point must not.
+        let failed = Record { outcome: Outcome::Crashed, ..naive.clone() };
+        let measured = Record { outcome: Outcome::Measured, host_median_ms: Some(1e6), ..host };
+        let known = of(&[failed, measured, wide]);
+        assert_eq!([known[0].2, known[1].2], [true, false]);
+        assert!(known[0].1 > 1e6 && guesses[0].1 < 1e6, "{known:?}");
+    }
+
     #[test]
     fn a_warm_up_of_long_frames_ends_early() {
         // The point with frames of 2 ms casts both of its warm-up frames. For the other points, the estimate is

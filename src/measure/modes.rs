@@ -226,7 +226,8 @@ mod tests {
     fn a_timers_steps_are_no_modes() {
         assert_eq!(Modes::of(&[10.0, 10.1].repeat(20)), None);
         assert_eq!(Modes::of(&[5.0; 40]), None);
-        assert!(Modes::of(&[10.0, 12.0].repeat(20)).is_some());
+        let expected = Modes { ms: [10.0, 12.0], samples: [20, 20], parted_at_ms: 10.0 };
+        assert_eq!(Modes::of(&[12.0, 10.0].repeat(20)), Some(expected));
         assert_eq!(Modes::of(&[10.0, 12.0].repeat(4)), None, "too few");
     }
 

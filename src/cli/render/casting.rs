@@ -209,6 +209,37 @@ mod tests {
         work(&caster, &show, scene.display)
     }
 
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn a_cast_frame_has_its_own_times_and_a_first_launchs_rest_counts_as_compiling() {
+        use clap::Parser as _;
+        let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
+        let scene = Arc::new(load_scene(&path).unwrap().scene);
+        let mut session = Session::open(&device, &Sources::Embedded, Arc::clone(&scene)).unwrap();
+        let strategy = preset("bvh").unwrap().strategy;
+        let prepared =
+            session.prepare(&strategy, [75, 61], [1, 1]).map_err(|refused| refused.reason()).unwrap();
+        let cast_with = |more: &[&str]| {
+            let args = Command::parse_from([&["render", "still-life.toml"], more].concat()).args;
+            let mut timeline = Timeline::begin();
+            let (picture, cast) = cast(&args, &device, &prepared, (&scene, None), &mut timeline).unwrap();
+            assert!(matches!(picture, Picture::Radiance(_)));
+            (cast, timeline)
+        };
+        let (cast, timeline) = cast_with(&[]);
+        let compile_ms = (cast.times.host_ms - cast.times.frame_ms).max(0.0);
+        assert!((timeline.ms("build") - compile_ms).abs() < 1e-9, "{} {compile_ms}", timeline.ms("build"));
+        assert_eq!((cast.read_ms, cast.from_cache), (timeline.ms("read"), prepared.program.from_cache));
+        assert!(cast.hits > 0 && cast.parts.is_none() && cast.counts.is_none());
+        assert_eq!(timeline.ms("verify"), 0.0);
+    }
+
     #[test]
     fn a_first_frame_warms_up_only_for_others() {
         let [short, long] = [1.0, 1001.0].map(|ms| FrameTimes::whole(ms, ms));

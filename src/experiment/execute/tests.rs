@@ -488,3 +488,27 @@ fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
     };
     assert_eq!((ordered(DeviceKind::Gpu), ordered(DeviceKind::Cpu)), (3, 2));
 }
+
+#[test]
+fn after_an_error_no_other_group_is_visited() {
+    let lines = format!("local_sizes = [1]\n{TIMING}\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'");
+    let (experiment, device, locks) =
+        (fixtures::experiment(&lines), asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let plan = run.plan();
+    let groups = run.pending_points(&plan, &run.pieces(&plan)).unwrap();
+    let waiting = Waiting::new(groups.into_iter().map(OpenGroup::new).collect(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
+    let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
+    let mut workers = Answering::default();
+    let mut served = |interrupted: bool| {
+        let interrupted = AtomicBool::new(interrupted);
+        let mut supervisor = Supervisor::new(&mut workers, &interrupted, run.limit);
+        serve(&run, &waiting, Some(0), &mut supervisor, &mut sink).is_ok()
+    };
+    // The first device ends with an error, and then the second device finds nothing to do.
+    assert!(!served(true) && served(false));
+    assert_eq!(workers.requests.load(Ordering::Relaxed), 0);
+}

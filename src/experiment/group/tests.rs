@@ -269,8 +269,8 @@ fn an_additional_launch_is_told_and_is_no_step() {
     let mut group = group();
     group.points[1].label = "b".into();
     group.visit(&run, &mut supervisor, &mut sink).unwrap();
-    let words = "triangle: the host moved this virtual machine's processors, so additional launches replace some launches";
-    assert_eq!((sink.said, sink.steps), (vec![words.to_owned()], 4));
+    let words = format!("triangle: {ADDITIONAL}");
+    assert_eq!((sink.said, sink.steps), (vec![words], 4));
     assert!(sink.works.contains(&"timing b, additional launch 1".to_owned()), "{:?}", sink.works);
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![[1, 1, 1, 1, 1, 2, 2, 2, 2, 2]; 2]);

@@ -67,5 +67,6 @@ mod tests {
     fn devices_of_two_kinds_are_not_slow_together() {
         let steady = BetweenRuns::default();
         assert!((SLOW_HOURS.of_ratio(steady, [1, 1]).error - 0.05).abs() < 1e-12);
+        assert!((steady.of_ratio(SLOW_HOURS, [1, 1]).error - 0.05).abs() < 1e-12);
     }
 }

@@ -155,3 +155,45 @@ fn what_is_no_time_is_passed_over() {
     samples.push(PairedSample { point: 9, launch: 0, ms: 1.0 });
     assert_eq!(Paired::of(&samples, 2), Paired::of(&steady(2, 2, 6), 2));
 }
+
+/// Samples of points that take 1, 2 and 3 ms in each of three launches, apart from the differences between launches.
+fn with_launches(factors: [f64; 3]) -> Paired {
+    let sample = |launch: u32, point: usize| PairedSample {
+        point,
+        launch,
+        ms: (point + 1) as f64 * factors[launch as usize],
+    };
+    let launch = |launch| (0..15).map(move |place| sample(launch, place % 3));
+    Paired::of(&(0..3).flat_map(launch).collect::<Vec<_>>(), 3)
+}
+
+#[test]
+fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
+    let own = |own: f64| BetweenRuns { shared: 0.0, own };
+    let paired = with_launches([1.0; 3]).over_runs(vec![own(0.1), own(0.2), own(0.1)]);
+    let [one, two, three] = [0, 1, 2].map(|place| paired.standing(place).unwrap());
+    let errors = [&one, &two, &three].map(|point| point.median_ms().error);
+    assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
+    let pair = Standing::mean(&[&one, &three]).unwrap();
+    // The pair's own factor has half of a point's variance, and that of the other point is whole.
+    for ratio in [pair.ratio(&one), one.ratio(&pair)] {
+        assert!((ratio.error - 0.1 * 1.5_f64.sqrt()).abs() < 1e-9, "{ratio:?}");
+    }
+    assert_eq!(Standing::mean(&[&pair, &two]).unwrap().points, 3);
+}
+
+#[test]
+fn a_table_alone_has_nothing_to_borrow() {
+    let mut alone = [with_launches([1.0, 1.1, 1.3])];
+    let before = alone[0].clone();
+    Paired::borrow_from_each_other(&mut alone);
+    assert_eq!(alone[0], before);
+}
+
+#[test]
+fn a_launch_counts_once_though_samples_of_another_lie_between_its_own() {
+    let sample = |launch: u32| PairedSample { point: 0, launch, ms: 1.0 };
+    let samples = [[sample(1); 5], [sample(0); 5], [sample(1); 5]].concat();
+    let counts: Vec<usize> = launches(&samples, 1).iter().map(Vec::len).collect();
+    assert_eq!(counts, [5, 10]);
+}
