@@ -106,5 +106,9 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     assert_eq!(some.points, [6, 4]);
     assert!(some.to_string().contains("for 4 of them, based on earlier times"), "{some}");
     let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
-    assert_eq!(expected(&records, &keys[1..]).points, [1, 1]);
+    let rest = expected(&records, &keys[1..]);
+    assert_eq!((rest.points, rest.others), ([1, 1], 0));
+    let with_another = [&keys[1..], &["of another config".to_owned()]].concat();
+    let rest = expected(&records, &with_another);
+    assert_eq!((rest.points, rest.others), ([1, 1], 1));
 }

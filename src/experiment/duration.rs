@@ -32,6 +32,8 @@ pub struct Expected {
     /// Longest time of additional launches. They replace launches in which the host of a virtual machine moved its
     /// processors further apart.
     pub additional: Duration,
+    /// Number of finished points that are not in the plan, for example because the config has changed.
+    pub others: usize,
 }
 
 /// A point's times in an earlier record, in milliseconds.
@@ -60,8 +62,10 @@ impl Run<'_> {
             ..Expected::default()
         };
         let (mut all_ms, mut additional_ms) = (0.0, 0.0);
+        let mut planned_and_done = 0;
         let plan = self.plan();
         for group in self.pending_points(&plan, &self.pieces(&plan))? {
+            planned_and_done += group.iter().filter(|pending| done.contains(&pending.record.key)).count();
             let meant =
                 group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
             let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
@@ -72,6 +76,10 @@ impl Run<'_> {
             if group.iter().all(|pending| is_on_processors(self, pending)) {
                 additional_ms += (MOST - 1) as f64 * launches as f64 * self.launch_ms(&known);
             }
+        }
+        // A shard's plan contains only some of the points.
+        if self.blocks.is_none() {
+            expected.others = done.len().saturating_sub(planned_and_done);
         }
         // A file may contain anything; an invalid time counts as zero.
         let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
@@ -172,28 +180,39 @@ fn strategy(record: &Record) -> String {
 impl fmt::Display for Expected {
     /// Formats as "33 points in 3 launches: about 6m 10s, based on earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [points, known] = self.points;
         let launches = if self.launches == 1 {
             "1 launch (a quick look)".to_owned()
         } else {
             format!("{} launches", self.launches)
         };
-        write!(f, "{} in {launches}: ", counted(points, "point"))?;
+        write!(f, "{} in {launches}: {}", counted(self.points[0], "point"), self.how_long())?;
+        match self.others {
+            0 => Ok(()),
+            1 => write!(f, "\n1 record in this folder is of an earlier plan; it is kept, but not shown"),
+            n => write!(f, "\n{n} records in this folder are of earlier plans; they are kept, but not shown"),
+        }
+    }
+}
+
+impl Expected {
+    /// Returns how long the run takes, as far as that is known.
+    fn how_long(&self) -> String {
+        let [points, known] = self.points;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return write!(f, "at least {frames} of each; how long this takes is unknown");
+            return format!("at least {frames} of each; how long this takes is unknown");
         }
-        write!(f, "about {}", in_minutes(self.time))?;
-        if self.additional > Duration::ZERO {
-            let more = in_minutes(self.additional);
-            write!(f, " (up to {more} more if launches are replaced)")?;
-        }
-        match known {
-            _ if known == points => write!(f, ", based on earlier times"),
+        let more = match self.additional {
+            Duration::ZERO => String::new(),
+            more => format!(" (up to {} more if launches are replaced)", in_minutes(more)),
+        };
+        let some = match known {
+            _ if known == points => ", based on earlier times".to_owned(),
             some => {
-                write!(f, " for {some} of them, based on earlier times; the times of the others are unknown")
+                format!(" for {some} of them, based on earlier times; the times of the others are unknown")
             }
-        }
+        };
+        format!("about {}{more}{some}", in_minutes(self.time))
     }
 }
 
@@ -242,6 +261,23 @@ mod tests {
         let additional = Expected { additional: minutes(3), ..expected }.to_string();
         let more = "(up to 3m 5s more if launches are replaced)";
         assert_eq!(additional, format!("2 points in 3 launches: about 4m 5s {more}, based on earlier times"));
+    }
+
+    #[test]
+    fn finished_points_that_are_not_in_the_plan_are_said() {
+        let of = |others| Expected {
+            points: [2, 0],
+            launches: 3,
+            least_frames: 15,
+            others,
+            ..Expected::default()
+        };
+        let plan = "2 points in 3 launches: at least 15 frames of each; how long this takes is unknown";
+        assert_eq!(of(0).to_string(), plan);
+        let one = "1 record in this folder is of an earlier plan; it is kept, but not shown";
+        assert_eq!(of(1).to_string(), format!("{plan}\n{one}"));
+        let two = "2 records in this folder are of earlier plans; they are kept, but not shown";
+        assert_eq!(of(2).to_string(), format!("{plan}\n{two}"));
     }
 
     #[test]
