@@ -1,7 +1,7 @@
 //! Tests with real runs, real worker processes and real faults: a run loses only the data that the fault
 //! destroyed.
 
-use crate::binary::{finish, run, until};
+use crate::binary::{copy_program, finish, run, until};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use raycl::record::{Outcome, Record, Sample, read_lines};
@@ -303,7 +303,7 @@ fn a_second_run_into_the_same_folder_is_refused() {
 fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
     let ground = Ground::new(3);
     let file = ground.folder.path().join("raycl");
-    std::fs::copy(env!("CARGO_BIN_EXE_raycl"), &file).expect("a copy of the program");
+    copy_program(env!("CARGO_BIN_EXE_raycl"), &file);
     let command = ground.command(&[]);
     let mut copy = Command::new(&file);
     copy.args(command.get_args()).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -285,7 +285,7 @@ fn an_unknown_launcher_that_is_lost_ends_the_attempt_too() {
 fn lose_launcher(name: &str, shard: &str) {
     let ground = Ground::new();
     let launcher = ground.place.path(name);
-    std::fs::copy("/bin/sh", &launcher).expect("a shell");
+    crate::binary::copy_program("/bin/sh", &launcher);
     let raycl = format!(
         "{} run test.toml --out out --shard {shard} --quiet --asleep 2000; true",
         env!("CARGO_BIN_EXE_raycl")
