@@ -1,14 +1,14 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
 use super::group::is_on_processors;
-use super::moved_processors::MOST;
+use super::moved_processors::most_additional;
 use super::pending::PendingPoint;
 use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
 use crate::shard::Cost;
 use crate::words::counted;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fmt;
 use std::time::Duration;
 
@@ -62,10 +62,9 @@ impl Run<'_> {
             ..Expected::default()
         };
         let (mut all_ms, mut additional_ms) = (0.0, 0.0);
-        let mut planned_and_done = 0;
         let plan = self.plan();
-        for group in self.pending_points(&plan, &self.pieces(&plan))? {
-            planned_and_done += group.iter().filter(|pending| done.contains(&pending.record.key)).count();
+        let groups = self.pending_points(&plan, &self.pieces(&plan))?;
+        for group in &groups {
             let meant =
                 group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
             let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
@@ -74,12 +73,12 @@ impl Run<'_> {
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
             if group.iter().all(|pending| is_on_processors(self, pending)) {
-                additional_ms += (MOST - 1) as f64 * launches as f64 * self.launch_ms(&known);
+                additional_ms += most_additional(launches) as f64 * self.launch_ms(&known);
             }
         }
         // A shard's plan contains only some of the points.
         if self.blocks.is_none() {
-            expected.others = done.len().saturating_sub(planned_and_done);
+            expected.others = not_planned(&groups, done);
         }
         // A file may contain anything; an invalid time counts as zero.
         let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
@@ -148,6 +147,13 @@ impl Run<'_> {
         };
         START_MS + sum(&warm) + rounds as f64 * round_ms + sum(&|point| point.check_ms[0])
     }
+}
+
+/// Returns how many of the keys in `done` belong to no point of the plan.
+fn not_planned(groups: &[Vec<PendingPoint>], done: &[String]) -> usize {
+    let planned: HashSet<&String> = groups.iter().flatten().map(|pending| &pending.record.key).collect();
+    let done: HashSet<&String> = done.iter().collect();
+    done.difference(&planned).count()
 }
 
 /// Returns earlier records by the names of their points, and by the names of their strategies.

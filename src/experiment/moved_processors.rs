@@ -9,7 +9,7 @@ use crate::record::{MOVED, median_latency_ns};
 use std::collections::HashSet;
 
 /// With additional launches, a group has at most this many times as many launches as were requested.
-pub(super) const MOST: usize = 2;
+const MOST: usize = 2;
 
 /// A complete launch of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,11 @@ fn is_near(launch: &Launch, nearest_ns: f64) -> bool {
 pub(super) fn are_enough(launches: &[Launch], wanted: usize, nearest_ns: f64) -> bool {
     let near = launches.iter().filter(|launch| is_near(launch, nearest_ns)).count();
     near >= wanted || launches.len() >= MOST * wanted
+}
+
+/// Returns the largest number of additional launches if `wanted` launches were requested.
+pub(super) fn most_additional(wanted: usize) -> usize {
+    (MOST - 1) * wanted
 }
 
 /// Returns the numbers of the launches whose samples do not count. If no launch is near, all launches count.
