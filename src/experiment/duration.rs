@@ -191,7 +191,10 @@ impl fmt::Display for Expected {
         } else {
             format!("{} launches", self.launches)
         };
-        write!(f, "{} in {launches}: {}", counted(self.points[0], "point"), self.how_long())?;
+        match self.points[0] {
+            0 => write!(f, "no point is left to measure")?,
+            points => write!(f, "{} in {launches}: {}", counted(points, "point"), self.how_long())?,
+        }
         match self.others {
             0 => Ok(()),
             1 => write!(f, "\n1 record in this folder is of an earlier plan; it is kept, but not shown"),
@@ -210,7 +213,7 @@ impl Expected {
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),
-            more => format!(" (up to {} more if launches are replaced)", in_minutes(more)),
+            more => format!(" (up to {} more if launches must be repeated)", in_minutes(more)),
         };
         let some = match known {
             _ if known == points => ", based on earlier times".to_owned(),
@@ -265,7 +268,7 @@ mod tests {
         let expected = Expected { points: [2, 2], launches: 3, time: minutes(4), ..Expected::default() };
         assert_eq!(expected.to_string(), "2 points in 3 launches: about 4m 5s, based on earlier times");
         let additional = Expected { additional: minutes(3), ..expected }.to_string();
-        let more = "(up to 3m 5s more if launches are replaced)";
+        let more = "(up to 3m 5s more if launches must be repeated)";
         assert_eq!(additional, format!("2 points in 3 launches: about 4m 5s {more}, based on earlier times"));
     }
 
@@ -284,6 +287,8 @@ mod tests {
         assert_eq!(of(1).to_string(), format!("{plan}\n{one}"));
         let two = "2 records in this folder are of earlier plans; they are kept, but not shown";
         assert_eq!(of(2).to_string(), format!("{plan}\n{two}"));
+        let finished = Expected { points: [0, 0], ..of(2) };
+        assert_eq!(finished.to_string(), format!("no point is left to measure\n{two}"));
     }
 
     #[test]
