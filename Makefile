@@ -21,7 +21,7 @@ demo: build ## build, cast the paper's scenes with a few strategies, print where
 setup-tests:
 	@.ci/setup --test
 
-# One test thread more than cores, since some tests wait.
+# Tests run on one thread more than the machine has cores, since some tests only wait.
 TEST = RUST_TEST_THREADS=$$(($$(nproc) + 1)) cargo test --locked
 
 test: setup-tests ## run the tests
@@ -36,7 +36,7 @@ mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; fo
 mutants-sample: setup-tests ## insert a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
 	@tests/mutants/run --sample "$${SAMPLE:-$$(date +%F)}"
 
-oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and reads of unwritten values; also with one barrier removed
+oclgrind: setup-tests ## simulate kernels to find races, accesses out of bounds and reads of unwritten values; also with each barrier removed in turn
 	RAYCL_TEST_LONG=1 $(TEST) --test all -- oclgrind:: --nocapture
 
 test-intel: setup-tests ## run the kernels' tests on Intel's OpenCL runtime, which is installed under target/

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the scenes that nothing was tuned for (docs/log.md) into a folder, each as an OBJ and a TOML:
+"""Writes scenes that were not used to tune raycl (docs/log.md) into a folder, each as an OBJ and a TOML:
 
     scenes/untuned.py /tmp/untuned
     raycl render /tmp/untuned/atrium.toml --width 1920 --height 1080 --repeat 12

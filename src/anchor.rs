@@ -1,6 +1,6 @@
-//! The anchor: a fixed kernel that is timed between the points of a device, once per six frames, if a run has several
-//! launches (worker processes). `--cl-dir` cannot replace this kernel. Two runs can therefore be compared by the
-//! ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
+//! The anchor: a kernel that never changes. A run with several launches times it on each device, after one of every six
+//! frames of the points. `--cl-dir` cannot replace this kernel. Two runs can therefore be compared by the ratios of
+//! their times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -28,7 +28,8 @@ const MOST_GRAZING: usize = CHECKED / 100;
 /// The distance that the kernel writes for a miss (MISS in the kernel).
 const MISS: f32 = 1e30;
 
-/// Returns the anchor's name in `anchors.jsonl`. Two names are equal if the same device does the same work.
+/// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel, its options, its number of rays and the device.
+/// Two names are equal if the same device does the same work.
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);
@@ -96,8 +97,8 @@ impl Anchor {
     pub fn run(&self) -> Result<FrameTimes> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: both buffers are as long as the kernel's source and range require, and live as long as
-        // `self`.
+        // SAFETY: both buffers are as long as the kernel's source and its number of work-items require, and live as
+        // long as `self`.
         unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -107,7 +108,7 @@ impl Anchor {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("the anchor, a kernel that is timed with the points, failed: {error}")).with_help(
-        "results without it are correct, but can be compared with those of a later run only through baselines",
+        "results without the anchor are correct, but can be compared with those of a later run only through baselines",
     )
 }
 

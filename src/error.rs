@@ -37,7 +37,7 @@ pub enum Error {
     /// The user interrupted the command: exit code 130, as in shells after SIGINT.
     #[error("interrupted: {message}")]
     Interrupted {
-        /// The progress of the command.
+        /// How far the command got before the interruption.
         message: String,
         /// The way to continue.
         #[help]
@@ -67,7 +67,7 @@ pub struct InputError {
     /// The file that contains the mistake; the lines around `span` are shown.
     #[source_code]
     pub source_code: Option<NamedSource<String>>,
-    /// The range of bytes in the file.
+    /// The range of bytes to mark in the file.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
     /// The text under the marked range.
@@ -181,8 +181,8 @@ impl Error {
         Self::input(format!("cannot read the {what} `{}`: {error}", path.display())).with_help(remedy)
     }
 
-    /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error
-    /// keeps the old error's remedy, unless this is the default remedy.
+    /// Adds a location to an input error that has none: `at` makes the new error from the message. The new error keeps
+    /// the old error's remedy, unless the old error has the default remedy.
     #[must_use]
     pub fn placed(self, at: impl FnOnce(String) -> Self) -> Self {
         let Self::Input(input) = self else { return self };

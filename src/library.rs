@@ -62,7 +62,7 @@ impl Raycaster {
     ///
     /// # Errors
     ///
-    /// Fails if the strategy's values contradict each other, if it needs more memory than the device or the
+    /// Fails if the strategy's values contradict each other, if the strategy needs more memory than the device or the
     /// host has, or if the driver fails.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         let task = Task::of(&self.scene, size, false);

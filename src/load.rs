@@ -37,7 +37,7 @@ pub struct Load {
     /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
     /// a disk.
     pub load_1m: Option<f64>,
-    /// Time that a cache line took from one processor to another at the end of the interval, in nanoseconds.
+    /// Core-to-core latency at the end of the interval, in nanoseconds.
     pub core_to_core_ns: Option<f64>,
 }
 
@@ -74,7 +74,7 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // The sum does not include workers that have ended, so it falls when a worker ends.
+    // `own` is a sum over this process and the workers that still run, so `own` falls when a worker ends.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,

@@ -96,8 +96,8 @@ const VERSION_1: GroupFiles = GroupFiles {
 const VERSION_2: GroupFiles =
     GroupFiles { limit: "memory.max", used: "memory.current", reclaimable: "inactive_file" };
 
-/// Returns every folder whose limit applies to a process with this text in /proc/self/cgroup, innermost
-/// first. A container may see its own group as the root, so the root is always included.
+/// Returns the folder of every control group whose limit applies to a process, innermost first. `text` is the content
+/// of the process's /proc/self/cgroup. A container may see its own group as the root, so the root is always included.
 fn group_folders(text: &str) -> Vec<(PathBuf, &'static GroupFiles)> {
     let mut folders = Vec::new();
     for line in text.lines() {

@@ -1,10 +1,16 @@
 //! Formats numbers in sentences.
 
-/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that",
-/// "with" or "without" becomes plural ("3 primitives of lines"), otherwise the last word ("2 compute units").
+/// Formats a count and its noun: "1 material", "2 entries", "12,345 vertices". The word before "of", "that", "with",
+/// "without", "named" or "after" becomes plural ("3 primitives of lines"). If there is no such word, the last word
+/// becomes plural ("2 compute units").
 pub fn counted(count: usize, what: &str) -> String {
     let what = if count == 1 { what.to_owned() } else { plural(what) };
     format!("{} {what}", grouped(count))
+}
+
+/// Formats a count and its noun with the verb: "1 face is", "2 faces are", "3 primitives of lines are".
+pub fn counted_are(count: usize, what: &str) -> String {
+    format!("{} {}", counted(count, what), if count == 1 { "is" } else { "are" })
 }
 
 /// Groups digits by thousands from 10,000 on.
@@ -29,7 +35,7 @@ pub fn rate(per_s: f64, what: &str) -> String {
 }
 
 fn plural(what: &str) -> String {
-    for joint in [" that ", " of ", " with ", " without "] {
+    for joint in [" that ", " of ", " with ", " without ", " named ", " after "] {
         if let Some((first, rest)) = what.split_once(joint) {
             return format!("{}{joint}{rest}", plural(first));
         }
@@ -46,7 +52,16 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::counted;
+    use super::{counted, counted_are};
+
+    #[test]
+    fn the_verb_follows_the_number() {
+        let said = [0, 1, 2].map(|count| counted_are(count, "face of two corners"));
+        assert_eq!(
+            said,
+            ["0 faces of two corners are", "1 face of two corners is", "2 faces of two corners are"]
+        );
+    }
 
     #[test]
     fn words_follow_their_number() {

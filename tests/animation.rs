@@ -122,7 +122,7 @@ fn a_single_picture_is_the_first_frame_and_says_so() {
     let device = device();
     let usual = ["render", "scene.toml", "-o", "one.png", "--device", &device];
     let said = place.output(&[&usual, &SIZE[..]].concat());
-    has(&said, &["this is the first of 4 frames: --animate renders all"]);
+    has(&said, &["the picture shows the first of 4 frames: --animate renders all"]);
     animate(&place, &["--frames", "1"]);
     assert_eq!(pixels(&place, "one.png"), pixels(&place, "scene-0001.png"));
     assert!(!place.path("scene-0002.png").exists());

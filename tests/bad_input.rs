@@ -2,17 +2,18 @@
 
 use crate::binary::{Place, TRIANGLE, has};
 
-/// Renders `scene.toml` with this text, which must fail, and returns the message.
+/// Renders a `scene.toml` with this text, checks that rendering fails, and returns the message.
 fn scene_mistake(text: &str) -> String {
     Place::with(&[("scene.toml", text)]).mistake(&["render", "scene.toml"], 2)
 }
 
-/// Renders `mesh.obj` with this text, which must fail, and returns the message.
+/// Renders a `mesh.obj` with this text, checks that rendering fails, and returns the message.
 fn mesh_mistake(text: &str) -> String {
     Place::with(&[("mesh.obj", text)]).mistake(&["render", "mesh.obj"], 2)
 }
 
-/// Renders a correct scene with these arguments, which must fail and write nothing; returns the message.
+/// Renders a correct scene with these arguments, checks that the command fails and writes no picture, and returns the
+/// message.
 fn argument_mistake(arguments: &[&str]) -> String {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let message = place.mistake(&[&["render", "scene.toml"], arguments].concat(), 2);
@@ -29,7 +30,7 @@ local_sizes = [4]
 strategies = ["naive"]
 "#;
 
-/// Runs CONFIG with a part of its text replaced, which must fail and write nothing; returns the message.
+/// Runs CONFIG with a part of its text replaced, checks that the run fails and writes nothing, and returns the message.
 fn config_mistake(from: &str, to: &str) -> String {
     assert!(CONFIG.contains(from));
     let place = Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &CONFIG.replace(from, to))]);
@@ -195,7 +196,7 @@ fn axes_that_contradict_each_other() {
 fn an_output_that_cannot_be_written_is_refused_before_any_work() {
     has(&argument_mistake(&["-o", "a.pgn"]), &["'a.pgn'", ".exr", "did you mean 'a.png'"]);
     has(&argument_mistake(&["-o", "nowhere/a.png"]), &["no folder 'nowhere'", "mkdir"]);
-    // The scene is not even read.
+    // The output is checked before the scene is read: the message does not mention the missing scene.
     let message = Place::new().mistake(&["render", "no-scene.toml", "-o", "nowhere/a.png"], 2);
     has(&message, &["no folder 'nowhere'"]);
 }

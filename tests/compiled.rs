@@ -25,7 +25,7 @@ fn count(counts: &InstructionCounts, name: &str) -> u32 {
     counts.instructions.get(name).copied().unwrap_or(0)
 }
 
-/// Number of stores by which a frame writes its picture; all others go to working vectors.
+/// Number of store instructions that write the picture; all other stores write working vectors.
 const STORES_OF_THE_PICTURE: u32 = 4;
 
 #[test]
@@ -89,7 +89,8 @@ fn local_triangles_are_read_from_shared_memory() {
 
 #[test]
 fn volatile_vectors_are_loaded_at_every_test() {
-    // To measure a memory, the loop must access it: the paper's kernel reads the ray at each test.
+    // The times of a kernel show the effect of a memory only if the loop over triangles accesses this memory. The
+    // paper's kernel reads the ray at each test.
     for name in ["vectors-global", "vectors-local"] {
         for ((file, counts), (_, private)) in stored(name).iter().zip(stored("vectors-private")) {
             let all = |counts: &InstructionCounts| counts.reach("global") + counts.reach("shared");

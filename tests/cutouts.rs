@@ -144,7 +144,7 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
     has(&place.picture(&[]).1, &["asks for options of textures (map_d -s, -o or -clamp)"]);
 }
 
-/// The changes to the kernels: no holes, a wrong channel, a wrong texel, holes only for rays from the eye.
+/// The changed kernels ignore holes, read a wrong channel or a wrong texel, or apply holes only to rays from the eye.
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let place = room(MTL);
@@ -182,9 +182,10 @@ fn a_broken_cut_out_is_a_wrong_picture() {
     }
 }
 
-/// A ball behind the camera has more triangles than a tile of triangles in `__local` memory, so that the sheet is in the
-/// second tile. The changes to the kernel take a triangle's place in its tile for its number: shadow rays, then rays from
-/// the eye, find the mask of a triangle of the ball, which has none.
+/// A ball behind the camera has more triangles than a tile of triangles in `__local` memory, so that the sheet is in
+/// the second tile. The changed kernels mistake a triangle's index in its tile for its index in the scene. Shadow rays
+/// (first change) and rays from the eye (second change) then look up the mask of a triangle of the ball, which has no
+/// mask.
 #[test]
 fn a_triangle_of_a_later_tile_has_its_own_holes() {
     let ball =

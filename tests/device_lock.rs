@@ -13,7 +13,7 @@ local_sizes = [2, 4]
 strategies = ["naive", "deferred"]
 baselines = ["serial"]
 "#;
-/// Makes a kernel's point hang while it is timed.
+/// Options that make a run hang while it times a point of a kernel.
 const HANGS: [&str; 2] = ["--fault", "hang@cast:2"];
 
 fn place() -> Place {
@@ -63,7 +63,8 @@ fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
     let (place, device) = (place(), device());
     let first = holder(&place, &device);
     let second = waiter(&place, &device, &first);
-    // If the device is the host's CPU, the second run has not even timed its baseline.
+    // While the first run holds the device, the second run may time only its baseline, with at most three samples. If
+    // the device is the host's CPU, it must not time even that.
     let timed = place.json_lines("second/samples.jsonl").len();
     assert!(timed <= 3, "{timed} samples beside the first");
     end(first);
@@ -116,7 +117,7 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
     ] {
         let place = place();
         let mut process = start(&place, &arguments, "said.txt");
-        // A lock that is released at once is not found ten times in a row.
+        // Only a lock that is held for some time is found ten times in a row.
         let look = || {
             std::thread::sleep(Duration::from_millis(2));
             is_held(&place)

@@ -196,8 +196,8 @@ impl Ground {
         }
     }
 
-    /// Returns the points, medians and winners of the folder, and checks that all of its files and commands
-    /// show the same.
+    /// Returns the points, medians and winners of the folder, and checks that all files in it and `raycl compare` show
+    /// the same.
     fn agreed(&self, edit: &str, scenes: &[&str]) -> Shown {
         let csv = self.place.text("out/summary.csv");
         assert_eq!(self.place.text("out/exports/points.csv"), csv, "{edit}: points.csv");
@@ -300,7 +300,8 @@ fn of_csv(text: &str) -> BTreeMap<Name, f64> {
     rows.iter().map(point).collect()
 }
 
-/// Returns a baseline's name from its strategy, such as `parallel-f32 (host)`, which some files show instead.
+/// Some files show a baseline's strategy, such as `parallel-f32 (host)`, instead of its name. Returns the name for this
+/// strategy.
 fn by_name(strategy: &str) -> String {
     strategy.trim_end_matches(" (host)").replace("parallel-f32", "parallel")
 }
@@ -328,7 +329,7 @@ fn of_markdown(text: &str) -> Shown {
     shown
 }
 
-/// Reads the rows of each view's table; the class of a row marks a winner.
+/// Reads the rows of each view's table. A row of a winner has the class `wins`.
 fn of_page(text: &str) -> Shown {
     let mut shown = Shown::default();
     for view in text.split("<article class=\"view\"").skip(1) {

@@ -43,7 +43,8 @@ fn the_experiments_page_has_every_key_with_its_default() {
             let about = schema["properties"][&key]["description"].as_str().unwrap_or_default();
             let about = about.split_whitespace().collect::<Vec<_>>().join(" ");
             let default = about.split_once("[default: ").and_then(|(_, rest)| rest.split_once(']'));
-            // A default that is words is explained in the table's own words.
+            // Only defaults that are numbers or "false" are compared: the table describes all others in words of its
+            // own.
             if let Some((default, _)) =
                 default.filter(|(text, _)| text.parse::<f64>().is_ok() || *text == "false")
             {
@@ -77,7 +78,7 @@ fn the_experiments_page_has_every_axis_with_its_values() {
     assert_eq!(baselines, known);
 }
 
-/// `tests/readme.rs` loads the example; here, it conforms to the schema and has every key.
+/// `tests/readme.rs` loads the example. This test checks that the example conforms to the schema and has every key.
 #[test]
 fn the_complete_example_of_the_experiments_page_uses_every_key() {
     let page = read_to_string(repository(EXPERIMENTS)).expect("the page");

@@ -116,8 +116,7 @@ fn signal(signal: Signal, process: u32) {
     until("the signal is taken", || !has_pending_signals(process));
 }
 
-/// Returns whether a signal to the process has not reached its handler yet; a process that has ended has no such
-/// signal.
+/// Returns whether a signal to the process has not reached its handler yet; false if the process has ended.
 fn has_pending_signals(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let masks =
@@ -308,8 +307,8 @@ fn a_program_whose_file_is_removed_meanwhile_ends_its_run() {
     let mut copy = Command::new(&file);
     copy.args(command.get_args()).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     copy.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    // A program that has started no longer needs its file, although other processes list its devices and measure its
-    // points.
+    // A program that has started no longer needs its file, although it starts further processes of itself, which list
+    // the devices and measure the points.
     let started = copy.spawn().expect("it starts");
     std::fs::remove_file(&file).expect("a file to remove");
     let output = finish(started);
@@ -371,7 +370,7 @@ fn a_full_disk_ends_the_run_with_a_message_and_loses_nothing_finished() {
 #[test]
 fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let mut ground = Ground::new(3);
-    // Not even root can create folders there.
+    // Not even root can create folders in /sys.
     let mut places = vec![PathBuf::from("/sys/raycl")];
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");

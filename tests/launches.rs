@@ -98,7 +98,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     // second for each worker. The mock's first checks take no time.
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
-    // As many additional launches also take a second for each check that replaces a first one.
+    // At most as many additional launches follow. They have no first checks, so each of their checks takes a second.
     assert!((108..=114).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.

@@ -62,7 +62,10 @@ fn pngs_are_one_of_each_and_files_of_others_stay() {
     std::fs::write(place.path("a-nodes.png"), "mine").expect("a file");
     let message = place.mistake(&["render", "scene.toml", "--layers", "a.png"], 2);
     has(&message, &["'a-nodes.png' exists", "--layers FILE"]);
-    has(&place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2), &["NAME.exr holds all layers"]);
+    has(
+        &place.mistake(&["render", "scene.toml", "--layers", "a.tif"], 2),
+        &["NAME.exr for one file with all layers"],
+    );
 }
 
 #[test]

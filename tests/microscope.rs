@@ -1,8 +1,9 @@
 //! The microscope of `raycl compile`: each source line with the instructions that the device's compiler
 //! generated from it.
 //!
-//! The working vectors are read and written by one line for each component, so they show whether instructions are
-//! attributed to the right lines: the lines before and after the stores must have no stores.
+//! The working vectors are written by three adjacent lines, one for each component, and read by a single line. These lines
+//! show whether instructions are attributed to the right lines: the lines before and after the stores must have no stores,
+//! the line of the loads must have no stores, and the line after it no loads.
 
 use crate::binary::{Place, device, has, repository};
 use serde_json::Value;

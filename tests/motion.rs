@@ -56,8 +56,8 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     let report = turn(&place, &["mesh.obj", "--turntable", "6"]);
     assert_eq!((&report["frames"], &report["skipped"]), (&4.into(), &2.into()));
     assert_eq!(turn(&place, &["mesh.obj", "--turntable", "6"])["frames"], 0);
-    // A picture that was rendered with other options or from another scene, or a file that was changed, does
-    // not count as the frame, and is not overwritten.
+    // A picture that was rendered with other options or from another scene, or a file that was changed, does not count
+    // as the frame, and is not overwritten.
     let before = std::fs::read(place.path("mesh-0001.png")).expect("a frame");
     let message = place.mistake(&[&["render", "mesh.obj", "--turntable", "5"], &SIZE[..]].concat(), 2);
     has(&message, &["'mesh-0001.png' exists and is not frame 1", "`--force`"]);

@@ -10,9 +10,9 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// Oclgrind 21.10 does not know an intrinsic of optimised code.
+/// Kernels are compiled without optimisation, since Oclgrind 21.10 does not know an intrinsic that optimised code uses.
 const OPTIONS: &str = "-cl-opt-disable";
-/// The faults that Oclgrind looks for besides accesses out of bounds.
+/// The options for the faults that Oclgrind looks for besides accesses out of bounds.
 const RACES: &str = "--data-races";
 const UNINITIALISED: &str = "--uninitialized";
 /// Pixels across and down, unless a test sets others.
@@ -241,8 +241,7 @@ fn without((file, at, call): (&str, usize, &str)) -> tempfile::TempDir {
 /// too. The operations of sub-groups exchange registers and order no accesses, so devices with sub-groups
 /// need these synchronisations.
 const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
-    // After each of these synchronisations, another one follows (after the first, a little later) before the
-    // same `__local` memory is used again.
+    // After each of these synchronisations, another one follows before the same `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
     ("tile_gpu/walk.cl", "; // the last leaf's triangles have been tested"),

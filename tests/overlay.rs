@@ -266,7 +266,8 @@ fn kernel_files(folder: &str) -> Vec<String> {
 }
 
 /// For each axis whose files have no example on the page, docs/own-kernels.md lists exactly the names that all files of
-/// the axis define and that files outside the axis use. It also names only files that use them.
+/// the axis define and that files outside the axis use. As users of a name, the page lists only files that use this
+/// name.
 #[test]
 fn the_page_lists_the_names_that_a_value_of_an_axis_defines() {
     let page = read_to_string(repository("docs/own-kernels.md")).expect("the page");

@@ -84,7 +84,8 @@ fn thin_triangles(seed: u64) -> Scene {
     with_mesh(&text, &(mesh + &faces), "")
 }
 
-/// Returns a scene with an OBJ; `material` is more of its object.
+/// Returns a scene with the text `text` and with one more object, an OBJ. `material` is further text of this object's
+/// table.
 fn with_mesh(text: &str, obj: &str, material: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
@@ -125,8 +126,8 @@ fn seen_along(forward: Vec3) -> Scene {
     scene
 }
 
-/// The watertight test looks along the axis that is nearest to the ray. Whichever this is and wherever the ray runs, the
-/// same triangles show their backs, which culling removes.
+/// The watertight test looks along the axis that is nearest to the ray. Whichever axis this is, and in whichever
+/// direction the ray runs along it, the same triangles show their backs, which culling removes.
 #[test]
 fn backs_are_culled_whatever_axis_a_ray_is_nearest_to() {
     for forward in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z] {

@@ -55,7 +55,8 @@ fn every_toml_block_loads() {
         }
         for block in blocks.iter().filter(|block| name(block).ends_with(".toml")) {
             let path = folder.path().join(name(block));
-            // Blocks without a name are written to the same file.
+            // All blocks without a name share one file, which now contains the last of them. Each block is therefore
+            // written again before it is loaded.
             fs::write(&path, block).expect("a file");
             if block.contains("question = ") {
                 let experiment = raycl::config::load(&path, &[]).unwrap_or_else(|e| panic!("{page}: {e}"));
@@ -121,7 +122,7 @@ fn the_experiments_page_sets_keys_that_its_configs_have() {
             experiment.map(|experiment| raycl::config::Experiment { overrides: Vec::new(), ..experiment })
         };
         let changed = load(&owned).unwrap_or_else(|error| panic!("{line}: {error}"));
-        // Without one of the changes, the experiment is another one, or it is refused.
+        // Each change has an effect: without it, the experiment differs from that with all changes, or it is refused.
         for place in 0..owned.len() {
             let mut fewer = owned.clone();
             let left_out = fewer.remove(place);

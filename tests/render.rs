@@ -80,7 +80,7 @@ fn json_has_every_field() {
     }
     let primary_rays = 64.0 * 40.0;
     same(ms("primary_rays_per_s"), primary_rays / ms("primary_ms") * 1e3);
-    // There is one triangle.
+    // There is one triangle, so the rate of tests equals the rate of rays.
     same(ms("tests_per_s"), ms("primary_rays_per_s"));
     let all_rays = primary_rays + ms("shadow_rays_per_s") * ms("shadow_ms") * 1e-3;
     same(ms("frame_rays_per_s"), all_rays / ms("frame_ms") * 1e3);
@@ -104,7 +104,7 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     assert!(fused["primary_rays_per_s"].is_null() && fused["frame_rays_per_s"].is_number(), "{fused}");
     assert!(fused["shadow_rays_per_s"].is_null() && fused["tests_per_s"].is_number(), "{fused}");
     assert_eq!(fused["preset"], "naive");
-    // A rasteriser does not test every ray against every triangle.
+    // A rasteriser does not test every ray against every triangle, so its report has no rate of tests.
     let raster = report(&place, &[&["scene.toml", "--strategy", "raster"], &size[..]].concat());
     assert!(raster["tests_per_s"].is_null() && raster["primary_ms"].is_number(), "{raster}");
     // For tiles that work-items share, shading is always a separate pass: after the pass of shadow rays or,

@@ -29,8 +29,8 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     place.mistake(&["render", "scene.toml", "--samples", "0"], 2);
 }
 
-/// A vector of the strategy `tile` then has 2 x 2 pixels, some of which lie outside of the picture. Inside, no pixel
-/// shows the background.
+/// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this picture, some
+/// of them lie outside. No pixel inside the picture shows the background.
 #[test]
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\

@@ -190,7 +190,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     let before = files(&ground.attempts()[0]);
     has(
         &ground.place.output(&["merge", "out", "--status", "--between", "2"]),
-        &["lost: its counter stands still"],
+        &["lost: its counter no longer increases"],
     );
     has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
     succeeds(run(&mut ground.command("1/1", "20", &[])));
@@ -228,7 +228,10 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     ground.shard("1/2");
     let refused = |arguments: &[&str]| ground.place.mistake(arguments, 2);
     let shard = ["run", "test.toml", "--out", "out", "--asleep", "1", "--shard"];
-    has(&refused(&[&shard[..], &["1/3"]].concat()), &["the number of shards differs, 2 there and 3 here"]);
+    has(
+        &refused(&[&shard[..], &["1/3"]].concat()),
+        &["the number of shards differs: 2 in the folder, 3 in this command"],
+    );
     let other = [&shard[..], &["1/2", "--set", "timing.seed=7"]].concat();
     has(&refused(&other), &["the config or a value set in it differs", "timing.seed = 7"]);
     has(

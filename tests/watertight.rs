@@ -178,10 +178,10 @@ fn rays_beside_an_edge_miss() {
     }
 }
 
-/// These tests are not watertight and guarantee nothing, but neighbouring triangles overlap by a rounding error, or
-/// share the planes of their edges and overlap by less. In every measurement of leaks, this was enough: no ray leaked.
-/// On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1 cargo
-/// test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
+/// These ray-triangle tests are not watertight and guarantee nothing, but neighbouring triangles overlap by a rounding
+/// error, or share the planes of their edges and overlap by less. In every measurement of leaks, this was enough: no
+/// ray leaked. On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1
+/// RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();

@@ -56,9 +56,9 @@ impl<const N: usize> Slicer<N> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cut {
     pub axis: usize,
-    /// The first slice on the right.
+    /// The first slice of the right child.
     pub slice: usize,
-    /// Number of primitives on the left.
+    /// Number of primitives in the left child.
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
@@ -100,7 +100,7 @@ impl<const N: usize> Bins<N> {
         self
     }
 
-    /// Returns the number of primitives below a slice.
+    /// Returns the number of primitives in all slices below `slice`, along one axis.
     pub fn count_below(&self, axis: usize, slice: usize) -> usize {
         self.counts[axis][..slice].iter().sum::<u32>() as usize
     }

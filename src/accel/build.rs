@@ -26,13 +26,13 @@ const HALVING_DEPTH: u32 = 64;
 
 /// A subtree to be built.
 struct Work<'a> {
-    /// Its primitives.
+    /// The subtree's primitives.
     primitives: &'a mut [Primitive],
     /// The other buffer, to which the primitives move.
     spare: &'a mut [Primitive],
     /// The part of the leaf order that belongs to this subtree.
     order: &'a mut [u32],
-    /// Its box.
+    /// The subtree's box.
     bounds: Bounds,
     /// A box that contains twice the centre of each primitive's box.
     region: Bounds,

@@ -18,8 +18,8 @@ pub(super) fn partition<const N: usize>(
     }
 }
 
-/// Writes each primitive to both ends and then advances one of the ends, which avoids a branch that would be
-/// mispredicted.
+/// Writes each primitive to both ends of the free part of `target`, then shortens this part at one end. This avoids a
+/// branch that would be mispredicted.
 fn partition_on<const N: usize, const AXIS: usize>(
     source: &[Primitive],
     target: &mut [Primitive],

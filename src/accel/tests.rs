@@ -56,7 +56,8 @@ fn closest_of_all(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<f64> {
     all.filter_map(|triangle| meet(mesh, triangle, origin, direction)).min_by(f64::total_cmp)
 }
 
-/// Checks that both trees are valid and find the same hits as an exhaustive search.
+/// Checks that the binary and the wide tree over a mesh are valid, and that the wide tree finds the same hits as an
+/// exhaustive search.
 fn check(mesh: &Mesh, leaf_size: usize, width: usize, scale: f64, seed: u64) {
     let bvh = Bvh::build(mesh, leaf_size);
     bvh.validate(mesh).unwrap();
@@ -364,7 +365,7 @@ fn a_build_needs_the_order_the_nodes_and_two_buffers_of_boxes_or_the_nodes_again
     // Leaves of at most three triangles contain two on average: 501 leaves at most, and as many other nodes.
     let nodes = 1002 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 3), (boxes + order + nodes) as u64);
-    // Leaves of one triangle have more nodes than the triangles have boxes.
+    // With one triangle per leaf, the nodes take more bytes than the two buffers of boxes.
     let nodes = 2002 * size_of::<Node>();
     assert_eq!(Bvh::build_bytes(1000, 1), (order + 2 * nodes) as u64);
 }

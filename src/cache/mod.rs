@@ -107,7 +107,7 @@ impl Cache {
         Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
     }
 
-    /// Removes the least recently used entries, until the rest is within the limit.
+    /// Removes the least recently used entries, until the remaining entries are within the limit.
     fn trim(&self) {
         let mut left_bytes = 0;
         for entry in self.entries() {

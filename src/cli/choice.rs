@@ -128,8 +128,8 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
     }
 }
 
-/// Returns the device like [`one_device`]; `lane_test` says whether its lane operations are tested if the cache has no
-/// list of devices.
+/// Returns the device like [`one_device`]; `lane_test` says whether the device's lane operations are tested if the
+/// cache has no list of devices.
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {

@@ -2,6 +2,7 @@
 
 use crate::documents::{Difference, Documents};
 use crate::error::{Error, Result};
+use crate::words::counted;
 use std::path::PathBuf;
 
 /// Arguments of `raycl figures`.
@@ -23,7 +24,7 @@ pub fn run(args: Args) -> Result<()> {
         documents.differences()
     } else {
         let (changed, wrong) = documents.rewrite(&args.root)?;
-        super::print(format!("{changed} lines changed"))?;
+        super::print(format!("{} changed", counted(changed, "line")))?;
         wrong
     };
     match left.len() {

@@ -23,9 +23,9 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process, and ends as the child ends. A command that reads standard input
-/// cannot be run twice. A command that shows pictures gets an allocator with huge pages. Commands that only measure do
-/// not get this allocator, since the workers of a run do not use huge pages either.
+/// Runs this process's command line in a child process, and ends this process with the child's exit code. A command
+/// that reads standard input cannot be run twice. A command that shows pictures gets an allocator with huge pages.
+/// Commands that only measure do not get this allocator, since the workers of a run do not use huge pages either.
 ///
 /// # Errors
 ///

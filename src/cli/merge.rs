@@ -5,7 +5,7 @@ use crate::output::{Choice, OutFolder};
 use crate::record::{Folder, Record, renew_intervals, summary_terminal};
 use crate::report;
 use crate::shard::{Merged, Missing, ShardPlan, Status, merge, no_shards, status};
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -26,8 +26,8 @@ pub struct Args {
     /// [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard: begun, going (running), hung,
-    /// lost, or how the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard: begun, going (running),
+    /// hung, lost, or how the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds between two readings of the counter that each running process increases. A
@@ -105,12 +105,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         let took_part = missing.took_part.iter().map(|names| format!("devices with results: {names}"));
         let lines: Vec<String> = said.chain(took_part).collect();
         let help = format!("to measure the missing points\n{}", lines.join("\n"));
-        return Err(Error::run(format!(
-            "{} {} missing",
-            counted(missing.count(), "point"),
-            if missing.count() == 1 { "is" } else { "are" }
-        ))
-        .with_help(help));
+        return Err(Error::run(format!("{} missing", counted_are(missing.count(), "point"))).with_help(help));
     }
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
         0 => Ok(()),

@@ -5,6 +5,7 @@ use super::progress::observer;
 use super::run;
 use crate::error::{Error, Result};
 use crate::record::{Folder, Noise, percent, significant};
+use crate::words::counted;
 use std::path::Path;
 
 /// Arguments of `raycl noise`.
@@ -74,7 +75,12 @@ fn text(noise: &Noise) -> String {
     let part = |part: Option<f64>| part.map_or("not enough samples".to_owned(), percent);
     let causes = &noise.causes;
     let mut lines = vec![
-        format!("{}, {} samples in {} launches", noise.device, noise.samples, noise.launches),
+        format!(
+            "{}, {} in {}",
+            noise.device,
+            counted(noise.samples, "sample"),
+            counted(noise.launches, "launch")
+        ),
         format!("  smallest difference that one launch can show             {}", part(noise.within_launch)),
         format!(
             "  smallest difference that all launches together can show  {}",
@@ -90,8 +96,12 @@ fn text(noise: &Noise) -> String {
             words[0], words[1]
         ));
     }
-    let preempted = |count| format!("  other programs delayed {count} samples, which are left out");
-    lines.extend(causes.preempted_samples.map(preempted));
+    let samples = |count: u32| counted(count as usize, "sample");
+    lines.extend(
+        causes
+            .preempted_samples
+            .map(|count| format!("  other programs delayed {}, which count in no result", samples(count))),
+    );
     if let Some(percentiles) = causes.core_to_core_ns {
         let [low, high] = percentiles.map(number);
         lines.push(format!("  a cache line took {low} to {high} ns from one processor to another"));
@@ -101,7 +111,9 @@ fn text(noise: &Noise) -> String {
         lines.push(format!("  processors ran at {least:.0} to {most:.0} MHz{governor}"));
     }
     lines.extend(causes.device_clock_mhz.map(|mhz| format!("  the device ran at {mhz:.0} MHz")));
-    lines.extend(causes.throttled_samples.map(|count| format!("  the device throttled in {count} samples")));
+    lines.extend(
+        causes.throttled_samples.map(|count| format!("  the device throttled in {}", samples(count))),
+    );
     lines.extend(causes.threads.map(|threads| format!("  the device used {threads} threads")));
     lines.join("\n")
 }
@@ -146,7 +158,7 @@ mod tests {
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
                 "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
-                "other programs delayed 4 samples, which are left out".to_owned(),
+                "other programs delayed 4 samples, which count in no result".to_owned(),
                 "a cache line took 20 to 90 ns from one processor to another".to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
                 "the device ran at 1980 MHz".to_owned(),

@@ -163,7 +163,8 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    // With hurry::QUICK, or with a program that an earlier start has compiled, the lane operations need no test.
+    // A picture that `hurry` may cast needs no test of the lane operations: it uses hurry::QUICK or a program that an
+    // earlier start has compiled.
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
@@ -313,7 +314,7 @@ fn load(args: &Args) -> Result<Loaded> {
         && let Some(animation) = loaded.animation.take()
     {
         let frames = counted(animation.frames as usize, "frame");
-        loaded.notes.push(format!("this is the first of {frames}: --animate renders all"));
+        loaded.notes.push(format!("the picture shows the first of {frames}: --animate renders all"));
     }
     Ok(loaded)
 }

@@ -31,7 +31,7 @@ pub struct Args {
     /// Measure only cases whose name contains WORD
     #[arg(long, value_name = "WORD", conflicts_with_all = ["fit", "show"])]
     only: Option<String>,
-    /// Number of rounds. The time of each candidate is the shortest of all rounds
+    /// Number of rounds. The time of each candidate strategy is the shortest of all rounds
     #[arg(long, default_value_t = ROUNDS, conflicts_with_all = ["fit", "show"], value_parser = clap::value_parser!(u32).range(1..=100))]
     rounds: u32,
     /// A note about the machine, stored with the times
@@ -151,7 +151,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
-        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst takes {worst:.3} times as long",
+        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst choice takes {worst:.3} times as long as the best",
         sweep.device,
         sweep.date,
         sweep.rounds,
@@ -199,8 +199,7 @@ mod tests {
         let told = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
         let told = told.replace(['│', '┆'], " ");
         assert!(told.starts_with("device    a device, 2026-01-02: least of 7 rounds\n"), "{told}");
-        let last =
-            "choices   2 of 4 within 5% of the best, 3 within 10%; the worst takes 1.250 times as long";
+        let last = "choices   2 of 4 within 5% of the best, 3 within 10%; the worst choice takes 1.250 times as long as the best";
         assert!(told.ends_with(last), "{told}");
         let row = told.lines().find(|line| line.contains(" three ")).unwrap();
         let words: Vec<&str> = row.split_whitespace().collect();

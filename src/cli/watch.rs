@@ -58,8 +58,8 @@ impl Watched {
         Ok(Self { changes, watcher, folders, inputs })
     }
 
-    /// Returns whether a file has changed since the last call. If a file has changed, the function first waits for the
-    /// pause after the change.
+    /// Returns whether a file has changed since the last call. If a file has changed, the function first waits until
+    /// changes have paused.
     pub fn has_changed(&mut self) -> bool {
         self.follow();
         self.changes.try_recv().is_ok() && quiet(&self.changes)

@@ -22,7 +22,7 @@ pub fn whole(
     }
 }
 
-/// Returns the value if it is in the range, or `default` if the file has no value.
+/// Returns the value if it is in the range, or `default` if the config does not set a value.
 pub fn real(
     document: &Document,
     value: &Option<Spanned<f64>>,

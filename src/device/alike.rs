@@ -9,8 +9,9 @@ pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     for other in others {
         for ((what, of_first), (_, of_other)) in facts(first).into_iter().zip(facts(other)) {
             if of_first != of_other {
-                let message =
-                    format!("the devices differ, so points cannot be distributed over them: {what}");
+                let message = format!(
+                    "the devices differ, so points cannot be distributed over them; they differ in: {what}"
+                );
                 let help = format!("{}: {of_first}\n{}: {of_other}", first.describe(), other.describe());
                 return Err(Error::input(message).with_help(help));
             }

@@ -12,7 +12,7 @@ pub(super) struct Asked {
 }
 
 impl Asked {
-    /// Begins without any query.
+    /// Makes a device that has not been queried yet.
     pub fn new(device: ocl::Device) -> Self {
         Self { device, failure: None }
     }

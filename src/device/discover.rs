@@ -32,7 +32,7 @@ pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     usable_or_not(survey(sources)?)
 }
 
-/// Lists every device like [`discover`], without testing lane operations.
+/// Lists every device like [`discover`], without testing how work-items exchange values (lane operations).
 pub(super) fn discover_untested() -> Result<Vec<Device>> {
     usable_or_not(survey_untested()?)
 }
@@ -150,8 +150,8 @@ fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     }
 }
 
-/// Assigns a unique label to each device: its name if that is unique, else its slug. Devices must already be
-/// numbered.
+/// Assigns a unique label to each device: its name if that is unique, else its name for files (`slug`). Devices must
+/// already be numbered.
 fn label<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut devices: Vec<_> = devices.collect();
     let mut namesakes: HashMap<String, usize> = HashMap::new();

@@ -1,5 +1,5 @@
 //! Finds the devices of an earlier run in the cache. If the devices are found there, only the selected device's driver
-//! is started, and the device's lane operations are not tested again.
+//! is started, and the test of how its work-items exchange values (its lane operations) is not repeated.
 
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;

@@ -7,8 +7,8 @@ use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// The implementations of the operations in cl/common/lanes.cl, slowest first. In that file, the macros LANES_BY_* have
-/// the same values as numbers.
+/// The implementations of the operations in cl/common/lanes.cl, slowest first. The macros LANES_BY_* in that file have
+/// the numbers of these variants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
@@ -38,9 +38,9 @@ pub enum LaneTest {
 const LANES: usize = GROUP_LANES as usize;
 /// Number of groups of 32 lanes in the tested work-group.
 const GROUPS: usize = 4;
-/// Number of answers per lane.
+/// Number of values that the test's kernel writes per lane.
 const ANSWERS: usize = 8;
-/// The lanes among which the test computes a rank.
+/// The lanes among which the test computes a rank, one bit per lane.
 const AMONG: u32 = 0x0f0f_00ff;
 
 /// The file of the kernel that tests the operations.
@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Barriers);
         gpu.extensions.push("cl_nv_compiler_options".into());
         assert_eq!(LaneOperations::assumed(&gpu), LaneOperations::Ptx);
-        // No processor has PTX.
+        // No CPU supports PTX.
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         assert!(device.lanes_are_tested);
         device.info.limits.lane_operations = LaneOperations::Ptx;

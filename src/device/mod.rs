@@ -113,7 +113,7 @@ pub struct DeviceInfo {
     pub version: String,
     /// Driver version.
     pub driver: String,
-    /// The type that it reports.
+    /// The type that the device reports.
     pub kind: DeviceKind,
     /// OpenCL extensions.
     pub extensions: Vec<String>,
@@ -134,14 +134,14 @@ pub struct DeviceInfo {
     pub threads: Option<u32>,
     /// Number of earlier devices with the same platform and name.
     pub twins_before: usize,
-    /// Its name in records: the device name, or its slug if another device has the same name.
+    /// The device's name in records: its own name, or its name for files (`slug`) if another device has the same name.
     pub label: String,
-    /// Why nothing can be cast on it; `None` if it is usable.
+    /// The reason why the device cannot be used; `None` if it is usable.
     pub unusable: Option<String>,
 }
 
 impl DeviceInfo {
-    /// Returns one line that distinguishes it from every other device.
+    /// Returns one line that distinguishes the device from every other device.
     pub fn describe(&self) -> String {
         let Self { name, platform, driver, limits, .. } = self;
         let threads = self
@@ -168,8 +168,8 @@ impl DeviceInfo {
         }
     }
 
-    /// Returns everything that identifies the device and its driver. The returned text is used to find the device
-    /// again, and is part of keys.
+    /// Returns a text that identifies the device and its driver. The text is used to find the device again, and is part
+    /// of the keys of stored points.
     pub fn identity(&self) -> String {
         let twin =
             if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
@@ -182,14 +182,14 @@ impl DeviceInfo {
         format!("{platform} | {platform_version} | {name} | {driver}")
     }
 
-    /// Returns everything that affects what its driver compiles from a source.
+    /// Returns a text of everything that affects what the device's driver compiles from a source.
     pub fn compiler(&self) -> String {
         let settings = self.settings.iter().filter(|setting| variables::compiles(setting)).cloned();
         std::iter::once(self.model()).chain(settings).collect::<Vec<_>>().join(" | ")
     }
 
     /// Returns the facts beyond the device's identity that affect its times: compute units, cores, threads and the
-    /// driver's variables. These facts are part of keys.
+    /// driver's variables. These facts are part of the keys of stored points.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -203,8 +203,8 @@ impl DeviceInfo {
             .join(" | ")
     }
 
-    /// Returns which built-ins kernels may use with its compiler. For reductions, the kernel also asks the compiler
-    /// itself (`__has_builtin`).
+    /// Returns which built-ins kernels may use with the device's compiler. For reductions, the kernel also asks the
+    /// compiler itself (`__has_builtin`).
     pub fn builtins(&self) -> Builtins {
         // Oclgrind's compiler aborts on reductions and on prefetches, and NVIDIA's refuses a prefetch of global memory.
         let simulated = self.platform.to_lowercase().contains("oclgrind");
@@ -216,24 +216,25 @@ impl DeviceInfo {
         }
     }
 
-    /// Returns whether its driver supports OpenCL 3.
+    /// Returns whether the device's driver supports OpenCL 3.
     pub fn speaks_opencl_3(&self) -> bool {
         self.version.starts_with("OpenCL 3")
     }
 
-    /// Returns whether its compiler has an option to print registers and spills. A compiler with this option produces
-    /// PTX as the binary of a program.
+    /// Returns whether the device's compiler has an option to print registers and spills. A compiler with this option
+    /// produces PTX as the binary of a program.
     pub fn prints_resources(&self) -> bool {
         self.has_extension("cl_nv_compiler_options")
     }
 
-    /// Returns whether its driver can return a compiled program's binary without further work. PoCL would compile every
-    /// kernel again to return a binary: it compiles kernels for a local size, which is only known when a kernel starts.
+    /// Returns whether the device's driver can return a compiled program's binary without further work. PoCL would
+    /// compile every kernel again to return a binary: it compiles kernels for a local size, which is only known when a
+    /// kernel starts.
     pub fn has_binaries_at_hand(&self) -> bool {
         !self.platform.to_lowercase().contains("portable computing language")
     }
 
-    /// Returns whether its extensions include `name`.
+    /// Returns whether the device's extensions include `name`.
     pub fn has_extension(&self, name: &str) -> bool {
         self.extensions.iter().any(|extension| extension == name)
     }
@@ -261,7 +262,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Tests the device's lane operations, unless they have been tested.
+    /// Finds by a test how the device's work-items exchange values (its lane operations), unless this is known already.
     pub fn test_lanes(&mut self, sources: &Sources) -> Result<()> {
         if !self.lanes_are_tested {
             let _patience = patience::Patience::of_guarded();

@@ -179,9 +179,9 @@ mod tests {
         assert_eq!(of("7.5", 64, 0, 256).groups, 4);
         assert_eq!(of("9.0", 32, 0, 1024).groups, 2);
         assert_eq!(of("8.0", 64, 0, 256).groups, 4);
-        assert_eq!(of("3.5", 33, 0, 256).groups, 6); // 33 -> 40 registers: 51 warps -> 48
-        assert_eq!(of("5.0", 33, 0, 96).groups, 16); // the same 48 warps; 51 would be 17 groups
-        assert_eq!(of("3.7", 128, 0, 256).groups, 4); // 128 Ki registers: 32 warps
+        assert_eq!(of("3.5", 33, 0, 256).groups, 6); // 33 is rounded up to 40; 51 warps fit, rounded down to 48
+        assert_eq!(of("5.0", 33, 0, 96).groups, 16); // 48 warps, 3 per group; 51 warps would be 17 groups
+        assert_eq!(of("3.7", 128, 0, 256).groups, 4); // 128 Ki registers for 32 warps, 8 per group
     }
 
     #[test]
@@ -189,9 +189,9 @@ mod tests {
         let vectors = of("2.0", 20, 108 * 256, 256);
         assert_eq!((vectors.groups, vectors.limiter), (1, Limiter::Local));
         assert_eq!(of("3.5", 16, 5461, 64).groups, 8); // nine of 5461 B would fit, nine of 5632 B do not
-        assert_eq!(of("8.6", 16, 48 * 1024, 64).groups, 2); // 49 KiB each of 100
-        assert_eq!(of("7.0", 16, 48 * 1024, 64).groups, 2); // 48 KiB each of 96
-        assert_eq!(of("9.0", 16, 12 * 1024, 64).groups, 17); // 13 KiB each of 228
+        assert_eq!(of("8.6", 16, 48 * 1024, 64).groups, 2); // 49 KiB per group, 100 KiB in all
+        assert_eq!(of("7.0", 16, 48 * 1024, 64).groups, 2); // 48 KiB per group, 96 KiB in all
+        assert_eq!(of("9.0", 16, 12 * 1024, 64).groups, 17); // 13 KiB per group, 228 KiB in all
     }
 
     #[test]

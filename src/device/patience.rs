@@ -29,7 +29,7 @@ impl Patience {
         std::env::var_os(GUARDED).is_some().then(Self::begin)
     }
 
-    /// Starts the limit.
+    /// Starts the time limit.
     pub fn begin() -> Self {
         let answered = Arc::new(AtomicBool::new(false));
         let (seen, limit) = (Arc::clone(&answered), limit());

@@ -1,5 +1,5 @@
-//! Environment variables that drivers read. A run stores all of them, and those that affect times or pictures are part
-//! of keys.
+//! Environment variables that drivers read. A run stores all of them. Those that affect times or pictures are also part
+//! of the keys of stored points.
 
 /// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
 /// kernels. A name that ends in `*` stands for all names that begin with the part before the `*`.

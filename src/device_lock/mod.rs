@@ -35,8 +35,8 @@ pub struct Held {
 
 impl Drop for Held {
     fn drop(&mut self) {
-        // The next holder overwrites what remains in the file. Closing the file might not release the lock: while a
-        // child process is being started, it shares the open file.
+        // If emptying the file fails, the next holder overwrites its contents. Closing the file might not release the
+        // lock, since a child process that is being started shares the open file.
         let _ = self.file.set_len(0);
         let _ = self.file.unlock();
     }
@@ -110,7 +110,7 @@ impl Locks {
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
-        // If the file was removed meanwhile, its lock is worthless. The next attempt finds the new file.
+        // If the file was removed meanwhile, its lock keeps no other process away. The next attempt finds the new file.
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }

@@ -1,4 +1,4 @@
-//! The figures of a record, by the names that queries use.
+//! The figures (numbers and texts) of a record, by the names that queries use.
 
 use crate::record::{Record, by, interval, median, significant};
 

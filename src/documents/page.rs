@@ -102,7 +102,7 @@ impl Page {
         self.push(&made);
     }
 
-    /// Replaces the text before a comment by the answer to the comment's query.
+    /// Returns the answer to a comment's query. Without an answer, returns `stands`, the number before the comment.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let told = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();
@@ -125,7 +125,7 @@ impl Page {
     }
 }
 
-/// Returns the text before a line's first comment, the comment's text, and the rest.
+/// Returns the text before a line's first comment, the comment's text, and the text after the comment.
 fn next_comment(line: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = line.split_once("<!-- ")?;
     let (comment, after) = rest.split_once(" -->")?;

@@ -20,11 +20,11 @@ const DIGITS: i32 = 3;
 const PUBLISHED: &str = "published";
 /// The source name for the number of threads on a multiprocessor, which is computed.
 const OCCUPANCY: &str = "occupancy";
-/// The units of results: their names and factors.
+/// The units of results: the name of each unit, and the factor by which a figure is multiplied.
 const UNITS: [(&str, f64); 8] =
     [("T", 1e-12), ("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("s", 1e-3), ("us", 1e3), ("%", 100.0), ("1", 1.0)];
 
-/// A query for one figure, or for the quotient of two.
+/// A query for one figure, or for the quotient of two figures.
 pub struct Query<'a> {
     operands: Vec<(&'a str, Vec<&'a str>)>,
     digits: Option<i32>,

@@ -80,7 +80,7 @@ fn decided(claim: &Value) -> String {
     format!("**{verdict}**: {}{more}", code(first))
 }
 
-/// Marks names as code, since two underscores would make bold text in Markdown.
+/// Marks `__local` as code, since two underscores mean bold text in Markdown.
 fn code(text: &str) -> String {
     text.replace("__local", "`__local`")
 }

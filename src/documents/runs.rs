@@ -4,7 +4,7 @@ use super::sheet::line;
 use super::sources::Sources;
 use serde_json::Value;
 
-/// Returns one row per folder.
+/// Returns the lines of the table: its heading, then one row per folder.
 pub fn runs(sources: &Sources, names: &[String]) -> Result<Vec<String>, String> {
     let heads = ["records", "device, driver", "begun (UTC)", "program", "command"];
     let mut lines = vec![line(heads.into_iter()), format!("|{}", "---|".repeat(heads.len()))];

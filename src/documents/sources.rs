@@ -1,4 +1,4 @@
-//! The stored records from which figures are computed. Each is read only once.
+//! The stored records from which figures are computed. Each folder or file is read only once.
 
 use crate::reader::{self, Kind};
 use crate::record::Folder;

@@ -1,6 +1,6 @@
 //! Finds the numbers of a document that have no source: they neither come from a query nor are listed as facts.
 
-/// State carried from line to line.
+/// What the lines before a line of a document imply for this line.
 #[derive(Default)]
 pub struct Fences {
     /// True if the line is in a fenced block of code.

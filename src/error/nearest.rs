@@ -40,7 +40,7 @@ mod tests {
         assert_eq!((nearest("lcl", names), nearest("loxyz", names)), (Some("local"), None));
         let [most, longer] = [100, 101].map(|length| "k".repeat(length));
         assert_eq!((nearest(&most, [&*most]), nearest(&longer, [&*longer])), (Some(&*most), None));
-        // Of names that are equally similar, the first is meant; a more similar one goes first.
+        // Of equally similar names, the first is returned. A more similar name is preferred to an earlier name.
         assert_eq!((nearest("a1", ["a2", "a3"]), nearest("a1", ["b2", "a1b"])), (Some("a2"), Some("a1b")));
     }
 

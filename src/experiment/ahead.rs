@@ -51,7 +51,7 @@ pub struct Order {
 
 /// A point that needs a program.
 pub trait Needs {
-    /// Returns the program; `None` for a caster on the host, and if the device cannot hold the point.
+    /// Returns the program. Returns `None` for a caster on the host, or if the point does not fit on the device.
     fn order(&self) -> Option<Order>;
     /// Receives the result of building the program, if it was built for this point.
     fn hears(&mut self, built: Option<Built>);
@@ -60,7 +60,7 @@ pub trait Needs {
 #[derive(Default)]
 struct State {
     waiting: VecDeque<Order>,
-    /// All programs ordered so far.
+    /// All programs that were requested so far.
     ordered: HashSet<Program>,
     /// Finished programs, each with the result of building it; `None` if the program was already
     /// stored, or if its builder died or hung. A point that waits for its program takes the result
@@ -90,7 +90,7 @@ impl Tally {
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
         (compiled + kept > 0).then(|| {
             format!(
-                "Built: {} compiled, {kept} taken from the cache; {} of work in all; the run waited {} for it",
+                "Built: {} compiled, {kept} taken from the cache; {} of work in all; the run waited {} for programs",
                 programs(compiled),
                 seconds(work_ms),
                 seconds(waited_ms)
@@ -187,8 +187,8 @@ impl Ahead {
         Ok(())
     }
 
-    /// Does the work of one builder: builds programs until the run ends. If a process dies or hangs, its program
-    /// stays unbuilt. The point's own worker then tries again and reports the error.
+    /// Does the work of one builder: builds programs until the run ends. If a process dies or hangs, its program stays
+    /// unbuilt. The worker that measures the point then builds the program itself, and reports any error.
     fn serve(&self, builder: Builder, patience: &Patience<'_>) {
         let mut usual = Pool::new(builder.usual);
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
@@ -225,7 +225,7 @@ impl Ahead {
         self.changed.notify_all();
     }
 
-    /// Returns the number of programs that were ordered.
+    /// Returns the number of programs that were requested.
     #[cfg(test)]
     pub(super) fn ordered(&self) -> usize {
         self.locked().ordered.len()

@@ -19,7 +19,7 @@ use crate::verify::verify;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Checks points of one device one after another, and keeps the data that they share.
+/// Checks the points of one device one after another, and stores the data that several points share.
 pub struct Checker<'a> {
     drafter: Drafter<'a>,
     device: Option<(&'a Device, Queue)>,
@@ -135,7 +135,8 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// One work-group is enough: the compiled code does not depend on the image size.
+/// The image size of the frame that is cast after a build. One work-group is enough, since the compiled code does not
+/// depend on the image size.
 const SMALLEST: [u32; 2] = [1, 1];
 
 fn build_kernel(

@@ -6,7 +6,7 @@ use crate::measure::{StopReason, Summary};
 use crate::record::{Outcome, Record, significant};
 use crate::sensor::SensorReading;
 
-/// A timed frame: its launch (by worker processes), the moment of its measurement, and its times.
+/// A timed frame: the launch in which it was measured, the moment of its measurement, and its times.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
     /// The launch's number in the folder of results.
@@ -17,7 +17,7 @@ pub struct Taken {
     pub times: FrameTimes,
 }
 
-/// Adds the results of a point's samples to its record. Intervals are computed later, since they depend on all
+/// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all
 /// points of a group. Preempted samples are counted, but do not affect these results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
@@ -61,8 +61,8 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Returns a warning if launching a frame takes longer than casting it. Such a frame is too small for comparisons.
-/// Both times are minima over all samples, since other work on the host slows launching down.
+/// Returns a warning if starting a frame's kernels takes longer than casting the frame. Such a frame is too small for
+/// comparisons. Both times are minima over all samples, since other work on the host delays the start of kernels.
 fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
         return None;
@@ -74,12 +74,12 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (launch_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
         let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("launch costs dominate: launching takes {launch} us per frame{batched}, the device only {device} us; use larger images")
+        format!("launch costs dominate: starting the kernels takes {launch} us per frame{batched}, casting only {device} us; use larger images")
     })
 }
 
-/// Computes rays and tests per second. If a strategy does not separate primary rays, the time of the whole
-/// frame is used.
+/// Computes rays and tests per second. If a strategy has no separate pass for primary rays, the time of the whole frame
+/// is used.
 fn rates(record: &mut Record) {
     let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

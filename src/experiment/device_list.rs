@@ -15,7 +15,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
-/// Far longer than drivers take to list their devices.
+/// The time limit for listing the devices, which is far longer than drivers need.
 const LIMIT: Duration = Duration::from_secs(120);
 
 /// Returns all devices, as listed by a child process. If this process dies, a second one is tried, since something

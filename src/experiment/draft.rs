@@ -12,7 +12,7 @@ use crate::scene::{Loaded, Scene};
 use crate::strategy::{Strategy, Workload};
 use std::sync::Arc;
 
-/// The inputs of drafts.
+/// The inputs that are the same for all drafts. A draft is a point's record before the point is tried.
 #[derive(Clone, Copy)]
 pub struct Drafter<'a> {
     /// The experiment.
@@ -38,8 +38,8 @@ impl From<Loaded> for Hashed {
 }
 
 impl Drafter<'_> {
-    /// Returns the record of a point on `device`, before the point is tried. Points with equal keys measure the
-    /// same work in the same way.
+    /// Returns the record of a point on `device`, before the point is tried. Points whose
+    /// records have equal keys ([`Record::key`]) measure the same work in the same way.
     pub fn draft(&self, point: &Point, device: Option<&DeviceInfo>, at: &Hashed) -> Result<Record> {
         let Self { experiment, .. } = self;
         let mut tree = "";
@@ -108,7 +108,7 @@ impl Drafter<'_> {
     }
 }
 
-/// Returns the fingerprint of the code that builds a strategy's tree; empty if it uses none.
+/// Returns the fingerprint of the code that builds a strategy's tree; empty if the strategy uses no tree.
 fn builder_of(strategy: &Strategy) -> &'static str {
     if strategy.needs_tree() { accel::FINGERPRINT } else { "" }
 }

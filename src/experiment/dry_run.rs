@@ -59,7 +59,7 @@ mod tests {
     use super::super::{asleep, fixtures};
     use super::*;
 
-    /// The device is a GPU.
+    /// The device in this test is a GPU.
     #[test]
     fn a_forecast_says_what_fits_the_imitated_device_and_what_is_meant_for_it() {
         let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'local-vectors'\n\

@@ -29,8 +29,8 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// Longest time of additional launches. They replace launches in which the host of a virtual machine moved its
-    /// processors further apart.
+    /// Longest time that additional launches may take. An additional launch replaces a launch in which the host moved
+    /// this virtual machine's processors further apart.
     pub additional: Duration,
     /// Number of finished points that are not in the plan, for example because the config has changed.
     pub others: usize,
@@ -44,7 +44,8 @@ struct Known {
     /// Time of a check that only hashes the picture, and time of a check that compares the picture
     /// with the reference.
     check_ms: [f64; 2],
-    /// Number of samples per launch, if the record was measured by the same stopping rule.
+    /// Number of samples per launch, if the record's key equals the point's key, so that both have the same stopping
+    /// rule.
     rounds: Option<usize>,
 }
 
@@ -178,7 +179,7 @@ fn guessed(draft: &Record) -> Known {
     Known { sample_ms, check_ms: [COMPILE_MS + sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
 }
 
-/// Returns a point's names without its sizes.
+/// Returns the names of a record's scene, device and strategy, without the sizes.
 fn strategy(record: &Record) -> String {
     format!("{}|{}|{}", record.scene, record.device, record.name)
 }
@@ -319,7 +320,7 @@ mod tests {
         assert_eq!(expected(2, 15), format!("2 points in 3 launches: at least 15 frames {unknown}"));
     }
 
-    /// The device is a GPU.
+    /// The device in this test is a GPU.
     #[test]
     fn a_point_for_another_kind_of_device_takes_no_time_and_is_no_control_point() {
         let lines = "baselines = ['serial']\nlocal_sizes = [4]\n[[strategy]]\npreset = 'wide'";
@@ -339,9 +340,9 @@ mod tests {
         let guesses = of(&[]);
         let seen: Vec<_> = guesses.iter().map(|(point, _, may_control)| (*point, *may_control)).collect();
         assert_eq!(seen, [(0, true), (1, true), (2, false)]);
-        // A point that is passed over takes less time than any that is compiled.
+        // A point that is skipped takes less time than any point whose program is compiled.
         assert!(guesses[2].1 < guesses[1].1, "{guesses:?}");
-        // A point that failed may fail again, and a block's control point must not.
+        // A point that failed may fail again, so it must not become a block's control point.
         let failed = Record { outcome: Outcome::Crashed, ..naive.clone() };
         let measured = Record { outcome: Outcome::Measured, host_median_ms: Some(1e6), ..host };
         let known = of(&[failed, measured, wide]);
@@ -378,7 +379,7 @@ mod tests {
         let scaled = run.known(&larger, &earlier).unwrap();
         assert_eq!((scaled.sample_ms, scaled.check_ms, scaled.rounds), (24.0, [34.0, 400.0], None));
         let smaller = Record { key: "tiny".into(), image_size: [4, 5], ..earlier.clone() };
-        // A check takes some time that does not depend on the size.
+        // A part of a check's time does not depend on the image size.
         assert_eq!(run.known(&smaller, &earlier).unwrap().check_ms, [13.0, 100.0]);
         let refused = Record { outcome: Outcome::Infeasible, host_median_ms: None, ..earlier.clone() };
         assert_eq!(run.known(&refused, &refused).unwrap().sample_ms, 0.0);
@@ -421,7 +422,7 @@ mod tests {
             [again - COMPILE_MS, first - COMPILE_MS],
             [every.sample_ms, 2.0 * every.sample_ms].map(|ms| (COMPILE_MS + ms) - COMPILE_MS)
         );
-        // A tree of 1024 = 2^10 places has ten levels.
+        // The estimate uses log2(1023 triangles + 1) = 10 levels for the tree.
         assert!((of("bvh").sample_ms - 300.0 * 300.0 / 1e6).abs() < 1e-9, "{}", of("bvh").sample_ms);
         let host = Record { device: crate::record::HOST.into(), local_size: None, ..draft("serial-f32") };
         assert!((guessed(&host).sample_ms / every.sample_ms - 10.0).abs() < 1e-9);

@@ -36,7 +36,7 @@ pub struct OpenGroup {
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,
-    /// The device to which the group is bound, if groups are distributed over several.
+    /// The device to which the group is bound, if groups are distributed over several devices.
     home: Option<usize>,
 }
 
@@ -92,8 +92,8 @@ impl OpenGroup {
         are_enough(&self.whole, run.experiment.timing.launches as usize, self.nearest_ns(run, sink))
     }
 
-    /// Returns the smallest core-to-core latency, with which those of launches are compared, in nanoseconds. It is
-    /// infinite, so that all launches count, if another device than a processor casts a point of the group.
+    /// Returns the smallest core-to-core latency of the run in nanoseconds; the latency of each launch is compared with
+    /// it. If a device other than a CPU casts a point of the group, returns infinity, so that all launches count.
     fn nearest_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         let all = self.points.iter().all(|pending| is_on_processors(run, pending));
         if all { sink.nearest_ns() } else { f64::INFINITY }
@@ -303,7 +303,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Copies the names of a draft to its checked record, since a worker knows only one folder of kernels.
+/// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know them.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

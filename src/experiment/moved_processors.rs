@@ -1,22 +1,23 @@
 //! Finds launches in which the processors of a virtual machine were further apart than in other launches.
 //!
 //! A host moves the processors of a virtual machine from core to core, often for less than a minute. While they are on
-//! cores far from each other, kernels whose work-groups share data take up to 1.5 times as long. A launch shows this by
-//! its core-to-core latency, which does not depend on the times of the points. Launches at a larger latency are
-//! therefore replaced by additional launches, and left out of all results.
+//! cores far from each other, kernels whose work-groups share data take up to 1.5 times as long. The core-to-core
+//! latency of a launch shows this, and does not depend on the times of the points. Launches with a much larger latency
+//! than the smallest one are therefore replaced by additional launches, and left out of all results.
 
 use crate::record::{MOVED, median_latency_ns};
 use std::collections::HashSet;
 
-/// With additional launches, a group has at most this many times as many launches as were requested.
+/// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
 
 /// A complete launch of a group.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Launch {
-    /// Its number in the folder.
+    /// The launch's number in the folder of results.
     pub number: u32,
-    /// The median of its core-to-core latency in nanoseconds; `None` if there are too few readings.
+    /// The median of the readings of the core-to-core latency during the launch, in nanoseconds; `None` if there are
+    /// too few readings.
     pub core_to_core_ns: Option<f64>,
 }
 
@@ -43,7 +44,8 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Returns the numbers of the launches whose samples do not count. If no launch is near, all launches count.
+/// Returns the numbers of the launches whose samples do not count: those for which `is_near` is false. If it is false
+/// for all launches, all launches count.
 pub(super) fn left_out(launches: &[Launch], nearest_ns: f64) -> HashSet<u32> {
     let (near, far): (Vec<&Launch>, Vec<&Launch>) =
         launches.iter().partition(|launch| is_near(launch, nearest_ns));
@@ -55,7 +57,7 @@ pub(super) fn left_out(launches: &[Launch], nearest_ns: f64) -> HashSet<u32> {
 mod tests {
     use super::*;
 
-    /// Returns launches with these latencies; 0 stands for an unknown latency.
+    /// Returns launches with these latencies; 0 means that a latency is unknown.
     fn launches(latencies: &[f64]) -> Vec<Launch> {
         let launch =
             |(number, ns): (u32, &f64)| Launch { number, core_to_core_ns: (*ns > 0.0).then_some(*ns) };

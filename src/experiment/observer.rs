@@ -14,7 +14,7 @@ pub trait Observer: Send {
     fn resumes(&mut self, _points: usize, _steps: usize) {}
     /// Is called when more steps have been finished, with their number.
     fn advances(&mut self, _steps: usize) {}
-    /// Describes the current work, in a few words.
+    /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
     /// Prints a line at once, for example that the run waits for another process.
     fn says(&mut self, line: &str) {

@@ -16,26 +16,26 @@ use std::collections::HashMap;
 
 /// A point that still has to be measured.
 pub struct PendingPoint {
-    /// Its index in the plan.
+    /// The point's index in the plan.
     pub point: usize,
     /// The device whose worker casts the point.
     pub device: usize,
-    /// The number of its scene.
+    /// The number of the point's scene.
     pub scene: usize,
     /// The point's name, as shown to the observer.
     pub label: String,
-    /// Its record so far.
+    /// The point's record so far.
     pub record: Record,
     /// Why the point is not measured on its device, if its preset is meant for another kind of device.
     pub not_for: Option<String>,
-    /// True if the device can hold the point, as far as that is known before a tree is built. If false, the point's
+    /// True if the point fits on the device, as far as that is known before a tree is built. If false, the point's
     /// program is not built, and the point's check reports the reason.
     pub fits: bool,
     /// The result of building the point's program, if the program was built for this point.
     pub built: Option<Built>,
     /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<String>,
-    /// Its samples from complete launches.
+    /// The point's samples from complete launches.
     pub taken: Vec<Taken>,
 }
 
@@ -76,7 +76,8 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Returns whether a point of the plan for one device is a caster on the host.
+    /// Returns whether the point at the index `place` is measured on the host. The index is one of the plan for one
+    /// device.
     pub fn is_on_host(&self, place: usize) -> bool {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         plan.points.get(place).is_some_and(|point| point.device.is_none())
@@ -104,7 +105,7 @@ impl Run<'_> {
         }
     }
 
-    /// Returns whether a device can hold a point, as far as that is known before a tree is built.
+    /// Returns whether a point fits on a device, as far as that is known before a tree is built.
     fn fits(&self, point: &Point, device: Option<&DeviceInfo>, scene: &Scene) -> bool {
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, device) else { return true };
         let workload = Workload::of(scene, point.image_size, local_size);
@@ -120,8 +121,8 @@ impl Run<'_> {
         }
     }
 
-    /// Returns every point that is measured, in groups that are measured together. Scenes are loaded one at a
-    /// time.
+    /// Returns the points of these pieces, one list per piece. The lists also contain points that already have a result,
+    /// and points that will not be measured (their `not_for` or `fits` says so). Scenes are loaded one at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let drafters: Vec<_> =
             self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();

@@ -26,8 +26,8 @@ impl Pictures {
         hash(image).to_hex()[..32].to_owned()
     }
 
-    /// Saves a picture under the first free name of `names`, else under the last one with the picture's hash added.
-    /// Returns the file's path relative to the folder.
+    /// Saves a picture under the first free name of `names`. If no name is free, the picture's hash is added to the
+    /// last name. Returns the file's path relative to the folder.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {
@@ -47,7 +47,8 @@ impl Pictures {
         Ok(path)
     }
 
-    /// Returns the path for the first free name of `names`, else for the last one with the picture's hash added.
+    /// Returns the path for the first free name of `names`. If no name is free, the picture's hash is added to the last
+    /// name.
     fn place(&self, names: &[&str], shown: &RgbImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
         let free = |path: &String| match image::open(self.folder.join(path)) {

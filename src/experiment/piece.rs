@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// Points that are measured together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
-    /// Their indices in the plan.
+    /// The indices of the points in the plan.
     pub points: Vec<usize>,
     /// The number of the block that these points form, if any.
     pub block: Option<u32>,
@@ -42,7 +42,7 @@ impl Plan {
         pieces(self.groups_by_device())
     }
 
-    /// Returns the points of some blocks, on each device. The blocks contain indices of the plan for one device.
+    /// Returns the points of some blocks, on each device. The blocks contain indices into the plan for one device.
     pub fn of_blocks(&self, blocks: &[Block]) -> Vec<Piece> {
         let places = self.places_on_devices();
         let mut devices: Vec<Option<usize>> = self.points.iter().map(|point| point.device).collect();

@@ -33,9 +33,9 @@ impl Processes {
         Self { jobs, driver_cache: false }
     }
 
-    /// Lets workers use the driver's cache of programs. Builders use this cache to store machine code for the other
-    /// workers. Other workers may use the cache if builders have stored their programs together with the compiler's
-    /// messages.
+    /// Lets workers use the driver's cache of programs. Builders use this cache to store machine code for the workers
+    /// that measure. A worker that measures may use the cache if builders have stored its programs together with the
+    /// compiler's messages.
     #[must_use]
     pub fn using_driver_cache(self) -> Self {
         Self { driver_cache: true, ..self }

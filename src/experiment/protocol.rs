@@ -55,7 +55,7 @@ pub enum DeviceList {
 /// The result of building a program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Built {
-    /// Time from the strategy to a kernel that is ready to launch, including the time to store the program in the
+    /// Time to build the program and to make its kernels ready to start, including the time to store the program in the
     /// cache.
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.

@@ -343,7 +343,8 @@ mod tests {
 
     #[test]
     fn a_coarse_timer_times_batches_even_without_a_warm_up() {
-        // No frame of this size takes fifty steps of a second, and a batch has at most 256 frames.
+        // A sample should take fifty steps of the timer, here 50 s. Frames of this size are so short that the batch
+        // gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
         assert_eq!(batch.batch, Some(256));
         // Both times are of one frame. No machine has as many processors as this.

@@ -8,7 +8,7 @@ use crate::record::{AnchorSample, Record, RoundLoad, Sample};
 
 /// Receives the results of measurements.
 pub trait ResultSink {
-    /// Describes the current work, in a few words.
+    /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
     /// Prints a line at once.
     fn says(&mut self, line: &str);

@@ -82,8 +82,8 @@ impl Results {
     }
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
-    /// attempts ended. Their records count as finished. Their samples of unfinished points are copied, each with
-    /// the attempt and launch that took it. The earlier folders are not changed.
+    /// attempts ended. Points with a record in an earlier attempt count as finished. The samples of unfinished points
+    /// are copied, each with the attempt and launch that took it. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,

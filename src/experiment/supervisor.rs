@@ -24,7 +24,7 @@ pub trait Spawner {
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
 }
 
-/// Serves requests one after another, until it dies or is dropped.
+/// A worker serves requests one after another, until it dies or is dropped.
 pub trait Worker {
     /// Sends a request. If the worker is dead, `wait` reports that.
     fn send(&mut self, request: &Request);
@@ -63,20 +63,20 @@ enum Loss {
 /// A point, as used in requests.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
-    /// Its index in the plan.
+    /// The point's index in the plan.
     pub point: usize,
     /// The device whose worker casts the point.
     pub device: usize,
     /// The number of the point's scene; a worker holds one scene at a time.
     pub scene: usize,
-    /// Its key.
+    /// The key of the point's record.
     pub key: &'a str,
     /// The hash of the point's picture, once the picture has been compared with the reference.
     pub verified: Option<&'a str>,
 }
 
 impl Task<'_> {
-    /// Returns the key of the point's worker: the device and the scene.
+    /// Returns the device and the scene of the point's worker, which identify the worker.
     fn post(&self) -> (usize, usize) {
         (self.device, self.scene)
     }

@@ -108,7 +108,7 @@ impl Wanted {
     pub fn read(self) -> &'static str {
         match self {
             Self::Scene => "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
-            Self::Mesh => "`mesh` reads OBJ, PLY, STL and glTF, also as .gz",
+            Self::Mesh => "the key `mesh` of an [[object]] accepts OBJ, PLY, STL and glTF, also as .gz",
             Self::Experiment => "`raycl run` reads experiments (TOML), such as configs/quick.toml",
         }
     }

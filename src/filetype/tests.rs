@@ -210,7 +210,7 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
     let [fbx, gif] = [&b"; FBX 7"[..], b"GIF8"].map(|head| FileType::of(head, 99));
     let reads = [
         "raycl reads scenes (TOML) and meshes (OBJ, PLY, STL, glTF), also as .gz",
-        "`mesh` reads OBJ, PLY, STL and glTF, also as .gz",
+        "the key `mesh` of an [[object]] accepts OBJ, PLY, STL and glTF, also as .gz",
         "`raycl run` reads experiments (TOML), such as configs/quick.toml",
     ];
     let export = "; export it as glTF or OBJ, with Blender for example";

@@ -128,7 +128,7 @@ mod tests {
 
     #[test]
     fn the_map_goes_from_purple_to_yellow() {
-        // The second is halfway between the map's first two colours.
+        // The second colour is halfway between the map's first two colours.
         let colours = [0.0, 1.0 / 16.0, 0.5, 1.0].map(viridis);
         assert_eq!(colours, [[68, 1, 84], [70, 23, 103], [33, 144, 141], [253, 231, 37]]);
         assert_eq!(

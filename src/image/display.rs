@@ -76,8 +76,8 @@ fn transform(radiance: f32, display: Display) -> u8 {
 /// The transform as tables. A power or a binary search for every channel would take longer than writing the
 /// file.
 struct Thresholds {
-    /// For each value from 1 to 255, the smallest radiance that is shown as this value. The last element is NaN, so
-    /// that no radiance reaches it.
+    /// For each value from 1 to 255, the smallest radiance that is shown as this value; the first element is for the
+    /// value 1. The last element is NaN, so that no radiance reaches it.
     smallest: [f32; Shown::VALUES],
     /// A lower bound of the value, by the upper 16 bits of the radiance. It is usually too low by at most 2.
     at_least: Vec<u8>,

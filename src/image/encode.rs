@@ -1,4 +1,4 @@
-//! Encodes pictures; every format has room for raycl's [mark].
+//! Encodes pictures; every format has room for the [mark] by which raycl recognises its own files.
 
 use super::display::to_rgba8;
 use super::{Radiance, jpeg, to_rgb8};
@@ -23,8 +23,8 @@ pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
     png_with((picture, picture.dimensions(), ExtendedColorType::Rgb8), mark::png(), file)
 }
 
-/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one frame of
-/// several, it has a key next to raycl's mark.
+/// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one of several
+/// frames, the PNG has a key next to raycl's mark.
 pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
     let piece = key.map_or_else(mark::png, mark::keyed_png);
     match to_rgba8(image, display) {
@@ -66,7 +66,8 @@ pub fn hdr(image: &Radiance, file: &mut File) -> Result<()> {
 }
 
 /// Writes an EXR. If the background is transparent, the EXR has an alpha channel, and its colours are multiplied by
-/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards.
+/// alpha, as in every EXR. The format stores the offsets of its parts, so the mark cannot be inserted afterwards; it is
+/// written as the comments of the EXR.
 pub fn exr(image: &Radiance, file: &mut File) -> Result<()> {
     let width = image.width as usize;
     let size = (width, image.height as usize);

@@ -34,7 +34,8 @@ const MOST_OF_JPEG: u32 = u16::MAX as u32;
 /// shows; EXR and HDR have linear radiance. The file is written completely or not at all, and a file that raycl did
 /// not make is never replaced.
 ///
-/// An unknown extension or a missing folder is a user error; a file that cannot be written is a failed run.
+/// An unknown extension or a missing folder is a user error. If writing fails for another reason, the error says that
+/// the run failed.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {
@@ -98,7 +99,7 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     Ok(Radiance { width, height, pixels, coverage: Vec::new() })
 }
 
-/// Writes one frame of several as PNG, with a key that identifies the frame.
+/// Writes one of several frames as PNG, with a key that identifies the frame.
 pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target) -> Result<()> {
     target.write(|file| shown_png(image, display, Some(key), file))
 }

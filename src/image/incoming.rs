@@ -29,7 +29,8 @@ impl Incoming {
         }
     }
 
-    /// Returns the number of rows that each call of `take` must get, or a multiple of it. The last call may get fewer.
+    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows; only the last call may
+    /// get fewer.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,

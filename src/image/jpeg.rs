@@ -20,7 +20,7 @@ const START_OF_SCAN: u8 = 0xda;
 const END_OF_IMAGE: [u8; 2] = [MARKER, 0xd9];
 const RESTART_INTERVAL: u8 = 0xdd;
 
-/// Returns the bytes of the file.
+/// Returns the bytes of a JPEG file with the picture.
 pub fn encode(picture: &RgbImage, quality: u8) -> ImageResult<Vec<u8>> {
     let cut = Cut::of(picture.width());
     let encode = |rows: &[u8]| band(rows, picture.width(), quality);
@@ -47,7 +47,8 @@ impl Encoding {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
 
-    /// Returns the number of rows that each call of `take` must get, or a multiple of it. The last call may get fewer.
+    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows; only the last call may
+    /// get fewer.
     pub fn rows_together(&self) -> usize {
         self.cut.rows()
     }

@@ -29,7 +29,7 @@ pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     } else {
         let message = format!("'{}' is not a valid name for layers", path.display());
         return Err(Error::input(message).with_help(
-            "NAME.exr holds all layers; NAME.png writes a file per layer, such as NAME-depth.png",
+            "name it NAME.exr for one file with all layers, or NAME.png for one file per layer, such as NAME-depth.png",
         ));
     };
     targets.iter().try_for_each(Target::check)?;
@@ -134,7 +134,7 @@ fn numbers(layers: &Layers, numbers: &[u32]) -> RgbImage {
     })
 }
 
-/// Shows one number per pixel in false colour, dark for 0, above a scale.
+/// Shows one number per pixel in false colours, dark for 0, with a scale below.
 pub fn counts([width, height]: [u32; 2], counts: impl Iterator<Item = u32> + Clone) -> RgbImage {
     let most = counts.clone().max().unwrap_or(0).max(1);
     let mut picture = RgbImage::new(width, height + COUNT_SCALE_HEIGHT);

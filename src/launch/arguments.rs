@@ -59,7 +59,7 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // The allocator's counter is set as an integer.
+            // The counter of the kernels' heap is a buffer of `i32` here, and has the type `uint` in kernels.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain both floats and integers.
             Self::Words(_) => (true, &["uint", "float", "Index"]),
@@ -76,8 +76,8 @@ impl<'a> Argument<'a> {
         points == of_type.contains('*') && elements.contains(&element)
     }
 
-    /// Binds the next parameter. Parameters that depend on the camera, the sample or the background can be bound
-    /// again, by their names.
+    /// Binds the value to the kernel's next parameter. Parameters that depend on the camera, the sample or the
+    /// background can be bound again, by their names.
     fn bind(self, name: &'static str, kernel: &mut KernelBuilder<'a>) {
         match self {
             Self::Floats(buffer) => kernel.arg(buffer),
@@ -97,13 +97,13 @@ impl<'a> Argument<'a> {
     }
 }
 
-/// The additional argument of scenes with textures.
+/// The name of a parameter that kernels have only for scenes with textures.
 pub(super) const TEXTURE_ROWS: &str = "texture_rows";
-/// The additional argument of scenes with cut-outs.
+/// The name of a parameter that kernels have only for scenes with cut-outs.
 pub(super) const MASK_ROWS: &str = "mask_rows";
-/// The additional argument of scenes with sampled soft lights or a sky.
+/// The name of a parameter that kernels have only for scenes with sampled soft lights or a sky.
 pub(super) const SOFT: &str = "soft";
-/// The additional argument of frames with several samples per pixel.
+/// The name of a parameter that kernels have only for frames with several samples per pixel.
 pub(super) const WANTED: &str = "wanted";
 
 /// Arguments by parameter name. A kernel uses only the arguments for which it has a parameter.

@@ -35,7 +35,8 @@ pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed>
     }
 }
 
-/// Returns the values of macros, and whether built-ins exist.
+/// Returns one number for each name: the value of a macro, 1 for a built-in that exists, or [`ABSENT`] if the compiler
+/// does not define the name.
 fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<Vec<i64>, String> {
     let questions: String = names.iter().enumerate().map(|(at, name)| question(at, name)).collect();
     let source = format!("__kernel void ask(__global long *answer) {{\n{questions}}}\n");
@@ -62,7 +63,7 @@ fn ask(queue: &Queue, options: &str, names: &[&String]) -> std::result::Result<V
     run().map_err(|error| error.to_string())
 }
 
-/// Returns the source lines that answer one query; an empty macro counts as 0.
+/// Returns the source lines that write the answer for one name to `answer[at]`. An empty macro has the value 0.
 fn question(at: usize, name: &str) -> String {
     if name.starts_with("__has_builtin(") {
         return format!("#ifdef __has_builtin\n#if {name}\nanswer[{at}] = 1;\n#endif\n#endif\n");

@@ -8,7 +8,7 @@ pub type Band = Range<usize>;
 /// Number of bisections after which a time is as precise as a floating-point number allows.
 const HALVINGS: usize = 60;
 
-/// The time that a device takes for a frame, and its distribution over the frame.
+/// The time that a device takes for a frame, and how this time is distributed over the frame's rows.
 #[derive(Clone, Debug)]
 pub struct Cost {
     /// Time for the whole frame.
@@ -18,7 +18,8 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Returns the times of the parts, which add up to the whole; a single part if the costs are unknown.
+    /// Returns the time of each part in milliseconds. The times add up to `whole_ms`. If the costs are unknown, the
+    /// whole frame is the only part.
     fn parts_ms(&self) -> Vec<f64> {
         let sum: f64 = self.parts.iter().sum();
         if !(sum > 0.0 && sum.is_finite()) {
@@ -111,8 +112,8 @@ mod tests {
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has its own costs: the upper half costs the second device nothing, yet this device casts
-        // the lower half.
+        // Each device has its own costs: the upper half costs the second device nothing, yet the second device casts
+        // the lowest third.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }

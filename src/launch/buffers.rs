@@ -1,5 +1,6 @@
-//! Buffers, and transfers to and from them. OpenCL does not allow empty buffers. If the device shares the host's
-//! memory, values are accessed in place; otherwise large transfers use pinned memory.
+//! Buffers, and transfers to and from them. OpenCL does not allow empty buffers, so every buffer has at least one
+//! value. If the device shares the host's memory, values are accessed in place; otherwise large transfers use pinned
+//! memory.
 
 use super::Queue;
 use ocl::{Buffer, MapFlags, MemFlags, MemMap, OclPrm};
@@ -24,9 +25,9 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
         .build()
 }
 
-/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into
-/// the buffer if the device shares the host's memory, otherwise into memory from which they are transferred.
-/// Filling in place touches new memory only once; a second time would cost more than computing the values.
+/// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into the
+/// buffer if the device shares the host's memory, otherwise into memory from which they are transferred. Filling in
+/// place writes to new memory only once; writing the values to a second place would take longer than computing them.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],

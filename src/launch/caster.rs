@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use std::slice;
 use std::time::Instant;
 
-/// A frame's kernels with their arguments, ready to be cast.
+/// A frame's kernels with their arguments, ready to cast the frame.
 pub struct Caster {
     queue: Queue,
     steps: Steps,
@@ -39,7 +39,7 @@ pub struct Caster {
     half_light: Option<Box<HalfLight>>,
     /// The finest division of pixels in a frame: 2^`most_bits` sub-pixels across and down, each with one sample.
     most_bits: u32,
-    /// Number of rays in a tile, across and down, if a frame can cast only some of the tiles.
+    /// Number of rays in a tile, across and down; `None` if every frame casts all tiles.
     tile: Option<[usize; 2]>,
     size: [u32; 2],
     /// True if the background is transparent, so that images have coverage.

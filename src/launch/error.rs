@@ -54,7 +54,7 @@ impl From<ocl::core::Error> for LaunchError {
 }
 
 impl From<ocl::Error> for LaunchError {
-    /// Keeps OpenCL's status and function, without the formatting of the `ocl` crate.
+    /// Keeps the status and the name of the OpenCL function that failed, without the formatting of the `ocl` crate.
     fn from(error: ocl::Error) -> Self {
         let message = error.to_string();
         let lines: Vec<_> = message

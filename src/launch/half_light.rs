@@ -120,7 +120,7 @@ impl HalfLight {
     }
 }
 
-/// Local size of the two kernels: work-items across and down.
+/// Local size of the kernels that filter the ratio and apply it: work-items across and down.
 const GROUP: [usize; 2] = [64, 1];
 
 #[cfg(test)]

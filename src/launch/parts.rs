@@ -69,7 +69,7 @@ impl<'a> Parts<'a> {
         Ok(built)
     }
 
-    /// Returns the number of work-items across and down.
+    /// Returns the number of work-items, across and down, of a kernel with one work-item per block of pixels.
     pub fn pixel_items(&self) -> [usize; 2] {
         let [across, down] = self.setup.workload.global_size(self.setup.strategy);
         let rows = |band: &Band| band.len() * self.setup.workload.local_size[1] as usize;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
 pub struct Prepared {
-    /// The sizes.
+    /// The sizes of the scene, the image and the work-groups.
     pub workload: Workload,
     /// Number of samples per pixel.
     pub sampling: Sampling,
@@ -78,7 +78,8 @@ impl Prepared {
         Ok(true)
     }
 
-    /// Returns whether the program and all buffers suit a scene: it has the same mesh, and all sizes are the same.
+    /// Returns whether the program and all buffers suit another scene. That scene must have the same mesh and the same
+    /// sizes as the current scene.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
@@ -109,7 +110,7 @@ impl Prepared {
         BuiltProgram::build(&self.queue.context, self.queue.device, spec, &Kept::default())
     }
 
-    /// Returns the total size of the device's buffers.
+    /// Returns the total size of the buffers on the device, in bytes.
     pub fn device_bytes(&self) -> u64 {
         let needs = Requirements::of(&self.strategy, &self.workload);
         needs.global_bytes + needs.scratch_bytes
@@ -184,7 +185,7 @@ mod tests {
         assert!(after != before && after == cast(&new));
     }
 
-    /// With this intersector, shadow rays read planes that were prepared for their light.
+    /// With this ray-triangle test, shadow rays read planes that were prepared for their light.
     #[test]
     fn shadows_by_prepared_planes_are_those_of_the_reference() {
         let strategy = Strategy { intersector: Intersector::COMMON_ORIGIN, ..deferred() };

@@ -14,7 +14,7 @@ pub enum Refused {
     Device(Infeasible),
     /// The strategy needs more memory than the host has.
     Host(Infeasible),
-    /// The compiler rejects its program.
+    /// The compiler rejects the strategy's program.
     Build(BuildError),
     /// The driver refused a step.
     Launch {

@@ -27,7 +27,7 @@ pub(super) struct Rounds<'p, 'a> {
 }
 
 impl<'p, 'a> Rounds<'p, 'a> {
-    /// Makes the buffers that all rounds share.
+    /// Collects the kernel arguments that all rounds share.
     pub fn new(
         parts: &'p Parts<'a>,
         image: &'a Buffer<Float4>,
@@ -74,7 +74,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         Ok((Phase::Shade, Step::Run(kernel)))
     }
 
-    /// Casts the shadow rays of a round's lights.
+    /// Returns the steps that cast the shadow rays of a round's lights.
     fn cast_shadow_rays(&self, first_light: usize) -> Result<Steps, LaunchError> {
         let first = self.fused && first_light == 0;
         let phase = if self.fused { Phase::Whole } else { Phase::Shadow };
@@ -107,8 +107,9 @@ impl<'p, 'a> Rounds<'p, 'a> {
         self.shared.groups.div_ceil(down * (self.parts.pixel_items()[0] / across))
     }
 
-    /// Prepares the planes of a tree's triangles for the origins of a round (origin 0 is the eye, origin 1 the
-    /// round's first light) and empties the queue. Does nothing if the strategy uses no planes.
+    /// Returns the step that prepares the planes of a tree's triangles for the origins of a round (origin 0 is the eye,
+    /// origin 1 the round's first light) and empties the queue of leftover shadow rays. Returns `None` if the strategy
+    /// uses no planes.
     fn prepare(
         &self,
         origins: Range<usize>,

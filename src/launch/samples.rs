@@ -52,7 +52,7 @@ impl Samples {
         Ok(Some(samples))
     }
 
-    /// Adds the arguments of a frame.
+    /// Adds the buffers to a frame's arguments.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         let arguments = arguments.with(WANTED, &self.wanted).with("places", &self.places);
         let arguments = arguments.with("earlier", 0_u32);

@@ -20,7 +20,7 @@ pub(super) enum Geometry {
     Indexed32(Sets<u32>),
 }
 
-/// The vertex sets of the OBJ file, and the triangles' indices into them.
+/// The mesh's sets of positions, normals and materials, and the triangles' indices into these sets.
 #[derive(Debug)]
 pub(super) struct Sets<I: ocl::OclPrm> {
     pub positions: Buffer<f32>,

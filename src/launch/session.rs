@@ -35,7 +35,8 @@ pub struct Session {
     held: Held,
 }
 
-/// The step in entries to which [`Session::rounding_stacks`] rounds. Most trees need fewer entries.
+/// [`Session::rounding_stacks`] rounds stacks up to a multiple of this number of entries. Most trees need fewer
+/// entries.
 pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
@@ -244,7 +245,8 @@ impl Session {
         HostNeeds::of(strategy, workload, self.queue.shares_memory, self.verifies)
     }
 
-    /// Refuses a strategy if it does not fit into the memory of the device or host that other strategies leave free.
+    /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory that other
+    /// strategies of the session use is not free.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
         let held_bytes = self.held.beside(strategy);
         let limits =

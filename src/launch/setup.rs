@@ -20,7 +20,7 @@ pub(super) struct Setup<'a> {
     pub program: &'a BuiltProgram,
     /// The strategy.
     pub strategy: &'a Strategy,
-    /// The sizes.
+    /// The sizes of the scene, the image and the work-groups.
     pub workload: &'a Workload,
     /// The scene.
     pub scene: &'a Scene,
@@ -57,7 +57,7 @@ pub(super) enum Working {
 }
 
 impl Working {
-    /// Adds the buffers' arguments.
+    /// Adds the buffers to `arguments`.
     pub fn add_to<'a>(&'a self, arguments: Arguments<'a>) -> Arguments<'a> {
         match self {
             Self::None => arguments,
@@ -69,7 +69,7 @@ impl Working {
     }
 }
 
-/// Returns the scene's buffers and counts.
+/// Returns the scene's buffers and counts as kernel arguments.
 pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a DeviceTree>) -> Arguments<'a> {
     let triangles = scene.triangle_count as i32;
     let arguments = match &scene.geometry {

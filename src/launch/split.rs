@@ -64,7 +64,7 @@ pub struct Share {
     pub strategy: Strategy,
     /// Local size: work-items of a work-group, across and down.
     pub local_size: [u32; 2],
-    /// Its pixel rows: the first, and the one after the last.
+    /// The device's pixel rows: the first row, and the row after the last one.
     pub rows: [u32; 2],
     /// Time for opening the device, building the tree and the program, and preparing records of triangles.
     pub build_ms: f64,
@@ -81,13 +81,13 @@ pub struct Share {
 pub struct LeftOut {
     /// The device's label.
     pub device: String,
-    /// Why it casts no part.
+    /// Why the device casts no part.
     pub reason: String,
 }
 
 /// The result: a frame cast by several devices.
 pub struct Whole {
-    /// Its image.
+    /// The frame's image.
     pub image: Radiance,
     /// Number of pixels that hit something.
     pub hits: usize,
@@ -237,9 +237,9 @@ impl Split<'_> {
         Ok((team, left_out))
     }
 
-    /// Returns the size of a trial frame: the smallest that keeps the fastest device busy for a while, or the full
-    /// frame. Also measures each device's time for the trial frame, and removes devices that are much slower than the
-    /// fastest, since a larger frame would only increase the difference.
+    /// Returns the size of a trial frame: the smallest frame that takes the fastest device at least [`TRIAL_MS`], or
+    /// else the full frame. Also measures each device's time for the trial frame, and removes devices that are much
+    /// slower than the fastest, since a larger frame would only increase the difference.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {

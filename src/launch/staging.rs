@@ -195,7 +195,7 @@ impl Pieces {
         self.0[0].len()
     }
 
-    /// Returns the first values of a piece.
+    /// Returns the first `count` values of one of the two pieces.
     fn values<T: OclPrm>(&mut self, half: usize, count: usize) -> &mut [T] {
         let bytes = &mut self.0[half][..count * size_of::<T>()];
         // SAFETY: this many bytes were allocated. Mapped memory is aligned for every OpenCL type, and every

@@ -17,15 +17,15 @@ const fn room(bits: u32) -> usize {
     1 << (2 * bits)
 }
 
-/// Returns the coarsest division of a pixel that has room for `samples`, as the binary logarithm of the sub-pixels
-/// across.
+/// Returns the coarsest division of a pixel that has room for `samples`, as the binary logarithm of the number of
+/// sub-pixels across.
 fn bits_for(samples: usize) -> u32 {
     (0..MOST_BITS).find(|bits| samples <= room(*bits)).unwrap_or(MOST_BITS)
 }
 
-/// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the sub-pixels across. Only
-/// tiles have room for several rays of one pixel. If the sky's picture is seen, pixels are not divided, since the
-/// kernel that adds the picture supports only whole pixels.
+/// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the number of sub-pixels
+/// across. Only tiles have room for several rays of one pixel. If the sky's picture is seen, pixels are not divided,
+/// since the kernel that adds the picture supports only whole pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {
     let Setup { strategy, scene, workload, .. } = setup;
     if strategy.shares_tiles() {
@@ -44,8 +44,8 @@ pub(super) fn tiles_of_block(tile: [usize; 2], bits: u32) -> Option<usize> {
 }
 
 /// Distributes the samples of one round (the first samples of every pixel, or the later ones) over frames. A frame
-/// divides a pixel into at most 2^`most_bits` sub-pixels across. Most sub-pixels of a frame have a sample; the
-/// remaining samples are cast one by one.
+/// divides a pixel into at most 2^`most_bits` sub-pixels across. At least three quarters of a frame's sub-pixels have a
+/// sample. The remaining samples are cast in frames with fewer sub-pixels.
 pub(super) fn frames(mut samples: &[Sample], most_bits: u32) -> impl Iterator<Item = &[Sample]> {
     std::iter::from_fn(move || {
         let room = (0..=most_bits).rev().map(room).find(|room| 3 * room <= 4 * samples.len())?;
@@ -162,7 +162,7 @@ mod tests {
         caster.read().unwrap()
     }
 
-    /// Rays differ by rounding, so that a sample on an edge may hit another triangle.
+    /// The rays of the two pictures differ by rounding, so a sample on an edge may hit another triangle.
     #[test]
     fn samples_cast_together_are_those_cast_one_by_one() {
         let pixels = (SIZE[0] * SIZE[1]) as usize;

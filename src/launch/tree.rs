@@ -45,8 +45,8 @@ impl HostTree {
         Ok(Some(Self { wide, build_ms: start.elapsed().as_secs_f64() * 1e3 }))
     }
 
-    /// Builds the tree before a device is open, if the memory of host and device suffices. Returns
-    /// no errors: the session reports them later.
+    /// Builds the tree before a device is open, if the memory of host and device suffices. Returns `None` on an error,
+    /// since the session reports the error later.
     pub fn ahead(
         mesh: &Mesh,
         strategy: &Strategy,

@@ -7,7 +7,8 @@ use std::hint::spin_loop;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-/// The number of round trips of one timed piece. A piece takes tens of microseconds, so few pieces are interrupted.
+/// The number of round trips in one timed piece of the measurement. A piece takes tens of microseconds, so few pieces
+/// are interrupted.
 const ROUND_TRIPS: u32 = 100;
 /// The number of timed pieces; the fastest piece is the result.
 const PIECES: u32 = 5;
@@ -58,8 +59,8 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
 }
 
-/// Waits until it is this side's turn, then gives the turn to the other side. Returns false if the exchange
-/// is over, or if the other side does not give the turn back before `end`.
+/// Waits until it is this thread's turn, then gives the turn to the other thread. Returns false if the exchange is
+/// over, or if the other thread does not give the turn back before `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {

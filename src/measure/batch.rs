@@ -1,9 +1,9 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
-/// Start and end are each rounded to the timer's resolution, so the error of a time of this many steps is at most a few
-/// per cent. A batch takes at least this many steps of the timer.
+/// The duration of a batch, in steps of the timer. A time's start and end are each rounded to a step, so the error of a
+/// time of this many steps is at most a few per cent.
 const STEPS: f64 = 50.0;
-/// The largest number of frames in a batch, since event objects and queues have limits.
+/// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;
 
 /// Returns the number of frames per sample. `shortest_ms` is the time of the shortest pass of a frame, and

@@ -36,7 +36,8 @@ impl Verdict {
         }
     }
 
-    /// Returns the verdict for a ratio's interval. Changes within `threshold` (0.02 is 2%) count as equal.
+    /// Returns the verdict for the 95% interval of a ratio: the new time divided by the earlier time. Changes within
+    /// `threshold` (0.02 is 2%) count as equal.
     pub fn of(change: Interval, threshold: f64) -> Self {
         let (least, most) = (1.0 / (1.0 + threshold), 1.0 + threshold);
         if change.low > most {

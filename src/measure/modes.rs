@@ -1,6 +1,6 @@
 //! Detects times that cluster around two values, for example because a machine changes between two speeds.
 
-/// A set of n times has two modes if its dip, multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
+/// A set of n times has two modes if its [`dip`], multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
 /// sqrt(n). The uniform distribution is the worst case among distributions with one mode: of its sets of 10 to 200
 /// times, 99.9% stay below this threshold (simulated; Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of
 /// Statistics 13, 1985). Therefore at most one point in a thousand is a false alarm. In practice there are fewer, since
@@ -46,8 +46,8 @@ fn median(sorted: &[f64]) -> f64 {
     (at(sorted.len() / 2) + at(sorted.len().saturating_sub(1) / 2)) / 2.0
 }
 
-/// Splits sorted values into two groups such that the sum of squares within the groups is least. Returns the number of
-/// values in the lower group.
+/// Splits sorted values into two groups such that the sum of the squared distances from the groups' means is least.
+/// Returns the number of values in the lower group.
 fn cut(sorted: &[f64]) -> usize {
     let total: f64 = sorted.iter().sum();
     let n = sorted.len() as f64;
@@ -92,19 +92,19 @@ fn dip(sorted: &[f64]) -> f64 {
     found / (2.0 * n as f64)
 }
 
-/// Returns the indices between `low` and `high` at which the greatest convex minorant of the distribution
-/// function touches it.
+/// Returns the indices between `low` and `high` at which the greatest convex minorant touches the distribution
+/// function.
 fn minorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left >= right)
 }
 
-/// Returns the indices at which the least concave majorant touches the distribution function.
+/// Returns the indices between `low` and `high` at which the least concave majorant touches the distribution function.
 fn majorant(sorted: &[f64], low: usize, high: usize) -> Vec<usize> {
     hull(sorted, low, high, |left, right| left <= right)
 }
 
-/// Returns a hull of the points (value, index). `bent` takes the slopes before and after a point and returns
-/// whether the point is not on the hull.
+/// Returns the indices of the points (value, index) that lie on a hull. `bent` takes the slopes before and after a
+/// point, and returns whether the point is not on the hull.
 fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let mut hull: Vec<usize> = Vec::new();
     for place in low..=high {
@@ -122,8 +122,8 @@ fn hull(sorted: &[f64], low: usize, high: usize, bent: impl Fn(f64, f64) -> bool
     hull
 }
 
-/// Returns the greatest distance between the two hulls at a point of one of them, and the modal interval that
-/// follows from it.
+/// Returns the greatest distance between the two hulls at a point of one of them, and the first and last index of the
+/// modal interval that follows from this distance.
 fn widest(sorted: &[f64], below: &[usize], above: &[usize]) -> (f64, usize, usize) {
     let mut best = (0.0, below[0], below[below.len() - 1]);
     let mut consider = |distance: f64, from: usize, to: usize| {
@@ -152,14 +152,14 @@ fn on_hull(sorted: &[f64], hull: &[usize], place: usize) -> f64 {
     }
 }
 
-/// Returns the height of a straight line between two points at a third one.
+/// Returns by how much a straight line from point `one` to point `other` has risen at the value with the index `at`.
 fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
     let across = sorted[other] - sorted[one];
     if across > 0.0 { (other - one) as f64 * (sorted[at] - sorted[one]) / across } else { (at - one) as f64 }
 }
 
-/// Returns the greatest distance between the steps of the distribution function and a hull's line between two
-/// of its points.
+/// Returns the greatest distance between the steps of the distribution function and the line between two points of a
+/// hull, but at least 1. `distance` computes the distance from the height of a step and the height of the line.
 fn deviation(sorted: &[f64], ends: &[usize], distance: impl Fn(f64, f64) -> f64) -> f64 {
     let (one, other) = (ends[0], ends[1]);
     let at = |place: usize| distance((place - one) as f64, line(sorted, one, other, place));
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn two_speeds_are_found_and_their_times_told() {
         let mut random = ChaCha8Rng::seed_from_u64(2);
-        // Five slow times of 15 are too few for a second mode.
+        // No set has 15 times, since five slow times would be too few for a second mode.
         for n in [24, 30, 60] {
             let mut time = |place: usize| {
                 let noise: f64 = (0..4).map(|_| random.random_range(0.0..1.0_f64) - 0.5).sum();

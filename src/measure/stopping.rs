@@ -48,8 +48,8 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// Returns the rule for one of several launches of the worker processes, which share the limits of samples and
-    /// time. Each launch takes at least as many samples as a verdict needs, unless the total allows fewer.
+    /// Returns the rule for one of several launches of the worker processes. The launches share the limits of samples
+    /// and time. Each launch takes at least as many samples as a verdict needs, unless the total allows fewer.
     pub fn shared_by(self, launches: usize) -> Self {
         let least = MIN_SAMPLES.min(self.max_samples);
         Self {

@@ -55,7 +55,7 @@ pub struct Row {
     pub part: Option<String>,
     /// Number of instructions.
     pub instructions: u32,
-    /// Their kinds.
+    /// Number of instructions of each kind.
     pub counts: Counts,
 }
 

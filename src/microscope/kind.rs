@@ -44,7 +44,7 @@ pub enum Kind {
 }
 
 impl Memory {
-    /// Returns its name.
+    /// Returns the memory's name, such as "global".
     pub fn name(self) -> &'static str {
         match self {
             Self::Global => "global",
@@ -68,7 +68,7 @@ impl Kind {
 }
 
 impl Display for Kind {
-    /// Formats as "load global" or "branch".
+    /// Formats the kind as "load global" or "branch".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verb = match self {
             Self::Load(_) => "load",
@@ -124,7 +124,7 @@ impl Counts {
 }
 
 impl Display for Counts {
-    /// Formats as "load global 12, arithmetic 4".
+    /// Formats the numbers as "load global 12, arithmetic 4".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let parts: Vec<String> = self.iter().map(|(kind, count)| format!("{kind} {count}")).collect();
         f.write_str(&parts.join(", "))

@@ -67,7 +67,7 @@ pub struct Listing {
     pub instructions: u32,
     /// Number of instructions with a source line.
     pub with_line: usize,
-    /// The kinds of all instructions.
+    /// Number of instructions of each kind.
     pub counts: Counts,
     /// The instructions of each line, or of each part.
     pub rows: Vec<Row>,
@@ -184,7 +184,7 @@ impl Microscope {
         });
     }
 
-    /// Returns the value. If there is no value, adds the reason to the notes.
+    /// Returns the value of `result`. If `result` is an error, adds the error to the notes.
     fn noting<T>(&mut self, result: Result<T, String>) -> Option<T> {
         result.map_err(|note| self.notes.push(note)).ok()
     }

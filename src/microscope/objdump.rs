@@ -1,4 +1,4 @@
-//! Reads kernels from machine code of a CPU with `objdump`, which is part of the GNU binutils.
+//! Uses `objdump`, a part of the GNU binutils, to read kernels from a CPU's machine code.
 
 use super::code::{Code, Instruction};
 use super::tool::{Folder, Tool};
@@ -22,7 +22,7 @@ struct Listing<'a> {
     is_x86: bool,
     /// The source line of the instructions from each address on; `None` if they have no line.
     lines: BTreeMap<u64, Option<u32>>,
-    /// Names and bodies.
+    /// The name of each function, and the text of its instructions.
     functions: Vec<(&'a str, &'a str)>,
 }
 
@@ -76,7 +76,7 @@ impl<'a> Listing<'a> {
     }
 }
 
-/// Returns the name and the lines of a function, whose text begins with "0000000000001130 <name>:".
+/// Returns the name of a function, and the text of its instructions. `text` begins with "0000000000001130 <name>:".
 fn function(text: &str) -> Option<(&str, &str)> {
     let (head, body) = text.trim_start_matches('\n').split_once('\n')?;
     let name = head.split_once(" <")?.1.strip_suffix(">:")?;

@@ -9,8 +9,8 @@
 //!     .loc 1 3 9, function_name $L__info_string0, inlined_at 1 14 3
 //! ```
 //!
-//! A `.loc` applies to all instructions up to the next one. For an instruction from an inlined
-//! function, the first two numbers are the file and the line within that function.
+//! A `.loc` applies to all instructions up to the next `.loc`. For an instruction from an inlined
+//! function, the first two numbers are the file and the line of the instruction in that function.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};
@@ -35,7 +35,7 @@ fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
 
-/// Returns the number of a file from `.file 1 "folder/name"`.
+/// Returns the number of the file `file`, such as 1, from the line `.file 1 "folder/name"`; `None` for other files.
 fn numbered(line: &str, file: &str) -> Option<u32> {
     let (number, path) = line.trim().strip_prefix(".file")?.trim_start().split_once(char::is_whitespace)?;
     let path = path.trim_start().strip_prefix('"')?.split('"').next()?;

@@ -67,7 +67,8 @@ fn instructions<'a>(body: impl Iterator<Item = &'a str>, file: &str) -> Vec<Inst
     found
 }
 
-/// Reads `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`.
+/// Returns the line 12 from `"/tmp/kernel.cl", line 12 inlined at "/tmp/kernel.cl", line 30`; `None` for files other
+/// than `file`.
 fn place_in(place: &str, file: &str) -> Option<u32> {
     let (path, rest) = place.strip_prefix('"')?.split_once('"')?;
     let number = rest.strip_prefix(", line ")?.split(' ').next()?.parse().ok()?;
@@ -75,7 +76,7 @@ fn place_in(place: &str, file: &str) -> Option<u32> {
     (path.rsplit('/').next() == Some(file)).then_some(number).filter(|number| *number > 0)
 }
 
-/// Reads "/*0010*/  @!P0 LDG.E R2, [R2] ;".
+/// Returns the instruction "@!P0 LDG.E R2, [R2]" from the line "/*0010*/  @!P0 LDG.E R2, [R2] ;".
 fn instruction(line: &str) -> Option<&str> {
     let (address, text) = line.strip_prefix("/*")?.split_once("*/")?;
     let is_address = !address.is_empty() && address.bytes().all(|byte| byte.is_ascii_hexdigit());

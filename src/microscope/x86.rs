@@ -1,5 +1,5 @@
-//! Determines the kinds of x86-64 instructions from the text that `objdump` prints, which has the
-//! sources first and the destination last.
+//! Determines the kinds of x86-64 instructions from the text that `objdump` prints. In this text, the
+//! destination is the last operand of an instruction.
 
 use super::kind::{Kind, Memory};
 

@@ -25,7 +25,7 @@ pub struct OutFolder {
 }
 
 impl OutFolder {
-    /// Reads the list of a folder, which need not exist.
+    /// Reads the list of a folder. The folder and the list need not exist.
     pub fn open(path: &Path, choice: Choice) -> Result<Self> {
         let results = path.join("records.jsonl").is_file();
         let list = path.join(LIST);
@@ -39,7 +39,7 @@ impl OutFolder {
         }
     }
 
-    /// Returns the path.
+    /// Returns the folder's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -89,8 +89,8 @@ impl OutFolder {
         self.write_list()
     }
 
-    /// Removes plots and exports of an earlier report that are no longer shown. Plots of other pages, files that somebody
-    /// changed, and files that cannot be removed stay.
+    /// Removes plots and exports of an earlier report that are no longer shown. Plots of other pages and files that
+    /// cannot be removed stay. Files that somebody changed stay too, except in a folder of results, which has no list.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -297,7 +297,7 @@ mod tests {
         assert!(OutFolder::open(results.path(), KEEP).unwrap().is_known());
     }
 
-    /// In a folder of results there is no list; all files with raycl's names are its own.
+    /// A folder of results has no list; raycl treats every file with one of its own file names as its own.
     #[test]
     fn files_of_results_are_replaced_and_stale_plots_removed_without_a_list() {
         let folder = tempfile::tempdir().unwrap();

@@ -111,7 +111,7 @@ fn hole(head: &[u8]) -> Option<Range<usize>> {
     (end <= head.len()).then_some(start..end)
 }
 
-/// Returns the bytes for the range `hole`.
+/// Returns the bytes for the range `hole`: the hash's digits and, in a PNG, the chunk's checksum.
 fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     let mut bytes = hash.to_hex().as_bytes().to_vec();
     // A PNG's checksum covers the chunk's type and contents.

@@ -77,7 +77,7 @@ pub(super) fn put(
     write: impl FnOnce(&mut File) -> IoResult<()>,
 ) -> Result<()> {
     let failed = |error: std::io::Error| match error.kind() {
-        // The error itself names a temporary file.
+        // The text of `error` is not shown, since it names a temporary file.
         ErrorKind::PermissionDenied => {
             Error::run(format!("cannot write '{}': permission denied", path.display()))
                 .with_help(format!("write to another folder with `{}`", choice.elsewhere))

@@ -41,7 +41,7 @@ impl Target {
         self.path.as_os_str() == STANDARD_OUTPUT
     }
 
-    /// Returns the path.
+    /// Returns the target's path.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -22,8 +22,8 @@ const SLOTS: u64 = 8;
 const LARGE_BYTES: u64 = 512 << 20;
 /// The smallest distance in bytes between the steps of the pointer chase in global memory: a cache line.
 const LINE_BYTES: usize = 128;
-/// Number of entries of the pointer chases in private and `__local` memory; a prime, so that the end of a
-/// chase shows that it ran.
+/// Number of entries of the pointer chases in private and `__local` memory; a prime, so that the entry at which a chase
+/// ends shows that the chase ran.
 const ENTRIES: u64 = 61;
 /// Number of kernel launches in a batch.
 const BATCH: u32 = 500;
@@ -208,7 +208,7 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Distance between steps in entries; any number works.
+/// Number of entries that a step of a pointer chase advances; any number works.
 const STRIDE: i32 = 13;
 
 fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {

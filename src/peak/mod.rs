@@ -42,9 +42,9 @@ pub struct Figure {
 pub struct Peak {
     /// The device's name in records.
     pub device: String,
-    /// Its platform's name.
+    /// The name of the device's platform.
     pub platform: String,
-    /// Its driver's version.
+    /// The version of the device's driver.
     pub driver: String,
     /// Date and time of the measurement, RFC 3339.
     pub timestamp: String,
@@ -96,7 +96,7 @@ impl Peak {
     /// Reads the rates of one device, or a list for several devices.
     pub fn read(path: &Path) -> Result<Vec<Self>> {
         let text = reader::text(path, Kind::Peaks)
-            .map_err(|error| Error::unreadable("figures", path, &error, WRITTEN_BY))?;
+            .map_err(|error| Error::unreadable("peak rates", path, &error, WRITTEN_BY))?;
         #[derive(Deserialize)]
         #[serde(untagged)]
         enum File {
@@ -125,7 +125,8 @@ impl Peak {
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Adds to a record the share of its device's peak multiply-add rate that its ray-triangle tests reach.
+    /// Computes which share of the device's peak rate of multiply-adds a record's ray-triangle tests reach, and adds
+    /// this share to the record.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

@@ -13,7 +13,7 @@ use std::time::Instant;
 pub struct Rig<'a> {
     /// The device.
     pub device: &'a Device,
-    /// Its queue.
+    /// The device's queue.
     pub queue: Queue,
     sources: &'a Sources,
 }
@@ -74,7 +74,7 @@ impl<'a> Rig<'a> {
         built.map(|built| built.program).map_err(|error| failed(format!("{file}: {error}")))
     }
 
-    /// Returns a kernel of `items` work-items in groups of `group`; the caller adds its arguments.
+    /// Returns a kernel of `items` work-items in groups of `group`; the caller adds the kernel's arguments.
     pub fn kernel<'b>(
         &self,
         program: &'b Program,
@@ -148,7 +148,7 @@ fn looped(mut timed_ms: impl FnMut(i32) -> Result<f64>) -> Result<(Vec<f64>, i32
     Ok((seconds, loops))
 }
 
-/// Repeats a measurement the usual number of times.
+/// Runs a measurement `REPEATS` times, and returns all results.
 pub fn repeat<T>(mut once: impl FnMut() -> Result<T>) -> Result<Vec<T>> {
     (0..REPEATS).map(|_| once()).collect()
 }

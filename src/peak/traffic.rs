@@ -13,7 +13,8 @@ const FLOAT_BYTES: f64 = 4.0;
 /// the bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traffic {
-    /// Bytes of the triangle; the rays of a work-item share them.
+    /// Bytes of the triangle, divided by the number of rays of a work-item, since a work-item reads a triangle once for
+    /// all its rays.
     pub triangle_bytes: f64,
     /// The memory that contains the triangle.
     pub triangle_in: &'static str,
@@ -94,7 +95,7 @@ mod tests {
         assert_eq!(of("local-vectors"), Some((36.0, "global", 24.0, "__local")));
         assert_eq!(of("tiled"), Some((48.0, "__local", 0.0, "registers")));
         assert_eq!(of("deferred,width=4"), Some((9.0, "global", 0.0, "registers")));
-        assert_eq!(of("bvh"), None, "its tests are not counted");
+        assert_eq!(of("bvh"), None, "the number of tests in a tree is unknown");
         assert_eq!(traffic("naive").map(|one| one.bytes()), Some(60.0));
     }
 }

@@ -29,7 +29,8 @@ pub struct BuildError {
 }
 
 impl BuildError {
-    /// Gives kernel files their paths. The compiler names them relative to `cl/` or to the user's folder.
+    /// Replaces the names of kernel files in the log by their paths. The compiler names these files relative to `cl/`
+    /// or to the user's folder.
     pub(crate) fn located(self, sources: &Sources, files: &[String]) -> Self {
         let path = |name: &str| files.iter().any(|file| file == name).then(|| sources.path_of(name));
         let log = with_paths(&self.log, path);
@@ -55,7 +56,7 @@ fn with_paths(log: &str, path: impl Fn(&str) -> Option<String>) -> String {
 pub struct BuiltProgram {
     /// The OpenCL program.
     pub program: Program,
-    /// Time for the build; a driver may use its own cache.
+    /// Time for the build; short if the driver takes the program from its own cache.
     pub build_ms: f64,
     /// True if the program came from raycl's cache, and nothing was compiled.
     pub from_cache: bool,
@@ -168,7 +169,8 @@ impl BuiltProgram {
     }
 }
 
-/// Returns a program's compiler options, with those that make the device's compiler print resources, or nothing.
+/// Returns a program's compiler options, and the option that makes the device's compiler print the kernels' resources.
+/// A compiler that cannot print resources gets the option that stops its output to the terminal, if it has one.
 fn options(device: Device, spec: &ProgramSpec) -> String {
     let more = if prints_resources(device) { VERBOSE } else { quieting(device) };
     format!("{} {more}", spec.options).trim_end().to_owned()
@@ -189,8 +191,8 @@ fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -
     Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
-/// Returns the same as [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), for a device's
-/// handle.
+/// Returns whether the device's compiler can print resources, like
+/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), but from the device's handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions

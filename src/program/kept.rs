@@ -3,7 +3,7 @@
 use crate::cache::Cache;
 use crate::device::DeviceInfo;
 
-/// The kind of these cache entries.
+/// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
 /// The kind of entries that map a program's name to its key. If the program uses a tree, the program's name is known
 /// before the tree is built, but the program's key is not.

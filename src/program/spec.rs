@@ -20,8 +20,8 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
-    /// Makes the program of `strategy` for a workload. A size of the scene becomes a define only if a `__local` array
-    /// depends on it, so that different scenes can use the same program.
+    /// Makes the compiler's input for a strategy and a workload. A size of the scene becomes a define only if a
+    /// `__local` array depends on it, so that different scenes can use the same program.
     pub fn new(
         sources: &Sources,
         strategy: &Strategy,
@@ -67,7 +67,8 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
-/// Returns the parameter lists of the camera and of every kernel, from the manifest.
+/// Returns macros for parameter lists, made from [`crate::manifest`]: one with the parameters that describe the camera, and
+/// one for each kernel of the strategy's family that this strategy and workload need.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds_of(kernel.when, workload));
     let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));

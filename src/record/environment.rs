@@ -114,10 +114,10 @@ pub struct DeviceEnvironment {
     /// Compute capability, if the driver reports it.
     #[serde(default)]
     pub compute_capability: Option<String>,
-    /// The highest clock that the driver reports.
+    /// The highest clock frequency that the driver reports, MHz.
     #[serde(default)]
     pub max_clock_mhz: Option<u64>,
-    /// Resolution of the timer that profiling reads.
+    /// Resolution of the timer that profiling reads, ns.
     #[serde(default)]
     pub timer_resolution_ns: Option<u64>,
     /// Number of the host's cores that the device may use; null if the device does not run on the
@@ -160,9 +160,9 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether records show the device `name` as `shown`. If a run was merged from machines
-/// with devices of the same name, records add a text in brackets to the name, so that the devices
-/// differ.
+/// Returns whether `shown` is the name of the device `name` in records. If a run was merged from
+/// machines with devices of the same name, the names in records end with a text in brackets, so that
+/// the devices differ.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {
     shown
         .strip_prefix(name)

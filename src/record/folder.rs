@@ -104,7 +104,7 @@ impl Folder {
         })
     }
 
-    /// Returns a value of the run's config.
+    /// Returns the text of a top-level key in the run's config; `None` if there is none.
     pub fn config(&self, key: &str) -> Option<String> {
         let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
         Some(table.get(key)?.as_str()?.to_owned())
@@ -206,7 +206,7 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Returns the last record of every name, in the order in which the names first occur.
+/// Returns the last record of every name, in the order in which the names first occur. `name` returns a record's name.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut kept: Vec<Record> = Vec::new();

@@ -12,6 +12,7 @@ use serde::de::DeserializeOwned;
 use super::own_file;
 use crate::error::{Error, Result};
 use crate::reader;
+use crate::words::counted_are;
 
 /// A file to which values of type `T` are appended.
 #[derive(Debug)]
@@ -69,10 +70,9 @@ impl<T> Lines<T> {
     /// Returns a note on the damaged lines of the file `name`.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
-        let (count, lines_are) =
-            (self.damaged.len(), if self.damaged.len() == 1 { "line is" } else { "lines are" });
+        let lines = counted_are(self.damaged.len(), "damaged line");
         Some(format!(
-            "{count} damaged {lines_are} left out of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
+            "{lines} left out of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
         ))
     }
 }

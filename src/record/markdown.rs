@@ -113,7 +113,7 @@ fn unranked(records: &[&Record]) -> String {
     }
 }
 
-/// Formats as "naive at 8 x 8".
+/// Returns a point's strategy and local size, such as "naive at 8 x 8".
 fn title(record: &Record) -> String {
     match record.local_size {
         Some(size) => format!("{} at {}", markdown(&record.name), by(size)),

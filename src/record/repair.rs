@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// Each journal has another kind of line.
+    /// Each journal has lines of a different type.
     #[test]
     fn whole_lines_of_every_journal_are_kept() {
         let record = serde_json::to_string(&Record::default()).unwrap();

@@ -4,6 +4,7 @@ use super::numbers::significant;
 use super::types::Record;
 use crate::load::Load;
 use crate::measure::quantile;
+use crate::words::counted_are;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashSet};
 
@@ -136,8 +137,8 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     })
 }
 
-/// Returns the median core-to-core latency in nanoseconds, for example of a launch, from readings; `None` if these are
-/// too few.
+/// Returns the median of readings of the core-to-core latency, for example those of one launch, in nanoseconds; `None`
+/// if there are too few readings.
 pub(crate) fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
     readings_ns.sort_unstable_by(f64::total_cmp);
     (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
@@ -156,10 +157,7 @@ pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Opti
     let near = shown.into_iter().map(|(_, ns)| ns).reduce(f64::min)?;
     let far: Vec<f64> = others.into_iter().map(|(_, ns)| ns).filter(|ns| *ns > MOVED * near).collect();
     let [nearest, farthest] = [f64::min, f64::max].map(|of| far.iter().copied().reduce(of));
-    let launches = match far.len() {
-        1 => "1 launch is".to_owned(),
-        several => format!("{several} launches are"),
-    };
+    let launches = counted_are(far.len(), "launch");
     Some(format!(
         "{launches} left out, because this virtual machine's processors were on cores further apart (core-to-core latency \
          {}, otherwise {} ns). Times then differ, above all those of kernels whose work-groups share data.",
@@ -247,7 +245,7 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // A single long reading does not count as a move.
+        // A single high latency does not mean that the processors were moved.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);
@@ -278,7 +276,7 @@ mod tests {
     #[test]
     fn what_processes_and_guests_take_adds_up() {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
-        // The worst launch is the one from which both together took most.
+        // The worst launch is the one in which processes and virtual machines together used the most processors.
         let launches = [line(0, 0.3), RoundLoad { stolen: 0.4, ..line(1, 0.2) }];
         let both = [Record { sample_launches: vec![0, 1], ..Record::default() }];
         let said = disturbance(&launches, &both).unwrap();
@@ -286,7 +284,7 @@ mod tests {
             said.contains("kept 0.20 of 2 processors busy, and other virtual machines used another 0.40"),
             "{said}"
         );
-        // Neither half disturbs alone.
+        // Either load alone is too small to count as a disturbance.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
         assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());

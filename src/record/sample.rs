@@ -28,8 +28,8 @@ pub struct Sample {
     pub shade_ms: Option<f64>,
     /// The frame's time on the host's clock.
     pub host_ms: Option<f64>,
-    /// The processor time that the process used for the frame; absent unless processors cast the
-    /// frame.
+    /// The processor time that the process used for the frame; absent if the frame was cast by a device
+    /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single

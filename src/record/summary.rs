@@ -165,8 +165,8 @@ pub mod tests {
         }
     }
 
-    /// Returns records as a folder shows them. Each record gets its position among the records that
-    /// were measured with it.
+    /// Returns records as a folder shows them: each record has its times relative to those of the
+    /// records that were measured with it.
     pub fn judged(records: impl Into<Vec<Record>>) -> Vec<Record> {
         let mut records = records.into();
         judge(&mut records);

@@ -189,7 +189,8 @@ fn meaning(record: &Record) -> &'static str {
     }
 }
 
-/// Returns what an infeasible point lacks. Records have only the reason's text.
+/// Returns why an infeasible point could not run, in general terms. This is found from the text of the reason, since
+/// records contain nothing else.
 fn obstacle(reason: &str) -> &'static str {
     if reason.contains(" B > ") {
         "the device or the host has too little memory"

@@ -13,9 +13,9 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 /// Points are a tie if their times differ by less than this fraction, even if the samples clearly show the difference.
 const TIE: f64 = 0.01;
 
-/// Computes the position of each measured record among the records that were measured with it. Records of the same
-/// launches were measured together. Records of earlier versions have no launch numbers; they are treated as measured
-/// together if their scene, image size and device are equal.
+/// Computes the position of each measured record: its times relative to those of the records that were measured with
+/// it. Records of the same launches were measured together. Records of earlier versions have no launch numbers; they
+/// are treated as measured together if their scene, image size and device are equal.
 pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
@@ -264,7 +264,7 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If launches were left out, run again."
+            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
         ));
     }
     notes.extend(

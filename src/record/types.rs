@@ -136,8 +136,8 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order of measurement. Without preempted samples, and without launches in
-    /// which the processors were further apart.
+    /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor are
+    /// left out, and so are launches in which the processors were further apart.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -147,8 +147,8 @@ pub struct Record {
     /// When each sample was measured, in milliseconds since the rounds of its launch began.
     #[serde(default)]
     pub samples_at_ms: Vec<f64>,
-    /// The record's position among the records that were measured with it. The position is computed when a folder is
-    /// read, and not stored.
+    /// The record's times relative to those of the records that were measured with it. They are computed when a folder
+    /// is read, and not stored.
     #[serde(skip)]
     pub place: Option<Place>,
     /// The rule that ended the sampling.
@@ -178,8 +178,8 @@ pub struct Record {
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since the two rates are
-    /// different quantities, only CSV files contain this field. See [`Self::primary_rays_per_s`] and
-    /// [`Self::frame_rays_per_s`].
+    /// different quantities, the only tables with this field are CSV files, and no page shows it. See
+    /// [`Self::primary_rays_per_s`] and [`Self::frame_rays_per_s`].
     pub rays_per_s: Option<f64>,
     /// Number of shadow rays of a frame: one per light for every pixel whose ray hits something, and one more per such
     /// pixel if the scene has a sky.
@@ -190,7 +190,8 @@ pub struct Record {
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
-    /// The pixel with the largest difference: column, row.
+    /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference: column,
+    /// row.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification compares such
     /// a pixel with the range of values that the moved rays yield.

@@ -28,11 +28,11 @@ pub struct Beam {
 /// How a beam meets a triangle, with the range of distances at which its rays may hit the triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum BeamHit {
-    /// No ray hits it.
+    /// No ray hits the triangle.
     None,
-    /// Some rays may hit it.
+    /// Some rays may hit the triangle.
     Some([f64; 2]),
-    /// All rays hit it.
+    /// All rays hit the triangle.
     All([f64; 2]),
 }
 
@@ -47,9 +47,10 @@ impl Beam {
         Self { end: surface, ..self }
     }
 
-    /// Tests on which side of three planes the beam's rays lie. Each plane contains the origin and an edge of the
-    /// triangle. Within the beam, the distance of a unit direction from one of these planes changes by at most the
-    /// beam's angle. A result that rounding could change does not count as certain (see [`super::leaning`]).
+    /// Returns how the beam meets a triangle. Tests on which side of three planes the beam's rays lie. Each plane
+    /// contains the origin and an edge of the triangle. Within the beam, the distance of a unit direction from one of
+    /// these planes changes by at most the beam's angle. A result that rounding could change does not count as certain
+    /// (see [`super::leaning`]).
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
@@ -103,8 +104,8 @@ impl Beam {
         }
     }
 
-    /// Returns on which side of a plane the rays lie. The dot product of `plane` and a unit direction has the given
-    /// error.
+    /// Returns on which side of a plane the rays lie. `plane` is the plane's normal. Its dot product with a unit
+    /// direction has the given error.
     fn side(&self, plane: DVec3, error: f64) -> Side {
         let height = plane.dot(self.direction);
         if height.abs() <= self.angle * plane.length() + error {

@@ -24,7 +24,7 @@ const NUDGE_RADIANS: f64 = 1e-6;
 /// rounding.
 const RIVAL: f64 = 1e-6;
 /// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
-/// triangle's size. For grazing light, this error decides whether a shadow ray starts above or below its own surface.
+/// triangle's size. For grazing light, this error decides whether a shadow ray starts above or below the triangle.
 /// Nudges of the pixel's ray do not reveal this error.
 const OFF_PLANE: f64 = 1e-6;
 
@@ -35,7 +35,7 @@ const SKY_NUDGE: f64 = 1e-6;
 /// and a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
-/// A surface that is this close to a light may or may not occlude it. The distance is relative to the light's
+/// A surface that is this close to a light may or may not occlude the light. The distance is relative to the light's
 /// distance or to the light's coordinates.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
@@ -54,7 +54,8 @@ pub struct Asked<'a> {
 }
 
 impl Asked<'_> {
-    /// Includes the values that a hit's radiance takes if rounding turns the direction in which the sky is seen.
+    /// Includes in `sample` the values that a hit's radiance takes if rounding turns the direction in which the sky is
+    /// seen.
     fn turn_sky(&self, sample: &mut PixelSample, radiance: impl Fn(&Seen<'_>) -> DVec3) {
         if self.seen.sky.is_none() {
             return;
@@ -66,7 +67,7 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes the colours that a ray without a hit may get from the sky's picture if rounding turns its
+    /// Includes in `sample` the colours that a ray without a hit may get from the sky's picture if rounding turns its
     /// direction.
     fn turn_background(&self, sample: &mut PixelSample, ray: &Ray<f64>) {
         for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * PICTURE_NUDGE, axis * -PICTURE_NUDGE]) {

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Number of children of a node in the tree for which costs are counted, as in the preset `bvh`.
 pub const NODE_WIDTH: usize = 4;
-/// Largest number of triangles in a leaf of this tree.
+/// Largest number of triangles in a leaf of the tree for which costs are counted.
 pub const LEAF_SIZE: usize = 4;
 
 /// The cost of a pixel's primary ray and its shadow rays together.
@@ -59,8 +59,8 @@ pub fn in_built(scene: &Scene, tree: &WideBvh, size: [u32; 2], culling: Culling)
     each_pixel(scene, size, |tally| Walking { tree, mesh: &scene.mesh, culling, tally })
 }
 
-/// The counts of one pixel. A single thread counts, but the trait requires finders to be shareable between threads, so
-/// the counts are atomic.
+/// The counts of one pixel. A single thread counts, but the trait [`Finder`] requires finders to be shareable between
+/// threads, so the counts are atomic.
 #[derive(Debug, Default)]
 struct Tally {
     tests: AtomicU32,

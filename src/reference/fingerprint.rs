@@ -1,4 +1,4 @@
-//! Identifies the source of the casters on the host.
+//! Identifies the source code of the casters on the host.
 
 /// The source files in this folder that cast the rays of baselines.
 const SOURCES: [(&str, &str); 11] = [

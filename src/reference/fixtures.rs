@@ -46,7 +46,7 @@ pub(crate) fn random(triangles: usize, seed: u64) -> Scene {
     scene("random triangles", mesh, vec3(1.0, 3.0, 1.0))
 }
 
-/// A closed sphere of `2 * bands^2 * 2` triangles at most, on the ground.
+/// A closed sphere of `2 * bands^2 * 2` triangles, on the ground.
 pub(crate) fn sphere(bands: usize) -> Scene {
     let centre = vec3(0.0, 0.0, -2.5);
     let at = |i: usize, j: usize| {

@@ -41,8 +41,8 @@ pub fn with_half_light(
     Radiance { pixels, coverage: whole.coverage.clone(), ..*whole }
 }
 
-/// Returns where the centre of pixel `at` lies in the half picture, whose own pixel centres are whole numbers. The two
-/// numbers of pixels are those of the half and of the whole picture.
+/// Returns where the centre of pixel `at` lies in the half picture, whose own pixels have their centres at whole
+/// numbers. `half` and `whole` are the numbers of pixels of the half picture and of the whole picture along this axis.
 fn place_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
@@ -196,8 +196,9 @@ mod tests {
         assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
     }
 
-    /// Along each axis, two pixels of the whole picture lie around the centre of a pixel of the half picture, a quarter of
-    /// its side away.
+    /// If the whole picture is exactly twice as large, a pixel of the half picture covers two pixels of the whole picture
+    /// along each axis. Their centres lie a quarter of the larger pixel's side before and after its centre. If the numbers
+    /// of pixels are odd, the two middle pixels have the same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| place_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

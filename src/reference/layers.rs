@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// The number that is stored as triangle and as object of a pixel whose ray hits nothing.
 pub const NOTHING: u32 = u32::MAX;
 
-/// Each list contains one number per pixel, row by row from the top.
+/// The layers of a picture. Each list contains one element per pixel, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layers {
     /// Image size in pixels: across, down.
@@ -23,9 +23,9 @@ pub struct Layers {
     pub depth: Vec<f32>,
     /// The interpolated normal, of length 1; zero without a hit.
     pub normal: Vec<[f32; 3]>,
-    /// The number of the triangle in the scene, from 0.
+    /// The number of the triangle in the scene, from 0; [`NOTHING`] without a hit.
     pub triangle: Vec<u32>,
-    /// The number of the object in the scene, from 0.
+    /// The number of the object in the scene, from 0; [`NOTHING`] without a hit.
     pub object: Vec<u32>,
     /// Number of triangles against which the pixel's rays, including shadow rays, are tested in a tree.
     pub tests: Vec<u32>,

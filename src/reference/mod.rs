@@ -89,7 +89,7 @@ pub struct Doubt {
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],
-    /// The greatest value of each channel.
+    /// The greatest value of each channel under the same nudges.
     pub high: [f32; 3],
 }
 

@@ -27,12 +27,12 @@ impl PixelSample {
         Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
     }
 
-    /// Includes another value of the radiance.
+    /// Includes another possible value of the radiance in the changes and in the range.
     pub(super) fn consider(&mut self, other: DVec3) {
         self.nudge(Reach::Near, other);
     }
 
-    /// Includes the radiance of a nudged ray.
+    /// Includes the radiance of a nudged ray in the changes and, unless the nudge is wide, in the range.
     pub(super) fn nudge(&mut self, reach: Reach, other: DVec3) {
         let change = (other - self.radiance).abs().max_element();
         self.change = self.change.max(change);

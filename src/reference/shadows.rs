@@ -23,13 +23,13 @@ pub struct Shadows<'a> {
 pub struct Points {
     /// The number of the triangle.
     pub triangle: u32,
-    /// The point at their centre.
+    /// The point at the centre.
     pub centre: DVec3,
     /// The largest distance of a point from the centre.
     pub spread: f64,
 }
 
-/// True if a light reaches the points; `None` if that is uncertain.
+/// True if a light reaches all points, false if it reaches none of them; `None` if that is uncertain.
 type Reaches = Option<bool>;
 
 impl<'a> Shadows<'a> {
@@ -40,7 +40,7 @@ impl<'a> Shadows<'a> {
 
     /// Returns whether a light reaches all points; `None` if that is uncertain, and for the sky.
     pub fn reaches(&self, light: usize) -> Reaches {
-        // The sky is seen in a different direction from each point.
+        // The sky has no entry in `known`, since it is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;
         known.unwrap_or_else(|| {
             let found = self.find(light);

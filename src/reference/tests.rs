@@ -76,7 +76,8 @@ fn back_faces_are_seen_unless_culled() {
 
 #[test]
 fn culled_faces_cast_no_shadow() {
-    // Shadow rays hit the triangle from behind, so the book adds a reversed copy.
+    // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore contains a reversed
+    // copy of the triangle, as in the book, which the test removes.
     let mut scene = fixtures::figure_4();
     let black = |scene: &Scene| {
         let image = reference(scene, [80, 80], Culling::Back).radiance;
@@ -137,7 +138,7 @@ fn a_pixel_is_uncertain_beside_what_is_narrower_than_the_wider_nudge() {
 
 #[test]
 fn a_pixel_is_uncertain_where_light_grazes_its_triangle() {
-    // The triangle is so small that a shadow ray that starts far below its plane passes beside it.
+    // The triangle is so small that a shadow ray that starts far below the triangle's plane passes beside the triangle.
     let uncertain = |height: f32| {
         let mut scene = fixtures::single_triangle();
         scene.mesh_mut().positions =

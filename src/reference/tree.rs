@@ -144,8 +144,8 @@ const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis, at whose borders a node may be split.
 const BINS: usize = 16;
 
-/// Builds the nodes over a part of the triangles. The first node has the number `base` in the whole tree, at
-/// this `level` below the root.
+/// Builds the nodes over a part of the triangles. `base` is the place of the part's first triangle among all triangles.
+/// `level` is the number of levels from the root to the part's node.
 fn build(part: &mut [Indexed], base: u32, level: usize) -> Vec<Node> {
     if part.is_empty() {
         return Vec::new();
@@ -205,8 +205,8 @@ fn split(part: &mut [Indexed], level: usize) -> usize {
     middle
 }
 
-/// Returns the first bin of the right part for the cheapest split. The cost of a split is the sum of area times number
-/// of triangles over both parts. `None` if all triangles are in one bin.
+/// Returns the first bin of the right part for the cheapest split. The cost of a split is the sum, over both parts, of
+/// the box's area times the number of triangles. `None` if all triangles are in one bin.
 fn cheapest(part: &[Indexed], bin: impl Fn(&Indexed) -> usize) -> Option<usize> {
     let mut bins = [(Bounds::NONE, 0_usize); BINS];
     for t in part {

@@ -34,7 +34,7 @@ pub struct Answer {
     pub sure: String,
     /// Points that could not run: their number and the reason.
     pub refused: Vec<Refused>,
-    /// The best record's picture, relative to its folder.
+    /// The path of the best record's picture, relative to the folder of results.
     pub image: Option<String>,
 }
 
@@ -157,7 +157,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
     let look = if launches(best) < 2 { " There was only one launch, so this is not conclusive." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
-        1 if launches(best) < 2 => ("unsure", format!("It beats all others; {rests}.{look}")),
+        1 if launches(best) < 2 => ("unsure", format!("It is faster than all other points; {rests}.{look}")),
         1 if may_be_faster(ranking) => ("unsure", "A point with too few samples may be as fast.".to_owned()),
         1 => ("clear", format!("Every other point certainly takes longer; {rests}.")),
         several => (

@@ -19,7 +19,7 @@ pub struct EnvironmentView {
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 
-/// An OpenCL program that was measured: the strategy's name, its axes, its hashes.
+/// An OpenCL program that was measured: the name and the axes of its strategy, and the program's hashes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Program {
     /// The strategy's name.

@@ -28,7 +28,7 @@ pub struct Picture {
     pub path: String,
 }
 
-/// The pictures of a scene at a size.
+/// The pictures of a scene at an image size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     /// The scene.
@@ -41,7 +41,7 @@ pub struct Scene {
     pub pictures: Vec<Picture>,
 }
 
-/// Reads pictures until the limit is reached.
+/// Reads pictures until their total size reaches `PICTURE_BYTES`.
 #[derive(Debug)]
 pub struct Pictures<'a> {
     folders: &'a [Folder],

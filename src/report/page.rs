@@ -276,7 +276,7 @@ fn one_view(
         others,
         rows: rows.chain(host).collect(),
         // With several folders, the device's name in a record may end with a folder's name. A
-        // command could not name the device then.
+        // command with this name would not find the device.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -300,7 +300,8 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
     entries(folders, device).find_map(|entry| entry["compute_capability"].as_str().map(str::to_owned))
 }
 
-/// Returns the command that writes a point's page of instructions, with the device's own name.
+/// Returns the command that writes a page with a point's instructions. The command has the device's own name, even
+/// if the name in the record ends with a folder's name.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(|entry| entry["device"].as_str());
     microscope::command(record, name.unwrap_or(&record.device))

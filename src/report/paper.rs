@@ -23,7 +23,7 @@ pub fn scenes() -> Vec<&'static str> {
     scenes.filter_map(|path| path.file_stem()?.to_str()).collect()
 }
 
-/// One published point.
+/// One point of a curve in the paper.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
     /// The paper's figure: 6, 7 or 8.
@@ -38,7 +38,7 @@ pub struct Published {
 
 const CSV: &str = include_str!("assets/published_runtimes.csv");
 
-/// Returns every published point, in the file's order.
+/// Returns every published point, in the order of published_runtimes.csv.
 pub fn published() -> Vec<Published> {
     let parse = |line: &str| {
         let mut cells = line.split(',');

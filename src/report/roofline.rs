@@ -99,7 +99,7 @@ fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     })
 }
 
-/// Returns the range of x that contains all marks and the points where roofs meet.
+/// Returns the range of x that contains all marks and the corners of all roofs.
 fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     let corners = peak.into_iter().flat_map(|peak| {
         let fma = peak.fma_per_s.median;

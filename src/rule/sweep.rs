@@ -73,7 +73,7 @@ impl Verdict {
 }
 
 impl Measured {
-    /// Returns the rule's choice on a device with this many compute units, for some constants; `None` if
+    /// Returns the rule's choice with these constants on a device with this many compute units; `None` if
     /// nothing was measured.
     pub fn verdict(&self, constants: Constants, compute_units: u32) -> Option<Verdict> {
         let choice = constants.way(&self.task, compute_units);

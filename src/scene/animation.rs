@@ -24,7 +24,7 @@ use wire::{MAX_FRAMES, MAX_RATE};
 /// of the previous frame: files that the previous frame used are not read again, and a mesh that stays the same is
 /// shared.
 pub struct Animation {
-    /// The number of frames; the first is 1.
+    /// The number of frames, which are counted from 1.
     pub frames: u32,
     /// Frames per second, if the file sets them.
     pub frames_per_second: Option<u16>,
@@ -43,7 +43,7 @@ impl fmt::Debug for Animation {
 }
 
 impl Animation {
-    /// Checks the animation of a document.
+    /// Checks the animation of a document, and returns it.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames, frames_per_second, track } = wire;
         let in_range = |value: u32, most: u32, span| {
@@ -66,11 +66,12 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
-    /// Checks that the scene of each of these frames can be read; nothing is loaded.
+    /// Checks the document of each of these frames: it must describe a scene, and its background must be transparent
+    /// exactly if that of frame 1 is. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///
-    /// Returns a user error, with its location in the file.
+    /// Returns a user error. If a document does not describe a scene, the error has the location in the file.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -120,7 +121,7 @@ impl Animation {
         }
     }
 
-    /// Returns the document's table with the values of some tracks at a frame.
+    /// Returns the document's table in which these tracks have set their values at a frame.
     fn table(&self, frame: u32, tracks: &[Track]) -> Result<Table> {
         let mut table = self.table.clone();
         for track in tracks {

@@ -30,7 +30,7 @@ pub(super) struct Assembled {
     pub orbit: Orbit,
     /// The number of each object's first triangle.
     pub starts: Vec<u32>,
-    /// True if a ground, soft light and a sky were added to a bare mesh.
+    /// True if a ground, soft light and a sky were added, because a mesh was given without a scene file.
     pub dressed: bool,
 }
 
@@ -54,8 +54,8 @@ pub(super) fn assemble(
     let eye = wire.camera.position.as_ref().map_or(0..0, toml::Spanned::span);
     check_camera(&camera).map_err(|error| document.place(eye, error, "this camera"))?;
     match wire.two_sided.unwrap_or(document.bare) {
-        // If a scene is seen from all sides, either all of its normals are reversed or none. Otherwise parts of the
-        // scene would be dark from behind.
+        // A scene on a turntable is seen from all sides, so either all of its normals are reversed or none. If only
+        // some were reversed, the camera would see dark surfaces at some angles.
         true if shot.turns => normals::turn_outwards(Arc::make_mut(&mut mesh)),
         true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
@@ -165,8 +165,8 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
     Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
-/// Returns the lights of a scene. A bare mesh has the lights of its file, or a key light and a fill
-/// light.
+/// Returns the lights of a scene. A mesh that is given without a scene file has the lights of its own file, or a key
+/// light and a fill light.
 fn lights(
     document: &Document,
     wire: &SceneWire,
@@ -192,7 +192,8 @@ fn lights(
     lights
 }
 
-/// Refuses lights of the file that are too far away or too bright, with their locations in the file.
+/// Refuses lights of the scene file that are too far away or too bright. The error has the light's location in the
+/// file.
 fn check_lights(
     document: &Document,
     wire: &SceneWire,
@@ -219,7 +220,7 @@ fn light(wire: &LightWire) -> Light {
     Light { position: Vec3::from_array(position), power: Vec3::from_array(power), radius }
 }
 
-/// The camera and the lights that the file of a bare mesh contains.
+/// The camera and the lights in the file of a mesh that is given without a scene file.
 #[derive(Clone, Default)]
 struct Seen {
     camera: Option<Camera>,

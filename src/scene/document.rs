@@ -30,16 +30,16 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
-    /// The path and the open file of a bare mesh, until the mesh is read; a pipe cannot be opened
-    /// twice.
+    /// The path and the open file of a mesh that is given without a scene file. The file stays open until the mesh is
+    /// read, because a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 
-/// In a bare mesh without normals, edges stay sharp if their faces meet at more than this angle.
+/// In a mesh without normals and without a scene file, edges stay sharp if their faces meet at more than this angle.
 const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
-    /// Reads a scene file, or makes the document of a bare mesh.
+    /// Reads a scene file, or makes the document of a mesh that is given without a scene file.
     pub fn read(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Self> {
         INPUTS.add(path);
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
@@ -76,7 +76,7 @@ impl Document {
         })
     }
 
-    /// Opens a file named in this document; a bare mesh is already open.
+    /// Opens a file named in this document. A mesh that is given without a scene file is already open.
     pub fn open(&self, path: &Path) -> std::io::Result<Opened> {
         INPUTS.add(path);
         let held = self.held.borrow_mut().take_if(|(held, _)| held == path);
@@ -106,8 +106,8 @@ impl Document {
         Ok(())
     }
 
-    /// Returns the document of one frame, with this text. If this document has opened the file of a bare mesh and not
-    /// read it yet, the new document takes over the open file.
+    /// Returns the document of one frame, with this text. If this document has opened the file of a mesh and not read
+    /// it yet, the new document takes over the open file.
     pub fn at_frame(&self, frame: u32, text: String) -> Self {
         Self {
             name: format!("{} at frame {frame}", self.name),
@@ -151,7 +151,7 @@ impl Document {
     }
 }
 
-/// Returns a file's name without its extensions; standard input has a fixed name.
+/// Returns a file's name without its extensions; for standard input, `picture`.
 fn stem(path: &Path) -> String {
     if path.as_os_str() == STANDARD_INPUT {
         return "picture".to_owned();
@@ -159,7 +159,7 @@ fn stem(path: &Path) -> String {
     unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Returns the text of the scene file for a bare mesh.
+/// Returns the text that replaces the scene file of a mesh that is given without one.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
     let file = file.ok_or_else(|| {
@@ -230,7 +230,7 @@ mod tests {
         let note = "a.obj: read as a scene (TOML), because of its contents and despite its name";
         let notes = told("a.obj", scene, true).unwrap();
         assert!(notes.contains(&note.to_owned()), "{notes:?}");
-        // If the contents do not tell the format, the name does.
+        // If the contents do not show the format, the name determines it.
         let unclear = format!("Notes of the maker\n{obj}");
         assert!(told("a.obj", &unclear, true).is_ok());
     }

@@ -1,5 +1,5 @@
-//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are
-//! dark, since they are lit from behind.
+//! Measures how much of the visible surface faces away from the camera. These surfaces are dark, since only the front
+//! of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
@@ -12,8 +12,8 @@ const ACROSS: usize = 48;
 /// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its distance as a multiple of the sample's direction, and whether it faces
-/// away.
+/// The nearest surface at each sample: its distance in units of the length of the sample's direction (infinite if there is
+/// no surface), and whether the surface faces away.
 type Nearest = Vec<(f64, bool)>;
 
 /// Returns a note if most of the visible surface faces away, in images with this ratio of width to height.
@@ -45,7 +45,7 @@ fn averted_part(mesh: &Mesh, camera: &Camera, aspect: f64) -> Option<f64> {
     (hits > 0).then(|| averted as f64 / hits as f64)
 }
 
-/// A picture of low resolution.
+/// The samples of a picture of low resolution: one ray through the middle of each of its pixels.
 struct Grid {
     size: [usize; 2],
     eye: DVec3,
@@ -147,7 +147,7 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         };
-        // At a distance of 1, the picture shows x from -1 to 1; three quarters of it face the camera.
+        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range face the camera.
         let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
         mesh.append(rectangle([0.5, 1.0], Vec3::NEG_Z));
         for aspect in [1.6, 0.5] {

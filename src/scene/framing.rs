@@ -42,7 +42,7 @@ impl Ball {
         Self { centre, radius, opening: opening(mesh, up) }
     }
 
-    /// Returns its centre and radius.
+    /// Returns the ball's centre and radius.
     pub fn place(&self) -> (DVec3, f64) {
         (self.centre, self.radius)
     }

@@ -24,7 +24,7 @@ impl Inputs {
         self.held().extend(names.into_iter().flatten());
     }
 
-    /// Returns whether a file was added. Its folder must be canonical.
+    /// Returns whether a file was added. The folder in `path` must be canonical.
     pub fn contains(&self, path: &Path) -> bool {
         self.held().contains(path)
     }

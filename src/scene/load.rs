@@ -19,10 +19,10 @@ pub struct Loaded {
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// The number of the first triangle of each object or, for a bare glTF file, of each node with
-    /// a mesh.
+    /// The number of the first triangle of each object or, for a glTF file without a scene file, of each node with a
+    /// mesh.
     pub object_starts: Vec<u32>,
-    /// True if a ground, soft light and a sky were added to a bare mesh.
+    /// True if a ground, soft light and a sky were added, because a mesh was given without a scene file.
     pub dressed: bool,
     /// The scene's animation, if its file has one. The animation makes the scenes of the later
     /// frames.
@@ -38,7 +38,7 @@ pub struct Shot {
     pub aspect: f64,
     /// True if the scene turns; it is then framed so that it is visible from all sides.
     pub turns: bool,
-    /// True if a bare mesh without lights gets a ground, soft light and a sky.
+    /// True if a mesh without a scene file and without lights gets a ground, soft light and a sky.
     pub dressed: bool,
 }
 
@@ -47,9 +47,10 @@ impl Shot {
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
 }
 
-/// Loads a scene file (TOML) or a bare mesh (OBJ, PLY, STL, glTF), recognised by their contents. A bare mesh
-/// is framed as in experiments: it is seen from the right, above and in front, for images at least as wide as
-/// high. It gets a key light and a fill light, and its normals are turned to the viewer.
+/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). Their contents show which of the
+/// two the file is. A mesh without a scene file is framed as in experiments: it is seen from the right, above and in
+/// front, for images at least as wide as high. It gets a key light and a fill light, and its normals are turned to the
+/// viewer.
 ///
 /// # Errors
 ///
@@ -60,7 +61,7 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 }
 
 /// Loads a scene after changing values, each named by a dotted path in the file, such as `camera.position` or
-/// `object.0.triangles`. A bare mesh is treated like a scene file with that mesh as its only object.
+/// `object.0.triangles`. A mesh without a scene file is treated like a scene file with that mesh as its only object.
 ///
 /// # Errors
 ///
@@ -69,7 +70,7 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
     load(path, overrides, Shot::SQUARE, true)
 }
 
-/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: a bare mesh is
+/// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: a mesh without a scene file is
 /// framed to fill them.
 ///
 /// # Errors

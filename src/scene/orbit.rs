@@ -10,8 +10,8 @@ pub struct Orbit {
     pub centre: DVec3,
     /// The direction of the axis, of length 1.
     pub up: DVec3,
-    /// True if lights move with the camera: lights that were added to a bare mesh do, and lights of
-    /// a scene do not.
+    /// True if lights move with the camera. Lights move if they were added to a mesh without a scene file; lights of a
+    /// scene file stay in place.
     pub with_lights: bool,
 }
 

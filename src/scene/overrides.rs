@@ -1,6 +1,7 @@
 //! `--set camera.position=[0,0,1]`: changes values in a document before it is parsed.
 
 use crate::error::{Error, Result};
+use crate::words::counted;
 use toml::{Table, Value};
 
 /// The remedy for a path that does not exist.
@@ -11,10 +12,9 @@ const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the
-/// index after the last element adds an element, as in `light.0.power`. If an angle of the camera
-/// is set, the whole scene is shown, so the camera's own position, direction and field of view are
-/// removed.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after the last
+/// element adds an element: in a scene without lights, `light.0.power` adds a light. If an angle of the camera is set,
+/// the whole scene is shown, so the camera's own position, direction and field of view are removed.
 pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
     for (path, value) in overrides {
         if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
@@ -89,7 +89,10 @@ fn set_in_array(
     let [key, rest @ ..] = keys else { return Ok(()) };
     let count = array.len();
     let index = key.parse::<usize>().ok().filter(|index| *index <= count).ok_or_else(|| {
-        format!("`{name}` has {count} elements; expected an index from 0 to {count} ({count} appends one), not `{key}`")
+        format!(
+            "`{name}` has {}; expected an index from 0 to {count} ({count} adds an element), not `{key}`",
+            counted(count, "element")
+        )
     })?;
     if rest.is_empty() {
         match array.get_mut(index) {
@@ -169,7 +172,7 @@ mod tests {
             assert!(message.starts_with(&format!("override `{path}`: ")), "{message}");
         }
         let message = set("light.2.power", 1).unwrap_err().to_string();
-        let expected = "`light` has 1 elements; expected an index from 0 to 1 (1 appends one), not `2`";
+        let expected = "`light` has 1 element; expected an index from 0 to 1 (1 adds an element), not `2`";
         assert!(message.ends_with(expected), "{message}");
     }
 }

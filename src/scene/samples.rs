@@ -20,7 +20,7 @@ const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 
-/// One sample, for every pixel.
+/// One sample; its offset is the same in every pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// The sample's offset from a pixel's centre, in pixels.
@@ -367,7 +367,7 @@ mod tests {
         assert_eq!((Sampling::all(4).half_light, Sampling::adaptive(4).half_light), (0, 0));
     }
 
-    /// Otherwise the points of different lights would be correlated.
+    /// If two seeds had the same order, the points on different lights would be correlated.
     #[test]
     fn each_seed_has_its_own_order_of_the_same_strata() {
         let order = |seed: u32| -> Vec<u32> {

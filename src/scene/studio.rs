@@ -1,4 +1,5 @@
-//! The default surroundings of a bare mesh: a ground, a soft key light, a weak fill light and a sky.
+//! The default surroundings of a mesh that is given without a scene file: a ground, a soft key light, a weak fill light
+//! and a sky.
 
 use super::framing::{self, Ball};
 use super::mesh::PARALLEL_TRIANGLES;
@@ -6,8 +7,8 @@ use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Power of the key and the fill light, relative to the lights that a bare mesh has without these surroundings; the
-/// sky provides the rest.
+/// Power of the key and the fill light, relative to the lights that a mesh has without these surroundings. The sky
+/// provides the rest of the light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
@@ -165,7 +166,7 @@ mod tests {
         assert!(studio(DVec3::Y, -30.0).1.ground.is_none());
     }
 
-    /// The sky provides the rest of the light.
+    /// The lights are weaker because the sky provides the rest of the light.
     #[test]
     fn the_lights_of_a_studio_are_weaker_than_those_without_one_and_the_key_light_is_warm() {
         let (mesh, studio) = studio(DVec3::Y, 25.0);
@@ -177,8 +178,8 @@ mod tests {
         assert!(part(fill).distance(Vec3::splat(0.09)) < 1e-5, "{}", part(fill));
     }
 
-    /// A level surface with the ground's reflectance, under the whole sky: two thirds of the zenith's radiance and one
-    /// third of the horizon's, times k_L.
+    /// The expected background is the radiance of a level surface under the whole sky: the ground's k_L times the sum
+    /// of two thirds of the zenith's radiance and one third of the horizon's.
     #[test]
     fn the_background_is_the_colour_of_the_ground_far_away() {
         let background = studio(DVec3::Y, 25.0).1.background;

@@ -95,8 +95,8 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats per triangle on a device. With mip levels, they include the triangle's normal and
-    /// size.
+    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the three floats
+    /// that `texel_on` returns, and a zero.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(words(Some(7), Some(8))[..6], floats);
         assert_eq!(words(Some(7), Some(8))[6..], [7, 9]);
         assert_eq!(words(None, None)[6..], [u32::MAX, 0]);
-        // The triangle's normal follows, and a float that fills the row.
+        // With mip levels, three floats for the normal and the texels' size follow, and a float that fills the row.
         assert_eq!([false, true].map(Mapped::floats), [8, 12]);
     }
 

@@ -116,7 +116,8 @@ fn check_sky(sky: &Sky) -> Result<()> {
 pub(super) struct Brightness {
     /// The bounding box of all surfaces.
     bounds: (Vec3, Vec3),
-    /// The least distance at which a light inside the box illuminates a surface.
+    /// The smallest distance between a light and a surface for which brightness is computed. A nearer light counts as
+    /// if it were at this distance.
     nearest: f32,
     /// The largest value of the reflectance formula of any material.
     reflectance: f64,

@@ -17,7 +17,7 @@ use toml::Spanned;
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneWire {
-    /// The scene's name in records and reports [default: the file's].
+    /// The scene's name in records and reports [default: the file's name without its extension].
     pub name: Option<String>,
     /// A pinhole camera [default: the paper's, at the origin, looking along -z].
     #[serde(default)]
@@ -40,8 +40,8 @@ pub(super) struct SceneWire {
     pub textures: Option<bool>,
     /// Use mip levels, smaller versions of textures, for pixels larger than texels [default: true].
     pub mip_levels: Option<bool>,
-    /// Degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle [default:
-    /// all are smooth].
+    /// Crease angle in degrees: edges of meshes without normals stay sharp if their faces meet at a larger angle
+    /// [default: all edges are smooth].
     pub crease: Option<Number<Crease>>,
     /// The distance from the surface at which a shadow ray starts [default: 1e-4 of the diagonal of the scene's box].
     pub shadow_bias: Option<Number<NonNegative>>,

@@ -1,4 +1,4 @@
-//! Reads sensors by NVIDIA's management library (NVML), if it is installed.
+//! Reads sensors with NVIDIA's management library (NVML), if this library is installed.
 
 use super::{Reading, Sensor, SensorReading};
 use crate::device::Hardware;

@@ -25,8 +25,8 @@ pub struct About {
     pub host: String,
     /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
-    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1; 0 if none is set), or the next
-    /// free number if an attempt with this number exists.
+    /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1); 0 if no scheduler sets the
+    /// count. If an attempt with this number exists, the next free number.
     pub restart: u32,
     /// The process's ID.
     pub process: u32,
@@ -42,14 +42,14 @@ pub struct About {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum End {
-    /// All its points have records.
+    /// All points of the attempt have records.
     Done,
     /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
     /// The attempt's launcher, or a process between the launcher and the attempt, has ended. The text names this
     /// process.
     LauncherLost(String),
-    /// It failed with this error.
+    /// The attempt failed with this error.
     Failed(String),
 }
 
@@ -63,7 +63,7 @@ pub struct Attempt {
 }
 
 impl About {
-    /// Describes this process, from the variables of its scheduler.
+    /// Describes this process. The scheduler's environment variables give the machine, the job and the restart.
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let own = Self {
             shard: shard.number,
@@ -77,12 +77,13 @@ impl About {
         own.started_by(&|name| std::env::var(name).ok(), Host::read().name)
     }
 
-    /// Adds the machine, the job and the restart, from the variables of the scheduler and from the machine's own name.
+    /// Adds the machine, the job and the restart, from the environment variables of the scheduler and from the
+    /// machine's own name.
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);
-        // Slurm's virtual nodes share a machine, so the node's name is used. Inside a Kubernetes pod, the host name
-        // is the pod's name.
+        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. Inside a Kubernetes
+        // pod, the host name is the pod's name.
         let host = first(&["SLURMD_NODENAME"]).or(machine);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {

@@ -79,7 +79,8 @@ fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let mut pieces = vec![(0.0, Block::default()); count];
     let mut before = 0.0;
     for Cost { point, ms: cost, .. } in group {
-        // A point at the border of two pieces goes to the piece that contains the middle of the point's time.
+        // A point's time may lie across the border of two pieces. The point goes to the piece that contains the middle
+        // of this time.
         let part = (before + 0.5 * cost) / whole.max(f64::MIN_POSITIVE);
         let piece = ((part * count as f64) as usize).min(count - 1);
         pieces[piece].0 += cost;

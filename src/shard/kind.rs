@@ -16,7 +16,7 @@ const FOLDER: &str = "kinds";
 pub struct Kind {
     /// Its name in records.
     pub device: String,
-    /// Platform, device, driver, and the device's state that affects times.
+    /// The platform, the device, the driver, and every property of the device that affects times.
     pub identity: String,
     /// The kind's points, in the plan's order.
     pub points: Vec<KindPoint>,

@@ -16,7 +16,8 @@ struct Told {
     /// The process's number, from 0, and the number of processes, if the launcher sets it.
     place: u32,
     count: Option<u32>,
-    /// The element's number in a Slurm array, if the number of shards is given: it is then the shard's number.
+    /// The element's number in a Slurm array; `None` unless the user gives the number of shards. The element's number
+    /// is then the shard's number.
     number: Option<u32>,
 }
 
@@ -31,8 +32,8 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first. A step of Slurm sets `SLURM_STEP_ID`.
-/// A batch script has a `SLURM_PROCID` too, but that is not the number of a task.
+/// Launchers that number the processes of one job, the innermost first. Only a step of Slurm sets `SLURM_STEP_ID`. A
+/// batch script has the variable `SLURM_PROCID`, too, but there its value is not the number of a task.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -57,8 +58,8 @@ const INNER: [Ranks; 3] = [
     },
 ];
 
-/// Launchers that number whole jobs, except Slurm's arrays. The user chooses the numbers of a HyperQueue array;
-/// they must begin at 1.
+/// Launchers that number whole jobs. Slurm's arrays, which [`array()`] reads, are not in this table. The user chooses
+/// the numbers of a HyperQueue array; they must begin at 1.
 const OUTER: [Ranks; 3] = [
     Ranks {
         launcher: "GitLab (CI_NODE_INDEX)",
@@ -125,8 +126,8 @@ impl Ranks {
     }
 }
 
-/// Reads the element of a Slurm array. If the number of shards is given, the element's number is the shard's,
-/// so that a part of an array can be repeated.
+/// Reads the number of this process's element in a Slurm array. If the user gives the number of shards, the element's
+/// number is the shard's number, so that a part of an array can be started again.
 fn array(count_is_given: bool, variable: Variable<'_>) -> Result<Option<Told>> {
     let Some(task) = number("SLURM_ARRAY_TASK_ID", variable)? else { return Ok(None) };
     let launcher = "a Slurm array (SLURM_ARRAY_TASK_ID)";
@@ -170,7 +171,8 @@ impl Told {
     }
 }
 
-/// Returns a variable's value; a value that is not a number is an error.
+/// Returns the number in an environment variable; `None` if the variable is not set. A value that is not a number is an
+/// error.
 fn number(name: &str, variable: Variable<'_>) -> Result<Option<u32>> {
     let Some(text) = variable(name) else { return Ok(None) };
     text.trim().parse().map(Some).map_err(|_| {

@@ -12,8 +12,8 @@ pub struct Missing {
     pub kinds: Vec<MissingKind>,
     /// True if no shard has begun.
     pub nothing_began: bool,
-    /// The kinds that took part. The list of kinds exists only if a selected kind did not take part, since that kind's
-    /// name may be misspelt.
+    /// The names of the kinds that took part. They are listed only if a selected kind did not take part, since that
+    /// kind's name may be misspelt.
     pub took_part: Option<String>,
 }
 
@@ -52,12 +52,12 @@ pub struct Wanted<'a> {
     pub all: &'a [Kind],
     /// The selected kinds among them. The host's kinds are always selected.
     pub kinds: &'a [Kind],
-    /// The words that select kinds that have not begun.
+    /// The words that select kinds on which no shard has begun.
     pub not_begun: &'a [String],
 }
 
-/// Returns, for each kind, the points of the plan that have no record. For a selected kind that has not begun, returns
-/// all points except casters on the host. A caster on the host is not missing if a host of any kind measured
+/// Returns, for each kind, the points of the plan that have no record. For a selected kind on which no shard has begun,
+/// returns all points except casters on the host. A caster on the host is not missing if a host of any kind measured
 /// it. If no shard with casters on the host has begun, all of these casters are missing.
 pub fn missing(
     plan: &ShardPlan,
@@ -106,8 +106,8 @@ pub fn missing(
     Missing { kinds: found, nothing_began: all.is_empty(), took_part }
 }
 
-/// Returns the plan's casters on the host, and its other points. Every kind of device has all of the other points, so
-/// one kind that took part is enough to tell them apart.
+/// Returns the plan's casters on the host and the plan's other points, as indices. Every kind of device except the host
+/// has all of the other points, so the points of one kind are enough to divide the plan.
 fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     let device = all.iter().find(|kind| kind.device != HOST);
     let on_host = |point: &usize| match device {
@@ -142,15 +142,15 @@ fn lacking(
     }
 }
 
-/// Returns the command line of an attempt on this kind of device, or else that of the first attempt. The option for the
-/// shard is removed.
+/// Returns the command line of an attempt on this kind of device or, if there is none, that of the first attempt. The
+/// option `--shard` is removed.
 fn started_with(kind: Option<&Kind>, attempts: &[Attempt]) -> Vec<String> {
     let abouts: Vec<_> = attempts.iter().filter_map(Attempt::about).collect();
     let own = kind.and_then(|kind| abouts.iter().find(|about| about.devices.contains(&kind.identity)));
     without_shard(&own.or(abouts.first()).map_or_else(Vec::new, |about| about.command.clone()))
 }
 
-/// Returns the command for the missing shards.
+/// Returns the command that runs raycl with these words once for each of the missing shards.
 fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String {
     let of = plan.header.shards;
     let words = words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ");
@@ -212,7 +212,7 @@ mod tests {
         }
     }
 
-    /// Returns what is missing of kinds that are all selected.
+    /// Returns the missing points of kinds that are all selected.
     fn lacks(kinds: &[Kind], not_begun: &[String], has: &dyn Fn(&str) -> bool) -> Missing {
         missing(&plan(), Wanted { all: kinds, kinds, not_begun }, &[], has)
     }

@@ -45,7 +45,7 @@ pub enum Asked {
 }
 
 impl Asked {
-    /// Returns the shard of this process, from the variables that its launcher set.
+    /// Returns the shard of this process, from the environment variables that its launcher set.
     pub fn resolve(self, variable: &dyn Fn(&str) -> Option<String>) -> Result<Shard> {
         match self {
             Self::Given(shard) => Ok(shard),

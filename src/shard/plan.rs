@@ -1,5 +1,5 @@
-//! `shards.json`: the data that all shards of an experiment share. The first shard writes the file, and the others
-//! read it.
+//! `shards.json`: the data that all shards of an experiment share. The shard that starts first, whatever its
+//! number, writes the file, and the others read it.
 
 use super::Block;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ pub const FILE: &str = "shards.json";
 pub struct Header {
     /// Number of shards.
     pub shards: u32,
-    /// The config's path as given to the first shard, for messages.
+    /// The config's path as given to the shard that started first, for messages.
     pub config: String,
     /// The hash of the config's text and its overrides.
     pub config_hash: String,
@@ -107,8 +107,10 @@ impl ShardPlan {
         let Some((what, _, there, here)) = differs.into_iter().find(|(_, differs, ..)| *differs) else {
             return Ok(self);
         };
-        let message =
-            format!("{} has a different plan: {what} differs, {there} there and {here} here", out.display());
+        let message = format!(
+            "{} has a different plan: {what} differs: {there} in the folder, {here} in this command",
+            out.display()
+        );
         Err(Error::input(message)
             .with_help("start every shard with the same command, or choose another folder with --out"))
     }
@@ -166,7 +168,10 @@ mod tests {
         assert_eq!(open(&header(), 1.0).unwrap(), plan(1.0));
         assert_eq!(open(&header(), 2.0).unwrap(), plan(1.0));
         for (other, what) in [
-            (Header { shards: 5, ..header() }, "the number of shards differs, 4 there and 5 here"),
+            (
+                Header { shards: 5, ..header() },
+                "the number of shards differs: 4 in the folder, 5 in this command",
+            ),
             (
                 Header { config_hash: "76543210".into(), ..header() },
                 "the config or a value set in it differs",
@@ -174,7 +179,7 @@ mod tests {
             (Header { scenes: vec!["b".into()], ..header() }, "a scene differs"),
             (
                 Header { kernels: Some("c".repeat(64)), ..header() },
-                "the source of the kernels differs, unreadable there and cccccccc here",
+                "the source of the kernels differs: unreadable in the folder, cccccccc in this command",
             ),
         ] {
             let error = open(&other, 1.0).unwrap_err();
@@ -219,7 +224,10 @@ mod tests {
         };
         assert_eq!(beaten(header()).unwrap(), plan(7.0));
         let error = beaten(Header { shards: 5, ..header() }).unwrap_err().to_string();
-        assert!(error.contains("the number of shards differs, 5 there and 4 here"), "{error}");
+        assert!(
+            error.contains("the number of shards differs: 5 in the folder, 4 in this command"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -95,7 +95,7 @@ impl Pulse {
     }
 }
 
-/// Sleeps, and returns whether the attempt ended meanwhile.
+/// Sleeps for this time, or until the attempt ends. Returns whether the attempt has ended.
 fn sleeps_through(time: Duration, ended: &AtomicBool) -> bool {
     let mut left = time;
     while !left.is_zero() && !ended.load(Ordering::Relaxed) {

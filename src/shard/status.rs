@@ -9,7 +9,7 @@ use std::time::Duration;
 /// The state of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum State {
-    /// It made its folder and has not counted yet.
+    /// The attempt has made its folder, but its counter has not started yet.
     Begun,
     /// Its counter increases, and it has made progress within the time limit of a step.
     Going,
@@ -73,10 +73,10 @@ fn state(end: Option<End>, [first, second]: [Option<Beat>; 2], hang_limit_s: f64
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Begun => write!(f, "begun: it has not counted yet"),
+            Self::Begun => write!(f, "begun: its counter has not increased yet"),
             Self::Going => write!(f, "going"),
             Self::Hung(seconds) => write!(f, "hung: no step for {seconds} s"),
-            Self::Lost => write!(f, "lost: its counter stands still"),
+            Self::Lost => write!(f, "lost: its counter no longer increases"),
             Self::Ended(End::Done) => write!(f, "done"),
             Self::Ended(End::Interrupted) => write!(f, "interrupted"),
             Self::Ended(End::LauncherLost(why)) => write!(f, "launcher lost: {why}"),
@@ -160,10 +160,10 @@ mod tests {
     #[test]
     fn every_state_is_told_in_words() {
         for (state, words) in [
-            (State::Begun, "begun: it has not counted yet"),
+            (State::Begun, "begun: its counter has not increased yet"),
             (State::Going, "going"),
             (State::Hung(42), "hung: no step for 42 s"),
-            (State::Lost, "lost: its counter stands still"),
+            (State::Lost, "lost: its counter no longer increases"),
             (State::Ended(End::Done), "done"),
             (State::Ended(End::Interrupted), "interrupted"),
             (State::Ended(End::LauncherLost("sh has ended".into())), "launcher lost: sh has ended"),

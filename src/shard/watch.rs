@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
-//! the step's processes again. A process of a lost step would measure at the same time as the process that replaces it,
-//! although a merge uses only one record of each point.
+//! the step's processes again. A process of a lost step would go on and measure the same points as the process that
+//! replaces it, but a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use std::time::Duration;
@@ -56,7 +56,7 @@ fn eprintln_if_heard(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// A process; its start time distinguishes it from a later one with the same ID.
+/// A process. Its start time distinguishes it from a later process with the same ID.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Process {
     id: u32,

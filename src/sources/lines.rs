@@ -6,11 +6,11 @@ use crate::error::{Error, Result};
 /// A line of a kernel file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceLine<'a> {
-    /// Its text as written.
+    /// The line's text as written.
     pub text: &'a str,
     /// The directive that ends on this line, without comments; empty if none does.
     pub directive: String,
-    /// The file that it includes.
+    /// The file that the line includes, if any.
     pub includes: Option<&'a str>,
 }
 
@@ -28,8 +28,8 @@ enum Within {
 const READING: [&str; 3] = ["include", "import", "embed"];
 
 /// Splits a file into lines; `name` is its name for messages. Refuses an `#include` in any form other than a line
-/// `#include "FILE"`: only a compiler could resolve it, and it could name any file of the machine. Refuses a comment
-/// without an end, which would hide the next file.
+/// `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file of the
+/// machine. Refuses a comment without an end, which would hide the next file.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
     let mut lines = Vec::new();
@@ -57,8 +57,8 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
             .with_help("close the comment with */ in the same file"));
     }
     if continues {
-        // The file ends in a backslash, which joins the last line to the line after it. Because of the empty line, the
-        // line after it is not the first line of the next file.
+        // The file ends in a backslash, which joins the last line to the line after it. The empty line added here is
+        // that line, so that the backslash does not join the first line of the next file.
         lines.push(SourceLine { text: "", directive: begun, includes: None });
     }
     Ok(lines)

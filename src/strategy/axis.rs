@@ -1,6 +1,6 @@
-//! The axes of a strategy. If a value is code, it is a file under `cl/` in each kernel family that supports it, and the
-//! file's header describes it. All other values have their name and a description here. This file is the only list of
-//! the values that are not code.
+//! The axes of a strategy. A value that is code is a file under `cl/` in each kernel family that supports the value,
+//! and the file's header describes the value. All other values have their name and a description here. This file is the
+//! only list of the values that are not code.
 
 use super::header::Header;
 use super::values::{header_of, values_of};
@@ -11,7 +11,7 @@ use crate::error::{Error, Result, nearest};
 pub struct AxisInfo {
     /// The axis's name in configs.
     pub name: &'static str,
-    /// Its meaning.
+    /// The axis's meaning.
     pub about: &'static str,
     /// The name and the meaning of each value that is not a file.
     pub listed: &'static [(&'static str, &'static str)],
@@ -27,7 +27,7 @@ impl AxisInfo {
 
 /// A type whose values are the values of one axis.
 pub trait Axis: Sized + Copy + Eq + 'static {
-    /// Its name and meaning.
+    /// The axis's name and meaning.
     const INFO: AxisInfo;
 
     /// Returns every value.
@@ -86,8 +86,8 @@ macro_rules! axis {
     };
 }
 
-/// Declares an axis whose values are files. A value consists only of its name, so that strategies can be constants
-/// and can be copied; its other properties are in the file. The values named here are those that presets use.
+/// Declares an axis whose values are files. A value consists only of its name, so that strategies can be constants and
+/// can be copied; its other properties are in the file. The constants are the values that presets use.
 macro_rules! file_axis {
     ($(#[$doc:meta])* $type:ident $axis:literal $about:literal {
         $($value:ident $name:literal,)+

@@ -21,7 +21,7 @@ pub struct Task {
     pub soft: bool,
 }
 
-/// The candidates for the choice. The preset of a candidate depends on the kind of device.
+/// The candidates among which the fastest strategy is chosen. The preset of a candidate depends on the kind of device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Way {
     /// Every triangle is tested.
@@ -131,7 +131,7 @@ impl Class {
         }
     }
 
-    /// Returns the class's constants; `None` if it does not support tiles.
+    /// Returns the class's constants; `None` if its devices do not support tiles.
     pub fn constants(self, watertight: bool) -> Option<Constants> {
         match (self, watertight) {
             (Self::TilesInVectors, false) => Some(constants::CPU),

@@ -25,7 +25,7 @@ pub struct Header {
 pub struct Contradiction {
     /// The other axis.
     pub axis: &'static str,
-    /// Its value.
+    /// The value of the other axis.
     pub value: String,
     /// The reason for the contradiction, if the file states one.
     pub because: Option<String>,
@@ -73,7 +73,7 @@ pub(super) struct Reader<'a> {
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
 }
 
-/// The entries read so far, with their lines.
+/// The entries of a header that have been read so far, with the numbers of their lines.
 #[derive(Default)]
 struct Entries {
     meaning: Option<(usize, String)>,
@@ -179,8 +179,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Checks the number of floats in a row, which is the data of a triangle that a kernel prepares for an origin.
-    /// This number is fixed.
+    /// Checks `record_floats` if a kernel prepares planes for each triangle and origin: the planes of a triangle always
+    /// have [`PLANES_FLOATS`] floats.
     fn check_planes(&self, found: &Entries) -> Result<()> {
         let said = |name: &str| found.facts.iter().find(|(_, key, _)| *key == name);
         let planes =

@@ -1,5 +1,5 @@
-//! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest sum at any
-//! moment.
+//! Predicts, before anything is allocated, how much of the host's memory casting needs: the largest number of bytes in
+//! use at any moment.
 
 use super::requirements::{global, scratch};
 use super::sum::Sum;
@@ -11,11 +11,11 @@ use crate::scene::{Mapped, Mesh};
 /// Bytes of the program, its libraries and a driver: 93 MB with PoCL 3.1 if its kernels are cached, 239 MB if
 /// LLVM 15 compiles them (one triangle, 64 x 40 pixels; 2026-11-20).
 const PROGRAM_BYTES: u64 = 240_000_000;
-/// Bytes per triangle of the reference's tree: its corners in double precision, its number, and at most one node of
-/// 72 bytes.
+/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle's corners and number,
+/// and 72 bytes for nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
-/// Bytes per pixel of the reference: a sample (88 bytes), the radiance, and whether the pixel is certain.
-const REFERENCE_PIXEL_BYTES: u64 = 88 + 12 + 1;
+/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and whether the pixel is certain.
+const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
 
@@ -85,7 +85,7 @@ impl HostNeeds {
         Self { moments }
     }
 
-    /// Returns the largest sum.
+    /// Returns the largest number of bytes in use at any of the moments.
     pub fn bytes(&self) -> u64 {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }

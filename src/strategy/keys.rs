@@ -15,17 +15,17 @@ pub(super) enum Said {
 
 /// The allowed values of a key.
 pub(super) enum Takes {
-    /// One of these.
+    /// One of these words.
     Words(&'static [&'static str]),
     /// A number in the range that is a multiple of the second field.
     Numbers(RangeInclusive<u32>, u32),
 }
 
-/// A key of the headers of an axis.
+/// A key that the headers of one axis can have.
 pub(super) struct Key {
     pub axis: &'static str,
     pub name: &'static str,
-    /// Its meaning.
+    /// The key's meaning.
     pub about: &'static str,
     pub takes: Takes,
     pub optional: bool,
@@ -66,7 +66,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "intersector",
         "record_floats",
-        "floats of a triangle that is prepared for the test",
+        "number of floats in a triangle's record, which the test reads",
         Takes::Numbers(1..=64, 1),
     ),
     key(
@@ -75,7 +75,12 @@ pub(super) static KEYS: [Key; 10] = [
         "the rays that a triangle is prepared for",
         Takes::Words(&["any-ray", "origin", "pixels", "tile"]),
     ),
-    key("intersector", "exact_signs", "whether the test needs exact signs", Takes::Words(&["yes", "no"])),
+    key(
+        "intersector",
+        "exact_signs",
+        "whether the test needs exact signs, which math = fast does not preserve",
+        Takes::Words(&["yes", "no"]),
+    ),
     Key {
         optional: true,
         ..key(

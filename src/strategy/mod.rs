@@ -128,8 +128,8 @@ impl Strategy {
         matches!(self.traversal, Traversal::Bvh | Traversal::Tile)
     }
 
-    /// Returns whether the strategy's kernels read the mesh in the strategy's layout. Kernels for tiles only read the
-    /// rows of their tree.
+    /// Returns whether the strategy's kernels read the mesh in the strategy's layout. Kernels for tiles read triangles
+    /// only from the tree.
     pub fn reads_mesh(&self) -> bool {
         self.traversal != Traversal::Tile
     }
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!([block("wide"), block("wide-pixel-linear")], [(4, 4), (8, 2)]);
     }
 
-    /// One bit of a word of 32 is kept free.
+    /// One of the 32 bits of a word is kept free.
     #[test]
     fn the_lights_of_a_round_and_a_lanes_rays_fit_into_31_bits() {
         let lights = |tile: &str| {

@@ -10,9 +10,9 @@ use crate::error::{Error, Result, nearest};
 /// A named strategy.
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
-    /// Its name in configs.
+    /// The preset's name in configs.
     pub name: &'static str,
-    /// Its meaning.
+    /// The preset's meaning.
     pub about: &'static str,
     /// The value of every axis.
     pub strategy: Strategy,
@@ -21,7 +21,7 @@ pub struct Preset {
     pub meant_for: Option<DeviceKind>,
 }
 
-/// The paper's kernel, before its memories are chosen.
+/// The strategy of the paper's first kernel, from which the presets of the paper's other kernels differ in a few axes.
 const PAPER: Strategy = Strategy {
     traversal: Traversal::Exhaustive,
     vectors: Vectors::HEAP,
@@ -144,7 +144,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "deferred",
-        about: "private vectors, shaded once at the nearest hit",
+        about: "vectors in private memory; each pixel is shaded once, at the nearest hit",
         strategy: MODERN,
         meant_for: None,
     },
@@ -208,7 +208,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "bvh",
-        about: "deferred and watertight, each ray walking a tree of four children per node: fastest for big scenes on a GPU",
+        about: "deferred and watertight, each ray walking a tree of four children per node: fastest on a GPU with more triangles than pixels, or with soft light",
         strategy: Strategy {
             traversal: Traversal::Bvh,
             node_width: NodeWidth::N4,

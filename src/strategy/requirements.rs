@@ -205,8 +205,8 @@ fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
     std::iter::repeat_n(w.halved(), if w.half_light { 2 } else { 0 })
 }
 
-/// Returns the private memory: values that live across barriers, if the strategy has barriers, and the rays
-/// of tiles.
+/// Returns the bytes of a work-group's private memory: values that live across barriers, if the strategy has barriers,
+/// and the rays of tiles.
 fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal == Traversal::Tile {

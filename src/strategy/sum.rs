@@ -6,7 +6,7 @@ use super::infeasible::Infeasible;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sum {
     pub bytes: u128,
-    /// Each term's bytes, and its arithmetic.
+    /// Each term's bytes, and its arithmetic as text.
     terms: Vec<(u128, String)>,
 }
 

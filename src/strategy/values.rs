@@ -30,7 +30,7 @@ static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
     RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
 });
 
-/// Returns all values that are files, by axis and name.
+/// Returns the headers of all values that are files, in the order of their axes and names.
 fn known() -> Headers {
     *KNOWN.read().unwrap_or_else(PoisonError::into_inner)
 }
@@ -40,8 +40,8 @@ pub fn values_of(axis: &str) -> impl Iterator<Item = &'static Header> {
     known().iter().filter(move |header| header.axis == axis)
 }
 
-/// Returns the header of a value; an empty one if there is no such file, which does not happen for names that
-/// were parsed.
+/// Returns the header of a value; an empty header if the value has no file, which does not happen for names that were
+/// parsed.
 pub(super) fn header_of(axis: &str, name: &str) -> &'static Header {
     static NONE: Header = Header::NONE;
     values_of(axis).find(|header| header.name == name).unwrap_or(&NONE)
@@ -121,7 +121,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     all.iter().map(read).collect()
 }
 
-/// Refuses names that could not be written in `--strategy`, in TOML and in records.
+/// Refuses values whose names could not be written in `--strategy`, in TOML and in records.
 fn refuse_names(sources: &Sources) -> Result<()> {
     let fits = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     for file in sources.own_files()? {
@@ -174,7 +174,7 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
         format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
     if let Some(folder) = path.strip_suffix(file).filter(|_| file.starts_with("cl/")) {
         return Error::input(message).with_help(format!(
-            "{folder}cl is a folder of kernels inside the given one: name it with --cl-dir {folder}cl, or remove it"
+            "{folder}cl is a folder of kernels inside the folder that --cl-dir names: write --cl-dir {folder}cl, or remove it"
         ));
     }
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
@@ -259,7 +259,7 @@ mod tests {
         }
     }
 
-    /// Returns the message about a folder of kernel files with this additional file, if there is one.
+    /// Returns the message about a folder of kernel files with this additional file; `None` if the folder is accepted.
     fn refused(file: &str, check: fn(&Sources) -> Result<()>) -> Option<String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(file);

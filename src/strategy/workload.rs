@@ -44,7 +44,7 @@ pub struct Workload {
     pub half_light: bool,
     /// Number of texels of the sky's picture; 0 without one.
     pub sky_texels: usize,
-    /// Number of entries of a traversal's stack; 0 without a tree, or before it is built.
+    /// Number of entries of a traversal's stack; 0 without a tree, or before the tree is built.
     pub stack_size: usize,
     /// Image size in pixels: across, down.
     pub image_size: [u32; 2],
@@ -159,7 +159,7 @@ impl Workload {
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }
     }
 
-    /// Returns the number of tiles across and down in a work-group that shares tiles.
+    /// Returns the number of tiles across and down in a work-group whose work-items share tiles.
     pub fn tiles_of_group(&self) -> [usize; 2] {
         let tiles = self.local_size[1] as usize;
         let across = if tiles.is_multiple_of(2) { 2 } else { 1 };

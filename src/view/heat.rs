@@ -49,8 +49,8 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next finer map, with the tests that the strategy makes; `None` if the finest map
-    /// was returned before.
+    /// Returns the next finer map; `None` if the finest map was returned before. The map counts tests against every
+    /// triangle if the strategy tests every triangle, else the tests in a tree.
     pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

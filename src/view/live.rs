@@ -157,7 +157,8 @@ impl Live {
         Ok(self.told(to_rgb8(&mean, self.scene.display), hits, &times))
     }
 
-    /// Returns the last frame as it is shown; `None` if a pixel is not finite.
+    /// Returns the last frame as an 8-bit picture, and the number of its pixels that hit something; `None` if a pixel
+    /// is not finite.
     fn shown(&self) -> std::result::Result<Option<(RgbImage, usize)>, crate::launch::LaunchError> {
         let display = self.scene.display;
         let Some(program) = &self.show else { return self.caster.read_shown(display) };
@@ -378,7 +379,7 @@ mod tests {
             ["b", "d", "a"].map(|name| Some(name.to_owned()))
         );
         assert_eq!(next("unplugged", &found).as_deref(), Some("a"));
-        // Only the twin's number distinguishes it.
+        // A twin has the same properties; only `twins_before` distinguishes it.
         let mut twin = named("a", None);
         twin.info.twins_before = 1;
         assert_eq!(

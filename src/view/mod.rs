@@ -261,7 +261,7 @@ impl<S: Screen> Viewer<S> {
         self.stale = true;
     }
 
-    /// Finds the triangle at the pointer, if it may have changed.
+    /// Finds the triangle at the pointer, if another triangle may be there now.
     fn point(&mut self, pointer: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.pointer, pointer);
         let Some(pixel) = pointer else {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// The time after which the line of text beside the picture is renewed.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// Counts frames since the start, and since the line was last renewed.
+/// Counts frames since the start, and since the line beside the picture was last renewed.
 pub struct Rate {
     first: Option<Instant>,
     last: Instant,

@@ -1,4 +1,5 @@
-//! The samples of every pixel, which add up while nothing moves. The device has their mean.
+//! The samples of every pixel, which add up while nothing moves. The device stores the mean of the samples that have
+//! been cast.
 
 use crate::scene::{Sample, pixel_samples};
 

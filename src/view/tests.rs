@@ -25,7 +25,7 @@ fn live_in([width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
     Live::open(command.subject, samples).expect("it can be cast")
 }
 
-/// A screen whose user follows a script. It stores what it shows.
+/// A screen whose user follows a script. It stores the pictures and the lines that it shows.
 #[derive(Default)]
 struct Script {
     inputs: VecDeque<Input>,

@@ -99,7 +99,7 @@ pub fn config(points: &str, warmup: u32, samples: u32) -> String {
     )
 }
 
-/// A folder with the scene and the config of one point, which takes almost no time.
+/// A folder with the scene and the config of one point, whose measurement takes almost no time.
 pub fn one_point() -> Place {
     let points = "image_sizes = [[8, 5]]\nlocal_sizes = [4]\nstrategies = [\"deferred\"]\n";
     Place::with(&[("scene.toml", TRIANGLE), ("config.toml", &config(points, 0, 1))])
@@ -110,7 +110,7 @@ pub fn device() -> String {
     std::env::var("RAYCL_TEST_DEVICE").unwrap_or_else(|_| "portable computing language".to_owned())
 }
 
-/// A file of the repository.
+/// Returns the full path of a file of the repository.
 pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
 }
@@ -148,17 +148,17 @@ impl Place {
         std::fs::write(path, text).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
 
-    /// Returns the path of a file in it.
+    /// Returns the path of a file in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    /// The text of a file in it.
+    /// Returns the text of a file in the folder.
     pub fn text(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// The lines of a file in it, each as JSON.
+    /// Returns the lines of a file in the folder, each parsed as JSON.
     pub fn json_lines(&self, name: &str) -> Vec<serde_json::Value> {
         self.text(name).lines().map(|line| serde_json::from_str(line).expect("a line of JSON")).collect()
     }
@@ -190,7 +190,7 @@ impl Place {
         std::fs::remove_dir_all(self.path(&kernels)).expect("the folder of kernels");
     }
 
-    /// Renders `scene.toml` at 72 x 45; gives the picture and standard output.
+    /// Renders `scene.toml` at 72 x 45 pixels, and returns the picture and the standard output.
     pub fn picture(&self, options: &[&str]) -> (RgbImage, String) {
         let device = device();
         let usual = ["render", "scene.toml", "--width", "72", "--height", "45", "--device", &device];
@@ -210,13 +210,14 @@ impl Place {
         command
     }
 
-    /// Runs it, expects success, and gives standard output.
+    /// Runs the binary with these arguments, checks that it succeeds, and returns its standard output.
     pub fn output(&self, arguments: &[&str]) -> String {
         let output = self.raycl(arguments).assert().success().get_output().clone();
         String::from_utf8(output.stdout).expect("UTF-8")
     }
 
-    /// Runs it, expects this exit code and nothing on standard output, and gives standard error.
+    /// Runs the binary with these arguments, checks that it ends with this exit code and prints nothing to standard
+    /// output, and returns its standard error.
     pub fn mistake(&self, arguments: &[&str], code: i32) -> String {
         let output = self.raycl(arguments).assert().code(code).get_output().clone();
         assert!(output.stdout.is_empty(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stdout));

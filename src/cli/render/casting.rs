@@ -274,7 +274,12 @@ mod tests {
             for ending in ["png", "jpg"] {
                 let [shown, read] = [("device", Some(show)), ("host", None)]
                     .map(|(name, program)| saved(&format!("{name}.{ending}"), program));
-                assert!(shown == read, "{ending}: other bytes, or {} hits, not {}", shown.1, read.1);
+                assert!(
+                    shown == read,
+                    "{ending}: the files or the hits differ: {} hits with the device's picture, {} with the host's",
+                    shown.1,
+                    read.1
+                );
             }
         });
     }
@@ -294,7 +299,7 @@ mod tests {
         // Each of the 2 x 2 half-resolution pixels adds three primary rays to the 9 of the whole picture, and has four
         // shadow rays: two lights with two samples each.
         assert_eq!(cast.rays([3, 3], 2), [21.0, 16.0]);
-        // Of a whole picture with four samples, the nine pixels have 36 primary rays and 72 shadow rays.
+        // If the whole picture has four samples per pixel, its nine pixels have 36 primary rays and 72 shadow rays.
         let whole = Cast { sampling: Sampling::all(4), ..cast };
         assert_eq!(whole.rays([3, 3], 2), [36.0, 72.0]);
     }

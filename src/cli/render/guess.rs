@@ -132,7 +132,8 @@ pub fn sampling(args: &Args) -> Sampling {
     super::sampling(args, is_dressed(args) && !is_scene)
 }
 
-/// Identifies the scene's file in its present state, and all arguments that affect which program is chosen.
+/// Returns a text that identifies the scene's file in its present state, the device, and all arguments that affect
+/// which program is chosen. `None` if the file's state is unknown.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;
@@ -239,7 +240,7 @@ mod tests {
         assert!(large.options.contains("STACK_SIZE=128"), "{}", large.options);
     }
 
-    /// A wrong guess would compile two programs at the first start.
+    /// With a wrong guess, the first start would compile two programs.
     #[test]
     fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {
         let place = tempfile::tempdir().unwrap();

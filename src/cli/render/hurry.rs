@@ -34,8 +34,9 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
 }
 
 /// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen no
-/// strategy, the frame is not timed, and it is small enough. Kernels of `--cl-dir` are being edited, perhaps those of
-/// the fastest strategy. On a CPU, programs are compiled for other reasons, and `tile` compiles in a short time.
+/// strategy, the frame is not timed, and the picture is small enough. Returns false with `--cl-dir`, since its kernels
+/// are being edited, perhaps those of the fastest strategy. Returns false for a CPU, where the usual strategy, `tile`,
+/// compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
@@ -57,7 +58,8 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
 }
 
 /// Returns the strategy and the local size with which to cast a picture: the given fastest ones, or [`QUICK`]'s if the
-/// fastest strategy's program must still be compiled. The latter program is returned too.
+/// fastest strategy's program must still be compiled. In the second case, the fastest strategy's program is returned
+/// too.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,

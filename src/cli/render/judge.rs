@@ -155,7 +155,8 @@ mod tests {
         let found =
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
         let usual = found.expect("a correct picture");
-        // A pixel that the filter changes is found: by how much within the tolerance, and where beyond it.
+        // If one pixel of the filtered picture is wrong, the check returns the difference if it is within the
+        // tolerance, and names the pixel if it is not.
         let judged = |factor: f32, hits: usize| {
             let mut image = image.clone();
             image.pixels[10] = image.pixels[10].map(|channel| factor * channel);

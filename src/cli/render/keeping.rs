@@ -29,7 +29,8 @@ struct Order {
     /// The lane operations for which the program was made. They may be an assumption.
     lanes: LaneOperations,
     program: Option<Source>,
-    /// True if the driver must not take the program from its own cache, since it then prints no log.
+    /// True if the driver must compile the program. If the driver takes the program from its own cache, it prints no
+    /// log.
     anew: bool,
 }
 
@@ -98,7 +99,7 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
 }
 
 /// Starts a background process that compiles and stores a program, unless one is already doing so. Returns `false` if
-/// nothing is stored. If the process cannot start, the next picture is hurried too.
+/// the cache stores nothing. If the process cannot start, the next picture is cast with [`hurry::QUICK`] too.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.keeps() {
         in_background(cache, spec, device);

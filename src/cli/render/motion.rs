@@ -51,7 +51,7 @@ pub struct Motion {
     rate: Option<u16>,
 }
 
-/// The options that make pictures move.
+/// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
 /// The options that need a single picture.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];

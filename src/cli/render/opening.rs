@@ -118,8 +118,8 @@ fn early(
 }
 
 /// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
-/// be built, the host applies the transform. A picture that [`hurry`] allows to be cast with another strategy does not
-/// wait for this program's compilation either: the program is then returned as the second value.
+/// be built, the host applies the transform. If [`hurry`] may cast the picture with another strategy, the picture does
+/// not wait until this program is compiled: the uncompiled program is then returned as the second value.
 fn show(
     args: &Args,
     sources: &Sources,

@@ -15,15 +15,15 @@ use serde::Serialize;
 pub struct Report {
     /// The scene's name.
     pub scene: String,
-    /// Triangles in it.
+    /// Number of triangles in the scene.
     pub triangles: usize,
-    /// Lights in it.
+    /// Number of lights in the scene.
     pub lights: usize,
     /// The device's name.
     pub device: String,
     /// Number of threads that the device cast with, if known (PoCL reports it).
     pub threads: Option<u32>,
-    /// The preset; null if an axis differs from it.
+    /// The preset that equals the strategy; null if there is none.
     pub preset: Option<&'static str>,
     /// Every axis of the strategy.
     pub strategy: String,
@@ -101,8 +101,8 @@ pub struct Verified {
     /// compared with the reference, over their certain pixels. The final picture is compared with the result of the
     /// same filter on the host, over all pixels.
     pub max_difference: f64,
-    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly. Those of half pictures
-    /// are not included.
+    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly. Uncertain pixels of
+    /// half pictures are not counted.
     pub uncertain_pixels: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,

@@ -12,6 +12,7 @@ use crate::launch::{Casting, LeftOut, Share, Split, Whole};
 use crate::program::Sources;
 use crate::scene::Loaded;
 use crate::strategy::{Task, preset_of};
+use crate::words::counted;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Instant;
@@ -54,7 +55,7 @@ struct Report {
 #[derive(Serialize)]
 struct Row {
     device: String,
-    /// The preset; null if an axis differs from it.
+    /// The preset that equals the device's strategy; null if there is none.
     preset: Option<&'static str>,
     /// Every axis of the strategy.
     strategy: String,
@@ -191,7 +192,7 @@ fn text(report: &Report) -> String {
         table.add_row([row.device.clone(), rows, strategy].into_iter().chain(times));
     }
     let [width, height] = report.image_size;
-    let mut lines = vec![format!("scene     {}: {} triangles", report.scene, report.triangles)];
+    let mut lines = vec![format!("scene     {}: {}", report.scene, counted(report.triangles, "triangle"))];
     lines.extend(report.strategy.iter().map(|strategy| format!("strategy  {strategy}")));
     let samples =
         if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };

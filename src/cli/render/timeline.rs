@@ -8,9 +8,9 @@ use std::time::Instant;
 /// A part of a command's time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Part {
-    /// Its name.
+    /// The part's name.
     pub part: &'static str,
-    /// Its duration by the wall clock; for `start`, see [`Timeline::of_process`].
+    /// The part's duration by the wall clock; for `start`, see [`Timeline::of_process`].
     pub ms: f64,
 }
 

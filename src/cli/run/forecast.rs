@@ -56,7 +56,8 @@ fn counts(points: &[Forecast]) -> String {
 mod tests {
     use super::*;
 
-    /// Returns a point, and why it does not fit and why it is not for its device.
+    /// Returns a point. `refused` is the reason why the point does not fit, and `not_for` the reason why it is not
+    /// meant for its device.
     fn point(refused: Option<&str>, not_for: Option<&str>) -> Forecast {
         let needs = Requirements {
             local_bytes: 1,

@@ -48,7 +48,7 @@ pub fn execute(
     measured
 }
 
-/// Returns the builders.
+/// Returns the builders of a run, as many as `builder_count` returns.
 fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let processes = || Processes::new(run.jobs(folder, None));

@@ -90,7 +90,7 @@ mod tests {
         shards.sort_unstable();
         shards.dedup();
         assert_eq!(shards, [1, 2], "each device has a part");
-        // The file is written anew only if it does not fit.
+        // The file is written again only if the number of devices or the points have changed.
         let path = place.path().join(FILE);
         let text = std::fs::read_to_string(&path).unwrap();
         let marked = text.replacen("\"number\":1,", "\"number\":77,", 1);

@@ -50,7 +50,7 @@ impl Look {
     }
 }
 
-/// Returns the unit vector of an axis, `x` to `z`, or its opposite.
+/// Returns the unit vector along an axis: `x`, `y` or `z`, or `-x`, `-y` or `-z` for the opposite direction.
 fn axis(name: &str) -> Value {
     let size = if name.starts_with('-') { -1 } else { 1 };
     let along = |axis: char| Value::Integer(if name.ends_with(axis) { size } else { 0 });

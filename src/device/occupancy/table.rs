@@ -24,7 +24,7 @@ pub struct Multiprocessor {
     pub warp_granularity: u64,
 }
 
-/// Makes a row of the table below, in its units.
+/// Makes a row of the table below from numbers in the table's units.
 const fn row(
     compute_capability: &'static str,
     [warps, groups]: [u64; 2],

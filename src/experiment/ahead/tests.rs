@@ -143,7 +143,7 @@ fn a_run_that_ends_builds_nothing_more() {
     assert!(ahead.next().is_none());
 }
 
-/// A raycl that builds other trees needs other programs.
+/// A version of raycl that builds trees in another way needs other programs.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
     let name = |scene: Option<&str>| {

@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 const TIMING: &str = "timing = { launches = 2, warmup = 0, min_samples = 5, max_samples = 5 }";
-/// The number of requests that are never reached.
+/// A number of requests that no test reaches.
 const NEVER: usize = usize::MAX;
 
 /// Starts workers that answer at once. Notes the device of each worker.
@@ -32,7 +32,7 @@ struct Answering {
     outcome: Outcome,
     /// True if every frame is refused.
     refuses: bool,
-    /// The hashes of pictures that need not be compared again, as told to workers.
+    /// The hashes, sent to workers, of pictures that need not be compared again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
@@ -145,7 +145,7 @@ impl Observer for Heard {
     }
 }
 
-/// Runs an experiment in a folder, with this change of the run.
+/// Runs an experiment in a folder, after `change` has changed the run.
 fn session(
     folder: &Path,
     lines: &str,
@@ -280,7 +280,7 @@ fn a_record_has_the_time_for_which_a_builder_built_its_program() {
     assert_eq!(ahead.tally().kept, 2);
 }
 
-/// The device is a GPU.
+/// The device in this test is a GPU.
 #[test]
 fn a_point_for_another_kind_of_device_is_passed_over_until_it_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();

@@ -239,7 +239,7 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     let possible = before - 5.1e-4..after + 5.1e-4;
     assert!(possible.contains(&taken.at_ms), "{} {possible:?}", taken.at_ms);
     assert!((taken.at_ms * 1e3 - (taken.at_ms * 1e3).round()).abs() < 1e-6, "{}", taken.at_ms);
-    // A short round tells nothing of the load of other processes. Some systems tell it of no round.
+    // In a short round, the load of other processes cannot be measured. Some systems do not report the load at all.
     while cfg!(target_os = "linux") && timed.sink.loads.is_empty() {
         assert!(start.elapsed() < Duration::from_secs(120), "the load is never told");
         std::thread::sleep(Duration::from_millis(20));
@@ -260,7 +260,7 @@ fn an_additional_launch_is_told_and_is_no_step() {
     let run = fixtures::run(&experiment, &devices, &locks);
     let samples = |launch: u32| vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));
-    // No machine has latencies as long as these, so the new launch is nearer.
+    // No machine has latencies as long as these, so the new launch has a smaller latency.
     let latencies_ns = vec![1e9, 1e6];
     let mut sink = Noting { past: past.into(), latencies_ns, launches: 2, ..Noting::default() };
     let (off, mut workers) = (AtomicBool::new(false), Mortals::default());

@@ -16,9 +16,9 @@ struct Noting {
     dismissed: Rc<Cell<usize>>,
     /// What comes instead of the usual replies, from the next request on.
     instead: Rc<RefCell<VecDeque<Wait>>>,
-    /// Set by the next request, if there is one.
+    /// A flag that the next request sets, if there is a flag.
     interrupts: Option<Rc<AtomicBool>>,
-    /// What comes instead of the reply that the next worker has started.
+    /// What the next worker sends instead of `Reply::Started`.
     at_start: Option<Wait>,
     /// The time limit of every wait for a worker.
     limits: Rc<RefCell<Vec<Duration>>>,

@@ -5,15 +5,15 @@ use crate::measure::summary::median_of;
 
 /// Number of iterations of the median polish; in practice, from the third on, values change only by rounding.
 const SWEEPS: usize = 5;
-/// The largest number of neighbours on each side from which the machine's state is estimated. A machine stays
-/// at one speed for tens of samples.
+/// The machine's speed at a sample is estimated from at most this many samples before it and as many after it. A
+/// machine stays at one speed for tens of samples.
 const MOST_NEIGHBOURS: usize = 6;
 
 /// Returns the logarithm of each sample of one launch, less the drift of the machine at that time.
 ///
 /// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
-/// time. The drift is not one value per round but the running median over neighbours in time, so that a
-/// change of speed within a round is followed too. Every sample is thus compared with samples taken just
+/// time. The drift is the running median over neighbours in time, not one value per round, so that it follows
+/// a change of speed within a round, too. Every sample is thus compared with samples taken just
 /// before and after it, and a change that slows all points equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
@@ -66,7 +66,7 @@ mod tests {
             assert!((left - reference - expected).abs() < 1e-9, "{sample:?}: {left}");
         }
     }
-    /// A point without a sample at some time gives no information about the machine at that time.
+    /// A point without samples gives no information about the machine, so it does not add to the number of neighbours.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
         // Two points take longer and longer, then suddenly as long as at the start.

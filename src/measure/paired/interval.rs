@@ -23,7 +23,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Returns this value divided by an independent one.
+    /// Returns the ratio of this value to an independent value, `other`.
     pub fn over(self, other: Self) -> Self {
         let error = Error::of_sum([self.error(), other.error()]);
         interval((self.middle / other.middle).ln(), error)

@@ -11,13 +11,13 @@
 //! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
-//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of a pair's own spread (two
-//!    degrees of freedom). Therefore a pair's variance is averaged with the usual variance of all points (a moderated
-//!    variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if the variances
-//!    of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
+//!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
+//!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points
+//!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
+//!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
 //!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one. Other
-//!    tables of the same run add up to six.
+//!    tables of the same run add up to six more.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -116,8 +116,8 @@ impl Standing {
         interval(self.level() - other.level(), Error::of_sum([within, between]))
     }
 
-    /// Returns the ratio to a point that was measured at another time. The ratio includes changes of the machine
-    /// between the two measurements.
+    /// Returns the ratio of this point's time to that of a point that was measured at another time. The ratio includes
+    /// changes of the machine between the two measurements.
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
         interval(self.point.median - other.point.median, error)
@@ -139,7 +139,7 @@ impl Standing {
         Some(Self { point, points: points.iter().map(|one| one.points).sum(), ..first.clone() })
     }
 
-    /// Returns the same as [`Paired::resolution`].
+    /// Returns the relative difference above which two points can be distinguished, as [`Paired::resolution`] does.
     pub fn resolution(&self) -> Option<f64> {
         resolution(&self.pooled, self.between)
     }
@@ -200,7 +200,7 @@ impl Paired {
         }
     }
 
-    /// Returns a point, together with the points that were measured with it; `None` if it has too few samples.
+    /// Returns a point, with the spread of all points that were measured with it; `None` if it has too few samples.
     pub fn standing(&self, place: usize) -> Option<Standing> {
         let point = self.points.get(place)?.clone()?;
         let between = self.between.get(place).copied().unwrap_or_default();

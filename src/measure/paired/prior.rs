@@ -1,17 +1,20 @@
-//! How much the variances of points differ from each other: what all points say about one point's variance.
+//! Estimates how much the variances of points differ from each other, and so how much the variances of all points show
+//! about the variance of one.
 
 use statrs::function::gamma::digamma;
 
-/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance, after the
-/// bias of both logarithms is corrected. With two degrees of freedom, a variance of more than 9 times the typical
-/// variance exceeds this limit: one in 8,000 by chance, if all points are alike.
+/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance. Both are
+/// compared after the bias of the variances' logarithms is corrected. With two degrees of freedom, a variance exceeds
+/// this limit if it is more than 9 times the typical variance; if all points are alike, one in 8,000 does so by chance.
 const MOST_TIMES: f64 = 16.0;
-/// When the distribution is estimated, a variance counts as at least this fraction of the mean: a clock with coarse
-/// steps can show a point without any variance.
+/// When the distribution is estimated, a variance counts as at least this fraction of the mean variance. A variance can
+/// be 0, because with a coarse clock all times of a point can be equal.
 const LEAST_SHARE: f64 = 1e-4;
-/// Below the first limit, points have nothing in common; above the second, their true variances are equal.
+/// The degrees of freedom are searched between these limits. Below the first limit, the variances of points have
+/// nothing in common; above the second, the true variances are equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
-/// Number of halvings that find the degrees of freedom to a millionth.
+/// Number of halvings of the interval between the limits [`DEGREES`]. They find the degrees of freedom with a relative
+/// error below a millionth.
 const HALVINGS: usize = 44;
 
 /// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
@@ -21,8 +24,8 @@ const HALVINGS: usize = 44;
 pub(super) struct Prior {
     /// The variance of a point of which nothing is known.
     pub variance: f64,
-    /// The number of degrees of freedom for which `variance` counts beside a point's own variance. It is small if some
-    /// points vary far more than others, and large if all vary alike.
+    /// The weight of `variance` beside a point's own variance, in degrees of freedom. The weight is small if some
+    /// points vary far more than others, and large if all points vary alike.
     pub degrees: f64,
     /// The geometric mean of the true variances.
     pub typical: f64,
@@ -37,7 +40,8 @@ impl Prior {
             return Self { variance: mean, degrees: f64::INFINITY, typical: mean };
         }
         let half = 0.5 * degrees as f64;
-        // The mean logarithm of a variance is this much less than the logarithm of the true variance.
+        // The mean logarithm of observed variances is the logarithm of the true variance plus this bias, which is
+        // negative.
         let bias = log_bias(half);
         let logs: Vec<f64> =
             variances.iter().map(|variance| variance.max(LEAST_SHARE * mean).ln() - bias).collect();
@@ -45,7 +49,8 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // Even points that are alike have observed variances that differ; the rest of the spread is the points' own.
+        // The observed variances differ even if the points are alike; the rest of the spread is that of the true
+        // variances.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };
@@ -58,7 +63,7 @@ fn mean_of(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// Returns the mean of the logarithm of a chi-square variable with `2 * half` degrees of freedom, divided by these.
+/// Returns the mean of ln(x / d), where x is a chi-square variable with d = `2 * half` degrees of freedom.
 fn log_bias(half: f64) -> f64 {
     digamma(half) - half.ln()
 }
@@ -76,14 +81,15 @@ fn trigamma(x: f64) -> f64 {
     sum + inverse * (1.0 + 0.5 * inverse + square * (1.0 / 6.0 - square * (1.0 / 30.0 - square / 42.0)))
 }
 
-/// Returns the argument at which trigamma is `value`, within half of [`DEGREES`]; infinite if it lies above.
+/// Returns the argument at which trigamma is `value`. The search is between half of the first and half of the second of
+/// [`DEGREES`]; if the argument lies above, returns infinity.
 fn inverse_trigamma(value: f64) -> f64 {
     let [mut low, mut high] = DEGREES.map(|degrees| 0.5 * degrees);
     if value <= trigamma(high) {
         return f64::INFINITY;
     }
     for _ in 0..HALVINGS {
-        // Trigamma falls.
+        // Trigamma decreases as its argument grows.
         let middle = (low * high).sqrt();
         if trigamma(middle) > value { low = middle } else { high = middle }
     }
@@ -96,7 +102,7 @@ mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use rand_chacha::ChaCha8Rng;
 
-    /// Variances with two degrees of freedom are distributed exponentially: these are a thousand quantiles.
+    /// Returns a thousand quantiles of the exponential distribution, which variances with two degrees of freedom have.
     fn alike() -> Vec<f64> {
         (0..1000).map(|k| -(1.0 - (f64::from(k) + 0.5) / 1000.0).ln()).collect()
     }

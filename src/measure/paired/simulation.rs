@@ -12,7 +12,7 @@ const LAG_1: f64 = 0.55;
 const LAUNCHES: u32 = 3;
 const ROUNDS: u64 = 20;
 const RUNS: u64 = 24;
-/// Relative differences below this are a tie.
+/// Points whose times differ by less than this fraction tie.
 const RESOLUTION: f64 = 0.01;
 
 /// Sources of error of a machine, as standard deviations of logarithms.
@@ -30,7 +30,7 @@ struct Machine {
     noise: f64,
     /// Probability that a slow phase begins at a sample; a slow phase lasts tens of samples.
     regime: f64,
-    /// Probability that a launch runs every third point in its slow mode.
+    /// Probability that a point with two speeds takes its slow mode in a launch. Every third point has two speeds.
     slow_mode: f64,
 }
 
@@ -59,8 +59,8 @@ fn is_bimodal(point: usize) -> bool {
     point % 3 == 1
 }
 
-/// Returns the logarithm of a point's true time. The points form five pairs; each pair is 5% slower than the pair
-/// before.
+/// Returns the logarithm of a point's true time. Points form pairs of equal times; each pair is 5% slower than the
+/// pair before.
 fn level(point: usize) -> f64 {
     0.05 * (point / 2) as f64
 }

@@ -7,29 +7,29 @@ use crate::measure::summary::quantile;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// The effect that a column has on all rows is estimated from the steadiest rows: one of this many. In one run of
-/// Figure 8 on a processor, 19 of 37 points took 1.4 times as long in one of four launches.
+/// The effect that a column has on all rows is estimated from the steadiest rows only: from one row in this many. In
+/// one run of Figure 8 on a processor, 19 of 37 points took 1.4 times as long in one of four launches.
 const STEADY_PART: usize = 3;
-/// This effect is estimated from at least this many rows, if the table has as many. Fewer rows might be alike only by
-/// chance.
+/// The effect of a column is estimated from at least this many rows if the table has so many, because fewer rows might
+/// be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
 /// The spread of repeated values, pooled over all points. The table has a row per point and a column per
 /// repeat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
-    /// The variances of the rows' residuals after subtracting the effect of each row and each column.
+    /// The distribution of the variances of the rows' residuals, after subtracting the effects of rows and columns.
     apart: Prior,
-    /// The variances of the rows; they include effects that all rows share.
+    /// The distribution of the rows' variances, which include effects that all rows share.
     together: Prior,
     rows: usize,
     columns: usize,
-    /// The square root of the mean of the variances `together` of other tables, with the degrees of freedom of this mean.
+    /// The square root of the mean of `together.typical` over other tables, and the degrees of freedom of this mean.
     elsewhere: Error,
 }
 
 impl Pooled {
-    /// Pools two tables of the same shape: the medians without drift, and the plain medians.
+    /// Pools two tables of the same shape: `relative` has the medians without drift, `plain` has the medians with it.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
@@ -77,21 +77,23 @@ impl Pooled {
         (self.rows > 1).then(|| self.moderated(2.0, 2.0 * self.apart.typical))
     }
 
-    /// Returns the error of a mean of differences, whose own variance has few degrees of freedom. `parts` is the
-    /// variance of a difference if each row has the variance 1.
+    /// Returns the error of a mean of differences between rows. `own` is the variance of these differences, which has
+    /// few degrees of freedom. `parts` is the variance that a difference would have if each row had the variance 1.
     fn moderated(&self, parts: f64, own: f64) -> Error {
         let borrowed = self.borrowed(self.apart, 2);
         let variance = self.weighted(parts * self.apart.variance, borrowed, own);
         self.error(variance, borrowed + self.columns.saturating_sub(1) as f64)
     }
 
-    /// Returns the degrees of freedom that the spread of all rows adds. The `own` rows that are judged add none.
+    /// Returns the degrees of freedom that the spread of all rows adds. `own` is the number of rows whose error is
+    /// computed; these rows add none.
     fn borrowed(&self, prior: Prior, own: usize) -> f64 {
         let others = self.rows.saturating_sub(own) * self.columns.saturating_sub(1);
         prior.degrees.min(BORROWED.min(others) as f64)
     }
 
-    /// Returns the weighted mean of a row's own variance and the variance of all rows.
+    /// Returns the mean of a row's `own` variance and the `usual` variance of all rows, weighted by their degrees of
+    /// freedom.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> f64 {
         let columns = self.columns as f64 - 1.0;
         (borrowed * usual + columns * own) / (borrowed + columns)
@@ -130,8 +132,8 @@ fn interaction(table: &[&[f64]]) -> Prior {
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
-        // The effect has an error, too. Its variance is taken to be that of a mean; that of a median is up to a half
-        // larger.
+        // The effect of the column has an error, too. The variance of this error is computed as for a mean; for a
+        // median, it would be up to a half larger.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
@@ -196,8 +198,8 @@ mod tests {
         assert!(pooled.of_level(rows[0]).error < 0.1 * pooled.of_level(rows[3]).error);
     }
 
-    /// A row is a point, and a column is a launch. Twenty of 37 points take 1.5 to 1.7 times as long in the second launch.
-    /// Similar times were measured in a run of Figure 8 on a processor.
+    /// A row is a point, and a column is a launch. Twenty of 37 points take 1.5 to 1.7 times as long in the second
+    /// launch. Similar times were measured in a run of Figure 8 on a processor.
     #[test]
     fn steady_rows_are_known_though_they_are_fewer_than_half() {
         let cell = |row: usize, column: usize| {

@@ -156,7 +156,7 @@ fn what_is_no_time_is_passed_over() {
     assert_eq!(Paired::of(&samples, 2), Paired::of(&steady(2, 2, 6), 2));
 }
 
-/// Samples of points that take 1, 2 and 3 ms in each of three launches, apart from the differences between launches.
+/// Compares points that take 1, 2 and 3 ms. In each of three launches, these times are multiplied by a factor.
 fn with_launches(factors: [f64; 3]) -> Paired {
     let sample = |launch: u32, point: usize| PairedSample {
         point,
@@ -175,7 +175,7 @@ fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
     let errors = [&one, &two, &three].map(|point| point.median_ms().error);
     assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
     let pair = Standing::mean(&[&one, &three]).unwrap();
-    // The pair's own factor has half of a point's variance, and that of the other point is whole.
+    // The variance of the pair's mean factor is half of a point's; the other point contributes a whole one.
     for ratio in [pair.ratio(&one), one.ratio(&pair)] {
         assert!((ratio.error - 0.1 * 1.5_f64.sqrt()).abs() < 1e-9, "{ratio:?}");
     }

@@ -3,7 +3,7 @@
 use super::token::{Kind, Token};
 use std::collections::VecDeque;
 
-/// Longer lines are broken if possible.
+/// Lines with more characters than this are broken if possible.
 const WIDEST: usize = 120;
 /// The contents of a bracket that opens at this column or before are continued next to the bracket. The contents of
 /// other brackets are continued on lines that are indented by four more columns.

@@ -36,8 +36,8 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The remaining lines.
     pub lines: Vec<Line>,
-    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not pass.
-    /// They counted as absent.
+    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not pass. They were
+    /// treated as undefined.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except those in branches that are not compiled.
     pub files: Vec<String>,

@@ -1,4 +1,4 @@
-//! Splits text into tokens that keep their layout, and joins them again.
+//! Splits text into tokens. Blanks, line ends and comments are tokens too, so that the layout is not lost.
 
 /// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

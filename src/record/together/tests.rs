@@ -47,7 +47,7 @@ fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
     let records = judged([
         measured("gpu", "naive", 8, 10.0),
         measured("gpu", "wide", 1, 10.09),
-        // This point surely takes 0.4% longer, but not surely 1%.
+        // The samples show that this point takes 0.4% longer, but not that it takes 1% longer.
         measured("gpu", "wide", 4, 10.15),
         measured("gpu", "wide", 2, 10.3),
         few("gpu", "naive", 4, 1.0, 4),

@@ -85,8 +85,8 @@ impl<'a> ClaimData<'a> {
         ratio.line(ratio.between(&side(of, slow), &side(to, fast)), held)
     }
 
-    /// Tests whether a point runs. If several records match, it is enough that one of them ran; the
-    /// line names the first record that ran.
+    /// Tests whether a point runs or, if `wanted` is false, whether the point does not run. If several
+    /// records match, a point runs if one of them ran; the line names the first record that ran.
     pub(super) fn runs(&self, point: &Point, wanted: bool) -> Line {
         let records = self.records(point);
         let ran = records.iter().find(|record| median(record).is_some());

@@ -56,7 +56,7 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let whole = Verdict::of_all(ratios.iter().map(|one| verdict(&one)));
     let deciding = ratios.iter().filter(|one| verdict(one) == whole);
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
-        return found.missing(&format!("another point than {}", test.is));
+        return found.missing(&format!("a point other than {}", test.is));
     };
     let name = format!("{}, the nearest of {} others,", side(&test.is, other), ratios.len());
     ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY)
@@ -142,8 +142,9 @@ fn holds(capability: &str, registers: u32, size: LocalSize, threads: u64) -> Lin
 fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> Line {
     let name = format!("{memory:?} memory").to_lowercase();
     if found.is_cpu() && memory != Memory::Private {
-        let text =
-            format!("a CPU has no separate {name}: its caches and main memory serve for all address spaces");
+        let text = format!(
+            "a CPU has no separate {name}: all address spaces of OpenCL are in main memory and its caches"
+        );
         return Line::cannot(text, "a GPU".to_owned());
     }
     let Some(peak) = found.peak() else {

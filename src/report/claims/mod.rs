@@ -93,7 +93,7 @@ mod tests {
         claim_in(&Folder::default(), test, records)
     }
 
-    /// Returns a claim like `claim`, for runs in this folder.
+    /// Returns the same as [`claim`], but the runs have this folder.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(verdict(serial, &[baseline, records[2].clone()]), Verdict::Unclear);
     }
 
-    /// Returns a test that naive at this size is the fastest square size, with more keys.
+    /// Returns a test that `naive` is faster at this local size than at all other square ones; `more` has further keys.
     fn fastest(size: &str, more: &str) -> String {
         format!("kind = 'fastest', is = 'naive {size} on teapot', of = ['naive square on teapot'], {more}")
     }
@@ -235,7 +235,7 @@ mod tests {
     fn a_point_without_others_is_not_the_fastest_of_any() {
         let told = claim(&fastest("4x4", "by = 1.05"), &[&sizes(&[(4, 10.0)])]);
         assert_eq!(told.verdict, Verdict::Cannot);
-        assert_eq!(told.lines[0].text, "no record of another point than naive at 4 x 4 on teapot");
+        assert_eq!(told.lines[0].text, "no record of a point other than naive at 4 x 4 on teapot");
     }
 
     #[test]
@@ -326,7 +326,7 @@ mod tests {
             );
             verdict(&test, &[measured("gpu", "naive", 8, 10.0)])
         };
-        // Of 32768 registers, 512 threads with 64 each (in steps of 2) use all: two groups of 256.
+        // A thread's 63 registers are rounded up to 64, so 512 threads (two groups of 256) use all 32768 registers.
         assert_eq!([512, 1536, 256].map(told), [Verdict::Held, Verdict::NotHeld, Verdict::NotHeld]);
     }
 
@@ -399,7 +399,7 @@ mod tests {
             let both = [peak("other", 7.0, Some(1000)), peak("gpu", 0.5, max_clock_mhz)];
             Peak::write(&both, &place.path().join(FILE)).unwrap();
         };
-        // Half a nanosecond is a cycle of 2000 MHz.
+        // At 2000 MHz, a cycle takes half a nanosecond.
         write(Some(2000));
         let run = |kind: &str| Folder {
             path: place.path().into(),

@@ -158,7 +158,7 @@ mod tests {
         let square = self::point("naive square on teapot").expect("it is one");
         let oblong = Record { local_size: Some([32, 2]), ..record("naive", Some("naive")) };
         assert!(square.is(&record("naive", Some("naive")), "gpu") && !square.is(&oblong, "gpu"));
-        // Changed by its entry, this strategy only has the preset's name.
+        // This strategy has the preset's name, but its config entry changed an axis.
         assert!(!point.is(&record("naive", None), "gpu"));
     }
 }

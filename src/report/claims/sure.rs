@@ -10,10 +10,10 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval; `None` if either record has too few samples.
     sure: Option<(f64, [f64; 2])>,
-    /// The number of samples of the record with fewer samples; if these are too few, the smallest number of samples in
-    /// a launch.
+    /// The smaller of the two records' numbers of samples. If there are too few samples for an interval, the smallest
+    /// number of samples in a launch of either record.
     n: usize,
-    /// The longer of the two times in milliseconds: the duration of one sample.
+    /// The longer of the two median times in milliseconds, from which [`more_samples`] computes a time limit.
     frame_ms: f64,
 }
 
@@ -42,8 +42,8 @@ impl Ratio {
         self.sure.map_or(f64::INFINITY, |(middle, _)| middle)
     }
 
-    /// Returns whether the ratio's 95% interval lies inside the range `held` or outside it. Otherwise the verdict is
-    /// unclear, also if an end of the interval equals a bound.
+    /// Returns `Held` if the ratio's 95% interval lies inside the range `held`, and `NotHeld` if it lies outside.
+    /// Otherwise, or if an end of the interval equals a bound of the range, returns `Unclear`.
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
@@ -53,15 +53,15 @@ impl Ratio {
         }
     }
 
-    /// Formats as "3.07 times (3.02 to 3.11, n = 12)" or "not enough samples (n = 3)".
+    /// Formats the ratio as "3.07 times (3.02 to 3.11, n = 12)" or "not enough samples (n = 3)".
     pub fn text(&self) -> String {
         let Some((middle, [low, high])) = self.sure else { return not_enough(self.n) };
         let [middle, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
         format!("{middle} times ({low} to {high}, n = {})", self.n)
     }
 
-    /// Formats as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not enough
-    /// samples (n = 3)".
+    /// Formats the ratio as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not
+    /// enough samples (n = 3)".
     pub(super) fn between(&self, of: &str, to: &str) -> String {
         match self.sure {
             Some(_) => format!("{of} takes {} as long as {to}", self.text()),

@@ -118,7 +118,7 @@ impl TryFrom<String> for LocalSize {
     }
 }
 
-/// A known compute capability.
+/// A compute capability, such as "9.0", whose limits raycl knows.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Capability(pub String);

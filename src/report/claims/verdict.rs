@@ -27,17 +27,17 @@ impl Verdict {
         Self::ALL.iter().find(|(verdict, ..)| *verdict == self).unwrap_or(&Self::ALL[3])
     }
 
-    /// Returns the name.
+    /// Returns the verdict in words, such as "did not hold".
     pub fn name(self) -> &'static str {
         self.row().1
     }
 
-    /// Returns the CSS class in the page.
+    /// Returns the verdict's CSS class in the page.
     pub fn class(self) -> &'static str {
         self.row().2
     }
 
-    /// Returns the sign in the page.
+    /// Returns the verdict's sign in the page, such as ✓.
     pub fn sign(self) -> &'static str {
         self.row().3
     }

@@ -40,8 +40,8 @@ fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     (first == second).then(|| after.over(before))
 }
 
-/// Returns that half of the points whose changes are closest to the median change. This leaves out
-/// points that a change of code made slower.
+/// Returns the half of the points whose changes are closest to the median change. Points that a change
+/// of code made slower are in the other half, which is left out.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -84,7 +84,7 @@ mod tests {
         assert_eq!(alike_of(&[1.0, 9.0]), [1.0, 9.0], "of two, none stands out");
     }
 
-    /// Returns the records of two groups, each with the launches of its own: in each group a kernel, and a baseline.
+    /// Returns the records of two groups with different launches. Each group has a kernel and a baseline.
     fn two_groups([kernels, baselines]: [[f64; 2]; 2]) -> Vec<Record> {
         let of = |group: u32, record: Record| {
             let sample_launches = record.sample_launches.iter().map(|launch| launch + 2 * group).collect();

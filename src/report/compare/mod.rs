@@ -46,11 +46,11 @@ pub struct Comparison {
     pub broken: Vec<String>,
     /// The notes of the folders, each with its folder's name.
     pub notes: Vec<String>,
-    /// Changes below this fraction count as equal.
+    /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,
 }
 
-/// Returns a note if the processors were further apart in one run than in the other.
+/// Returns a note if the core-to-core latency was more than `MOVED` times as long in one run as in the other.
 fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> {
     let [before, after] = folders.map(|folder| latency_ns(&folder.rounds, &folder.records));
     let (before, after) = (before?, after?);
@@ -276,8 +276,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns a copy of the folder in which each record has its position. The position is among the
-/// records and anchors that were measured together with the record.
+/// Returns a copy of the folder in which each record has its times relative to those of the records and
+/// anchors that were measured together with it.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

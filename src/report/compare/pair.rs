@@ -15,7 +15,7 @@ pub struct Pair {
     pub before: Record,
     /// The point's record in the second folder.
     pub after: Record,
-    /// The verdict on the second record.
+    /// The verdict on the second record, compared with the first.
     pub verdict: Verdict,
     /// The ratio of the second time to the first time, and the measurements to which both times are
     /// relative; `None` if the ratio cannot be computed.

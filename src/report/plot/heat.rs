@@ -12,7 +12,7 @@ use crate::image::viridis;
 pub enum Cell {
     /// A time.
     Time {
-        /// Time divided by the fastest one: 1 or more.
+        /// The time divided by the fastest time with which it is compared: 1 or more.
         slower: f64,
         /// The time as text.
         text: String,

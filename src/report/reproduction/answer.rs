@@ -11,7 +11,7 @@ use crate::report::view;
 use crate::report::words::Looks;
 use crate::strategy::PRESETS;
 
-/// The paper's kernel with its vectors and triangles in different memories.
+/// The presets of the paper's kernel that differ in the memories of their working vectors and triangles.
 const MEMORY: [&str; 7] = [
     "naive",
     "naive-scratch",
@@ -24,7 +24,7 @@ const MEMORY: [&str; 7] = [
 /// Bytes of a ray that a ray-triangle test reads: origin and direction, three floats each.
 const RAY_BYTES: f64 = 24.0;
 
-/// The four lines, and the plots that show them.
+/// The four lines of the answer, and the plots that show the times behind it.
 #[derive(Default)]
 pub struct Answer {
     /// The memory in which working data is fastest.

@@ -36,18 +36,18 @@ struct File {
 pub struct Figure {
     /// The figure's number, title and known differences.
     pub about: Described,
-    /// Our pictures for it.
+    /// Our pictures of the figure's scenes.
     pub pictures: Vec<Picture>,
-    /// Our plots for it.
+    /// Our plots of what the figure shows.
     pub plots: Vec<Plot>,
     /// Table rows: curve, block size, published time, our time, and the published time divided by
     /// our time.
     pub rows: Vec<[String; 5]>,
-    /// The command that measures the figure, if there is no record for it; otherwise empty.
+    /// The command that measures what the figure shows, if there is no record of it; otherwise empty.
     pub missing: String,
 }
 
-/// Returns every figure.
+/// Returns the descriptions of all figures, from figures.toml.
 pub fn described() -> Result<Vec<Described>> {
     let file: File = toml::from_str(TABLE).map_err(|error| {
         toml_error("figures.toml", TABLE, &error, "the first lines of figures.toml explain every key")

@@ -9,9 +9,9 @@ use crate::report::plot::chart::{Across, Chart, Mark, Series};
 use crate::report::plot::look::Look;
 use crate::report::plot::scale::Kind;
 
-/// The paper's table: block, threads per multiprocessor.
+/// The paper's table: the width of a square block, and the threads per multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
-/// The block sizes in the paper.
+/// The widths of the square blocks in the paper.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;

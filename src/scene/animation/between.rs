@@ -155,7 +155,7 @@ mod tests {
             let (low, high) = (values[begin].min(values[begin + 1]), values[begin].max(values[begin + 1]));
             assert!((low..=high).contains(&at(&frames, &values, frame)), "{frame}");
         }
-        // Two keys make a line.
+        // With two keyframes, the curve is a straight line.
         assert_eq!(at(&[1.0, 3.0], &[0.0, 1.0], 1.5), 0.25);
     }
 

@@ -22,7 +22,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Checks a track of an animation with `frames` frames.
+    /// Checks a track of an animation with `frames` frames, and returns it.
     pub fn of(document: &Document, wire: TrackWire, frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
@@ -47,7 +47,7 @@ impl Track {
         Ok(Self { path, at, values, interpolation })
     }
 
-    /// Refuses to replace the value of an earlier track.
+    /// Checks that this track does not replace the value that an earlier track sets.
     ///
     /// # Errors
     ///
@@ -88,7 +88,7 @@ impl Track {
         self.values[self.last_keyframe(f64::from(frame))].span()
     }
 
-    /// Returns the index of the last keyframe that is not after a frame; 0 if all are after it.
+    /// Returns the index of the last keyframe that is not after a frame; 0 if all keyframes are after the frame.
     fn last_keyframe(&self, frame: f64) -> usize {
         self.at.partition_point(|at| *at <= frame).saturating_sub(1)
     }

@@ -8,11 +8,12 @@ pub(super) const MAX_FRAMES: u32 = 100_000;
 /// Largest number of frames per second.
 pub(super) const MAX_RATE: u16 = 1000;
 
-/// Values of the scene that change from frame to frame. A picture of the scene shows its first frame.
+/// Values of the scene that change from frame to frame. A single picture of the scene shows the animation's first
+/// frame.
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scene) struct AnimationWire {
-    /// The number of frames; the first is 1.
+    /// The number of frames, which are counted from 1.
     #[schemars(with = "u32", range(min = 1, max = MAX_FRAMES))]
     pub frames: Spanned<u32>,
     /// Frames per second of an .apng or a y4m stream [default: 30].

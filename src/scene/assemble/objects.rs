@@ -61,7 +61,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         rotation_degrees: vector(wire.rotation.map(|v| v.0), Vec3::ZERO),
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
-    // If a bare mesh was moved to the origin, it is not moved back to its position in the file.
+    // A mesh without a scene file may have been moved to the origin. It is not moved back to its position in its file.
     let origin = if document.bare { DVec3::ZERO } else { file.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
@@ -70,8 +70,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     file
 }
 
-/// Returns the material, with the file's values replacing those of `base`. One of k_g and shininess is
-/// enough for a highlight; the missing one has the paper's value.
+/// Returns the material `base` with the values that the scene file replaces. One of k_g and shininess is enough for a
+/// highlight; the missing one has the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
     if wire.k_g.is_none() && wire.shininess.is_none() {
@@ -102,7 +102,8 @@ fn read_file(
     if !document.bare {
         refuse_foreign(document, file, &path, &opened)?;
     }
-    // A bare mesh was named on the command line, so messages may quote its file.
+    // Without a scene file, the mesh is the document's own file, so `document.quotes` says whether messages may quote
+    // it.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
@@ -176,8 +177,9 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Refuses a shape whose mesh does not fit into the host's memory. There are half as many vertices as triangles.
-/// Joining the rest of the scene to the mesh takes at least half as much memory again.
+/// Refuses a shape whose mesh does not fit into the host's memory. The mesh has one vertex, with a position and a
+/// normal, for every two triangles. Joining the rest of the scene to the mesh takes at least half as much memory again,
+/// so three triangles, two positions and two normals are counted for every two triangles.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;

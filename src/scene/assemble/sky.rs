@@ -1,4 +1,4 @@
-//! Builds the `[sky]`.
+//! Builds the sky of a scene from `[sky]` in the scene's file.
 
 use crate::error::{Result, nearest_file};
 use crate::reader::lies_in;

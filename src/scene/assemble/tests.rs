@@ -197,7 +197,7 @@ fn a_dressed_mesh_stands_on_a_ground_unless_its_background_is_given() {
         assert!(loaded.dressed);
         (loaded.object_starts, loaded.scene.mesh.triangles.len())
     };
-    // The ground is a square of two triangles within three frames of eight triangles each.
+    // The ground is a square of two triangles, surrounded by three square frames of eight triangles each.
     assert_eq!(load(&[]), (vec![0, 4], 4 + 2 + 3 * 8));
     assert_eq!(load(&[("background".to_owned(), Value::Float(0.5))]), (vec![0], 4));
 }
@@ -239,7 +239,7 @@ fn a_sky_without_a_horizon_has_one_colour() {
     assert_eq!((graded.zenith, graded.horizon), (Vec3::splat(0.5), Vec3::splat(0.25)));
 }
 
-/// Returns a scene of one triangle in front of the paper's camera, with more keys before it.
+/// Returns a scene of one triangle in front of the paper's camera. Its file begins with the text `before`.
 fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");

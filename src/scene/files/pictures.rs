@@ -14,7 +14,7 @@ use std::sync::Arc;
 const MOST_ACROSS: u32 = 1 << 14;
 /// Largest total number of texels in a mesh's textures; this many texels take 1 GiB.
 const MOST_TEXELS: usize = 1 << 28;
-/// Largest memory for decoding a picture, in bytes: texels with 16 bits per channel.
+/// Largest memory for decoding a picture, in bytes: enough for the largest picture with 16 bits per channel.
 const DECODING_BYTES: u64 = 8 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
 /// The supported formats. TGA is recognised by the file's extension, the others by the file's first bytes.
 const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Bmp, ImageFormat::Tga];
@@ -25,7 +25,7 @@ type Parsed<T> = std::result::Result<T, String>;
 /// A picture's texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
 
-/// The use of a picture.
+/// How a mesh uses a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(in crate::scene) struct Usage {
     pub wrap: [Wrap; 2],
@@ -124,12 +124,10 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     if width == 0 || height == 0 || width.max(height) > MOST_ACROSS {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
-    // The texels are in memory twice: as decoded, and as stored.
-    let needed = 8 * u64::from(width) * u64::from(height);
-    let sum = format!("8 B x {width} x {height} texels");
-    Available::read()
-        .hold(2 * needed, "decoding it", &sum)
-        .map_err(|error| format!("is too large ({error})"))?;
+    // A decoded texel takes at most 8 bytes. Its conversion to four channels of 8 bits takes as much again.
+    let needed = 16 * u64::from(width) * u64::from(height);
+    let sum = format!("16 B x {width} x {height} texels");
+    Available::read().hold(needed, "decoding it", &sum).map_err(|error| format!("is too large ({error})"))?;
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MOST_ACROSS);
     limits.max_image_height = Some(MOST_ACROSS);

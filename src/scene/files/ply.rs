@@ -9,7 +9,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::triangulate;
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use glam::{DVec3, Vec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
@@ -83,7 +83,7 @@ impl Parts {
         let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
         if with_normals {
             mesh.normals = self.vertices.iter().map(|vertex| vertex.normal).collect();
-            // Normals that are not finite are replaced.
+            // Normals that are not finite become zero; zero normals are replaced later.
             mesh.normals.iter_mut().filter(|normal| !normal.is_finite()).for_each(|n| *n = Vec3::ZERO);
         }
         let mut push = |corners: [u32; 3]| {
@@ -135,14 +135,15 @@ impl Parts {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
-            notes.push(format!("{textures} comments (TextureFile) name textures, which raycl does not support: each triangle has one colour"));
+            let comments = counted_are(textures, "TextureFile comment");
+            notes.push(format!("{comments} ignored: PLY files get no textures, but one colour per triangle"));
         }
         let of_faces = header.elements.get("face").filter(|face| face.properties.contains_key("red"));
         if let Some(face) = of_faces {
-            notes.push(format!("colours of {} faces are not read", face.count));
+            notes.push(format!("colours of {} are not read", counted(face.count, "face")));
         }
         if short > 0 {
-            notes.push(format!("{short} faces of fewer than three corners are left out"));
+            notes.push(format!("{} left out", counted_are(short, "face of fewer than three corners")));
         }
         let others: Vec<_> = self
             .others
@@ -158,7 +159,7 @@ impl Parts {
     }
 }
 
-/// A vertex; properties that the file does not have stay zero.
+/// A vertex. A property that the file does not have stays 0, or 1 for alpha.
 struct Vertex {
     position: DVec3,
     normal: Vec3,

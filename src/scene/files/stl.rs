@@ -9,7 +9,7 @@ use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::{decimal, quoted};
-use crate::words::counted;
+use crate::words::counted_are;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -86,10 +86,9 @@ fn notes(bytes: &[u8], triangles: usize) -> Vec<String> {
         notes.push(format!("the header says 0 triangles: all {triangles} in the file are read"));
     }
     let rest = bytes.len() - HEADER_BYTES - TRIANGLE_BYTES * triangles;
-    let are = if rest == 1 { "is" } else { "are" };
-    notes.extend(
-        (rest > 0).then(|| format!("{} after the last triangle {are} ignored", counted(rest, "byte"))),
-    );
+    if rest > 0 {
+        notes.push(format!("{} ignored", counted_are(rest, "byte after the last triangle")));
+    }
     notes
 }
 

@@ -100,7 +100,7 @@ impl Count {
 }
 
 impl Asked {
-    /// Counts a use.
+    /// Counts one use of an unsupported feature.
     pub fn add(&mut self, wish: Wish, keyword: &[u8]) {
         let name = match wish {
             Wish::Unknown => quoted(keyword),
@@ -135,8 +135,8 @@ impl Asked {
         }
     }
 
-    /// Returns a note for each kind; `who` is a material or a statement. If `quotes` is true, the
-    /// notes contain the keywords from the file.
+    /// Returns a note for each kind. `who` names what the notes count: materials or statements. If `quotes` is true,
+    /// the notes contain the keywords from the file.
     pub fn notes(&self, who: &str, quotes: bool) -> impl Iterator<Item = String> {
         self.0.iter().map(move |(wish, count)| {
             let (what, instead) = wish.words();

@@ -1,4 +1,4 @@
-//! The second pass: reads faces, cuts them into triangles, and checks every index.
+//! The second pass over an OBJ file: reads faces, cuts them into triangles, and checks every index.
 
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
@@ -6,7 +6,7 @@ use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, words};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
-use crate::words::counted;
+use crate::words::{counted, counted_are};
 use glam::Vec3;
 use std::collections::{BTreeSet, HashMap};
 
@@ -271,11 +271,8 @@ pub(super) fn note_odd_faces(faces: &[FaceChunk], source: &Source, notes: &mut V
         ));
     }
     if short.count > 0 {
-        let (faces, are) = (counted(short.count, "face"), if short.count == 1 { "is" } else { "are" });
-        notes.push(format!(
-            "line {}: {faces} of fewer than three corners {are} left out",
-            source.line(short.first)
-        ));
+        let faces = counted_are(short.count, "face of fewer than three corners");
+        notes.push(format!("line {}: {faces} left out", source.line(short.first)));
     }
 }
 
@@ -288,11 +285,11 @@ fn naming(count: usize) -> String {
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
-    let (are, such_as) = if names.len() == 1 { ("is", "") } else { ("are", "such as ") };
-    let count = counted(names.len(), "material");
+    let such_as = if names.len() == 1 { "" } else { "such as " };
+    let materials = counted_are(names.len(), "material named by `usemtl`");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(
-        "{count} named by `usemtl` {are} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
+        "{materials} in no material file{first}: the default, k_L {DEFAULT_LAMBERTIAN} (grey), is used"
     ));
 }
 

@@ -23,6 +23,7 @@ mod wishes;
 use super::files::{MeshFile, colours_note, origin_of, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
+use crate::words::counted;
 use faces::{FaceChunk, FaceContext};
 use glam::{DVec3, Vec3};
 use points::PointChunk;
@@ -40,13 +41,13 @@ pub(in crate::scene) use textures::unmapped;
 /// The permissions for reading a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::scene) struct Permitted {
-    /// True if MTL files outside of the mesh's folder may be read.
+    /// True if files outside of the mesh's folder may be read: MTL files, pictures and glTF buffers.
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
 }
 
-/// Reads OBJ text named `name`, and the MTL files that it names, if they may be read.
+/// Reads OBJ text named `name`, and the MTL files that it names; `reach` says which files may be read.
 pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
@@ -84,7 +85,10 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     if mesh.triangles.is_empty() {
         let what = match bytes.trim_ascii() {
             [] => "no triangles: the file is empty".to_owned(),
-            _ => format!("no triangles: {} vertices and no face (`f`)", total.positions),
+            _ => format!(
+                "no triangles: {} and no face (`f`) with at least three corners",
+                counted(total.positions, "vertex")
+            ),
         };
         return Err(source.error(Mistake::new(text.len(), what)));
     }

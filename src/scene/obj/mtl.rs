@@ -77,7 +77,7 @@ impl Reach<'_> {
         }
     }
 
-    /// Returns the path of a file after following links, if it may be read.
+    /// Follows links to a file and returns its path. Fails if the mesh may not read the file.
     pub(in crate::scene) fn locate(&self, name: &str) -> std::result::Result<PathBuf, String> {
         let unreadable = |error| format!("cannot be read ({error})");
         let named = self.folder.join(name.replace('\\', "/"));

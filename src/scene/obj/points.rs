@@ -1,4 +1,4 @@
-//! The first pass: reads vertices and normals, the names of materials, and unsupported statements.
+//! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported statements.
 
 use super::asked::Asked;
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};

@@ -23,7 +23,7 @@ impl Mistake {
     }
 }
 
-/// The number of occurrences, and the position of the first.
+/// The number of lines that have some irregularity, and the byte offset of the first of these lines.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Seen {
     pub count: usize,
@@ -83,7 +83,8 @@ impl Source<'_> {
     }
 }
 
-/// Returns the form that a statement should have, for messages that may not quote the text.
+/// Returns the form that the statement on this line should have. Every error names this form, also an error that must not
+/// quote the line.
 fn expected(line: &[u8]) -> &'static str {
     match keyword(line).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",

@@ -10,7 +10,7 @@ mod terrain;
 
 use super::Mesh;
 
-/// Largest number of triangles in a shape or a scene; 32-bit indices for their vertices suffice.
+/// Largest number of triangles in a shape or a scene. 32-bit indices suffice for the vertices of so many triangles.
 pub const MAX_TRIANGLES: u32 = 100_000_000;
 /// The largest fineness of a teapot with at most [`MAX_TRIANGLES`].
 pub(super) const MAX_FINENESS: u32 = 1250;

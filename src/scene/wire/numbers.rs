@@ -36,12 +36,12 @@ macro_rules! ranges {
 ranges! {
     /// Any f32 that is finite.
     Finite: "a finite number", |_| true, {};
-    /// For values without a sign.
+    /// For values that must not be negative.
     NonNegative: "a finite number of at least 0", |value| value >= 0.0, { "minimum": 0 };
     /// For k_L and k_G.
     Reflectance: "a number from 0 to 1e6", |value| (0.0..=MAX_REFLECTANCE).contains(&value),
         { "minimum": 0, "maximum": MAX_REFLECTANCE };
-    /// For s.
+    /// For s, the exponent of a highlight.
     Shininess: "a number from 0 to 1e6", |value| (0.0..=MAX_SHININESS).contains(&value),
         { "minimum": 0, "maximum": MAX_SHININESS };
     /// For lights and the sky.
@@ -57,7 +57,8 @@ ranges! {
     /// For angles between faces.
     Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view; near the ends of the range, their tangent exceeds f32.
+    /// For fields of view. Up to 0.001 degrees and from 179.99 degrees on, an angle is refused too, since the tangent
+    /// of its half is almost 0 or very large.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }

@@ -34,8 +34,8 @@ impl Launches {
     }
 }
 
-/// Identifies the samples that records use, by the attempt's index, the number of the launch (of worker processes) in
-/// that attempt, and the point's key.
+/// Returns the samples that records use. A sample is identified by the attempt's index, the number of the launch (of
+/// worker processes) in that attempt, and the point's key.
 pub fn counted(records: &[Measured]) -> HashSet<(usize, u32, &str)> {
     let of = |(attempt, record): &'_ Measured| (*attempt, record.sample_launches.clone());
     let mut counted = HashSet::new();

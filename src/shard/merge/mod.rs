@@ -29,7 +29,7 @@ use std::path::Path;
 pub struct Merged {
     /// Number of attempts.
     pub attempts: usize,
-    /// Number of the plan's points that have a record, on all kinds of device.
+    /// Number of merged records, one for each measured point on each selected kind of device.
     pub records: usize,
     /// Number of samples that were merged, and of samples that were not.
     pub samples: [usize; 2],
@@ -59,7 +59,8 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
-    // This file marks a folder that a merge wrote, so it is written first: a merge may be killed and repeated.
+    // This file shows that a merge wrote the folder. It is written first, so that a merge that was killed can be
+    // repeated.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;

@@ -1,4 +1,4 @@
-//! Checks of work-groups and indices that do not depend on bytes.
+//! Checks that do not depend on bytes: of work-groups, of indices, and of features of the scene.
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
@@ -22,7 +22,7 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     Ok(())
 }
 
-/// Checks that a work-group consists of groups that can share tiles.
+/// Checks, for a strategy that shares tiles, that the work-items of each row of a work-group can share a tile.
 pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
     let [x, y] = workload.local_size;
     if !strategy.shares_tiles() {

@@ -254,7 +254,7 @@ fn numbers(text: &str) -> Vec<u128> {
 /// Returns whether a refusal's sum is correct and is above the refusal's limit.
 fn adds_up(reason: &str) -> bool {
     if reason.starts_with("traversal = raster does not support textures") {
-        return true; // any other sentence without numbers
+        return true; // a reason without numbers
     }
     let arithmetic = reason.split_once(": ").unwrap().1.replace("16-bit", "");
     let Some((needed, limit)) = arithmetic.split_once(" > ") else {

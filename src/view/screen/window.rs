@@ -56,7 +56,7 @@ impl Window {
         (x < self.size[0] && y < self.size[1]).then_some([x, y])
     }
 
-    /// Returns how far the pointer moved with a button down since the last call.
+    /// Returns how far the pointer moved with a button down since the last call, in heights of the picture.
     fn drag(&mut self) -> [f64; 2] {
         let down = self.is_down(MouseButton::Left) || self.pans();
         let at = self.window.get_unscaled_mouse_pos(MouseMode::Pass).filter(|_| down);

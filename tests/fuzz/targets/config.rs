@@ -1,4 +1,4 @@
-//! An experiment's TOML, and its plan.
+//! Reads an experiment's TOML, and makes the plan of the experiment.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Files for functions that read files: they lie in memory, in one folder per process.
+//! Writes inputs to files, for functions that read files. The files lie in memory, in one folder per process.
 
 use std::path::PathBuf;
 

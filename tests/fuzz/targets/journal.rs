@@ -1,4 +1,5 @@
-//! The journals of a run: whatever can be read can be summarised, and a journal can be read after lines are appended.
+//! Reads the journals of a run. Records that can be read can be summarised, and their journal can still be read after a
+//! line is appended.
 #![no_main]
 
 mod folder;

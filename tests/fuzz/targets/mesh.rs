@@ -1,4 +1,4 @@
-//! A mesh file of any format, which is recognised by its content.
+//! Reads a mesh file of any format. raycl recognises the format by the file's content.
 #![no_main]
 
 mod folder;

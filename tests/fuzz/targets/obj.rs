@@ -1,4 +1,4 @@
-//! An OBJ file and, after a line `====`, its material file. The OBJ file is read as a bare mesh.
+//! Reads an OBJ file as a bare mesh. An input is the OBJ file and, after a line `====`, its material file.
 #![no_main]
 
 mod folder;

@@ -1,4 +1,4 @@
-//! A scene's TOML.
+//! Reads a scene's TOML.
 #![no_main]
 
 mod folder;

@@ -156,7 +156,7 @@ mod tests {
         args: Args,
     }
 
-    /// Returns a film of a triangle that turns once in so many frames.
+    /// Returns a film of a triangle that turns once in `count` frames.
     fn turntable(count: u32) -> Film {
         let orbit = Orbit { centre: DVec3::ZERO, up: DVec3::Y, with_lights: false };
         Film::Turntable { scene: Arc::new(fixtures::single_triangle()), orbit, count }

@@ -9,7 +9,7 @@ use crate::scene::{Mesh, Sampling, Scene};
 use crate::strategy::Strategy;
 use std::sync::Arc;
 
-/// A device, and how it casts.
+/// A device, and the settings and objects with which it casts frames.
 pub struct Stage<'a> {
     pub args: &'a Args,
     pub device: &'a Device,
@@ -22,11 +22,12 @@ pub struct Stage<'a> {
     pub program: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built while the device was opened, and its mesh.
     pub tree: Option<(Arc<Mesh>, (Strategy, HostTree))>,
-    /// The caster of the last frame.
+    /// The prepared scene and the caster of the last frame.
     pub ready: Option<Ready>,
 }
 
-/// The objects that cast one mesh.
+/// An uploaded scene with its program, and the caster of its frames. Both are kept until a scene needs other buffers or
+/// kernels, for example because it has another mesh.
 type Ready = (Prepared, Caster);
 
 impl Stage<'_> {

@@ -13,8 +13,8 @@ const CHUNK_HEADER_BYTES: usize = 8;
 /// The JSON and, if the file is binary, its first buffer.
 pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
 
-/// Separates the parts. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length in the header
-/// is not used: each chunk has its own length, and must end within the file.
+/// Separates the JSON from the first buffer. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length
+/// in the header is not used: each chunk has its own length, and must end within the file.
 pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
     if !bytes.starts_with(MAGIC) {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));

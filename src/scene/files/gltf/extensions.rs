@@ -16,7 +16,7 @@ const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_textu
 /// This extension does not count as known, although its name begins with `KHR_materials_`. It concerns no single surface,
 /// but offers other materials to choose from.
 const VARIANTS: &str = "KHR_materials_variants";
-/// Parts of the names of extensions. Without support for these extensions, positions cannot be read.
+/// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];
 /// Largest number of extensions that a note lists.
 const TOLD: usize = 8;

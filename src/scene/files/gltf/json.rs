@@ -39,7 +39,7 @@ fn tidied(json: &[u8]) -> Option<Read> {
     Some(Read { root: serde_json::from_value(value).ok()?, animations })
 }
 
-/// Returns the objects in the list that an object has under this key.
+/// Returns the objects in the list that `of` has under the key `list`.
 fn objects<'a>(
     of: &'a mut Map<String, Value>,
     list: &str,
@@ -103,7 +103,8 @@ mod tests {
             read("a.gltf", json.as_bytes()).unwrap().animations
         };
         let valid = "{\"channels\": [], \"samplers\": []}";
-        // An animation without channels is only read without its contents.
+        // `gltf-json` refuses animations without channels, so the third file is read without the contents of its
+        // animations.
         assert_eq!([count("[]"), count(&format!("[{valid}, {valid}]")), count("[{}, {}, {}]")], [0, 2, 3]);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Parsed;
 use super::primitives::Part;
-use crate::words::counted;
+use crate::words::counted_are;
 use gltf::json::Root;
 
 /// The number of parts of each kind that the picture leaves out or shows differently.
@@ -29,14 +29,11 @@ impl LeftOut {
         self.dangling += part.dangling;
     }
 
-    /// Refuses a file if no triangle remains.
+    /// Refuses a file if no triangle remains because triangles with missing positions were left out.
     pub fn check(&self, triangles: usize) -> Parsed<()> {
         if triangles == 0 && self.dangling > 0 {
-            let were = if self.dangling == 1 { "was" } else { "were" };
-            return Err(format!(
-                "no triangle remains: {} with a position that does not exist {were} left out",
-                self.dangling
-            ));
+            let triangles = counted_are(self.dangling, "triangle with a position that does not exist");
+            return Err(format!("no triangle remains: {triangles} left out"));
         }
         Ok(())
     }
@@ -54,16 +51,17 @@ impl LeftOut {
             (self.empty, "accessor without data", "read as zeros"),
             (self.dangling, "triangle with a position that does not exist", "left out"),
         ];
-        notes.into_iter().filter(|(count, ..)| *count > 0).map(|(count, what, done)| {
-            format!("{} {} {done}", counted(count, what), if count == 1 { "is" } else { "are" })
-        })
+        notes
+            .into_iter()
+            .filter(|(count, ..)| *count > 0)
+            .map(|(count, what, done)| format!("{} {done}", counted_are(count, what)))
     }
 }
 
 /// Returns a note that states which of several scenes is shown.
 pub(super) fn other_scenes(root: &Root) -> Option<String> {
     let shown = match root.scene {
-        Some(scene) => format!("number {}, the file's default, is shown", scene.value()),
+        Some(scene) => format!("the file's default is shown: scene {}, counted from 0", scene.value()),
         None => "the first is shown".to_owned(),
     };
     (root.scenes.len() > 1).then(|| format!("of {} scenes, {shown}", root.scenes.len()))

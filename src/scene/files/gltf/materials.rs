@@ -24,8 +24,8 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// raycl does not blend a surface with its background. Where the file asks for blending, the surface is
-/// opaque if its alpha is at least this.
+/// raycl does not blend a surface with its background. Where the file asks for blending, points with at least this
+/// alpha are opaque, and all other points are holes.
 const BLENDED: f32 = 0.5;
 
 /// Returns the smallest alpha, from 0 to 1, of a texel that is no hole; 0 if there are no holes.
@@ -46,7 +46,7 @@ fn cutoff(wire: &Wire) -> f32 {
     wire.alpha_cutoff.map_or(0.5, |cutoff| cutoff.0.max(0.0))
 }
 
-/// Returns the factor of the texture's alpha.
+/// Returns the factor by which the texture's alpha is multiplied.
 fn factor(wire: &Wire) -> f32 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     let of = |older: &serde_json::Value| older["diffuseFactor"][3].as_f64().unwrap_or(1.0) as f32;

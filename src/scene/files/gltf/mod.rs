@@ -15,13 +15,14 @@ mod textures;
 use super::{MeshFile, Pictures, mistake};
 use crate::error::{Error, Result};
 use crate::scene::obj::{self, Reach, quoted};
+use crate::words::counted_are;
 use nodes::Walk;
 use textures::Files;
 
 /// The message of an error in a file.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Reads a file named `name`, and the buffers that it names, if they may be read.
+/// Reads a file named `name`, and the files that it names; `reach` says which files may be read.
 pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
     let (json, binary) = container::split(name, bytes)?;
     let json::Read { root, animations } = json::read(name, json)?;
@@ -47,13 +48,7 @@ const BUFFERS: &str =
 
 fn note_animations(count: usize) -> Option<String> {
     (count > 0).then(|| {
-        format!(
-            "{} left out: objects stay where the file places them",
-            match count {
-                1 => "1 animation is".to_owned(),
-                _ => format!("{count} animations are"),
-            }
-        )
+        format!("{} left out: objects stay where the file places them", counted_are(count, "animation"))
     })
 }
 

@@ -285,8 +285,8 @@ fn local(node: &Node) -> DMat4 {
     )
 }
 
-/// Returns the matrix of cofactors. This matrix equals the inverse transpose up to a factor, and also
-/// exists if the transform flattens the mesh.
+/// Returns the matrix of cofactors, negated if the determinant is negative. This matrix equals the inverse transpose times a
+/// positive factor, and also exists if the transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

@@ -281,7 +281,7 @@ fn meshes_that_no_node_places_are_shown_and_other_scenes_noted() {
     assert_eq!(file.notes, ["1 mesh that no node places is shown without a transform"]);
     let scenes = triangle().replace(r#""scenes": ["#, r#""scene": 1, "scenes": [{"nodes": []}, "#);
     let notes = read(&scenes).unwrap().notes;
-    assert_eq!(notes, ["of 2 scenes, number 1, the file's default, is shown"]);
+    assert_eq!(notes, ["of 2 scenes, the file's default is shown: scene 1, counted from 0"]);
     let first = scenes
         .replace(r#""scene": 1, "#, "")
         .replace(r#"[{"nodes": []}, {"nodes": [0]}]"#, r#"[{"nodes": [0]}, {}]"#);

@@ -144,7 +144,7 @@ fn textures_of_a_file_are_noted_and_its_other_comments_are_not() {
         SQUARE.replacen("comment made by hand", "comment TextureFile a.png\ncomment TextureFile b.png", 1);
     let is_noted = |text: &str| {
         let notes = parse("a.ply", text.as_bytes()).unwrap().notes;
-        notes.iter().any(|note| note.starts_with("2 comments (TextureFile) name textures"))
+        notes.iter().any(|note| note.starts_with("2 TextureFile comments are ignored"))
     };
     assert_eq!([SQUARE, &textured].map(is_noted), [false, true]);
 }
@@ -174,7 +174,7 @@ fn faces_of_two_corners_are_left_out_with_a_note() {
     );
     let file = parse("a.ply", text.as_bytes()).unwrap();
     assert_eq!(file.mesh.triangles.len(), 2);
-    let note = "1 faces of fewer than three corners are left out".to_owned();
+    let note = "1 face of fewer than three corners is left out".to_owned();
     assert!(file.notes.contains(&note), "{:?}", file.notes);
     assert!(!parse("a.ply", SQUARE.as_bytes()).unwrap().notes.iter().any(|note| note.contains("fewer")));
 }
