@@ -113,7 +113,7 @@ fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
     let text = Tally { compiled: 1, kept: 2, work_ms: 1500.0, waited_ms: 500.0 }.text().unwrap();
     assert_eq!(
         text,
-        "Built: 1 program compiled, 2 taken from the cache; 1.5 s of work in all; the run waited 0.5 s for it"
+        "Built: 1 program compiled, 2 taken from the cache; 1.5 s of work in all; the run waited 0.5 s for programs"
     );
     assert!(Tally { kept: 1, ..Tally::default() }.text().is_some());
 }

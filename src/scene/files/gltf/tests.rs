@@ -337,7 +337,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         (
             "\"count\": 3, \"type\": \"VEC3\"",
             "\"count\": 2, \"type\": \"VEC3\"",
-            "no triangle remains: 1 with a position that does not exist was left out",
+            "no triangle remains: 1 triangle with a position that does not exist is left out",
         ),
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
