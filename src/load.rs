@@ -86,13 +86,17 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     })
 }
 
+/// Returns the time in nanoseconds in which a cache line moves from one processor to another; `None` if it cannot be
+/// measured. A reading usually takes less than half a millisecond, and at most 5 ms if other programs keep the
+/// processors busy.
 #[cfg(target_os = "linux")]
-fn core_to_core_ns() -> Option<f64> {
+pub fn core_to_core_ns() -> Option<f64> {
     core_to_core::core_to_core_ns()
 }
 
+/// Returns `None`, since the core-to-core latency is measured only on Linux.
 #[cfg(not(target_os = "linux"))]
-fn core_to_core_ns() -> Option<f64> {
+pub fn core_to_core_ns() -> Option<f64> {
     None
 }
 

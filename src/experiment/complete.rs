@@ -13,6 +13,8 @@ pub struct Taken {
     pub launch: u32,
     /// Milliseconds since the launch's rounds began.
     pub at_ms: f64,
+    /// The core-to-core latency around the frame in nanoseconds; `None` if it was not measured.
+    pub core_to_core_ns: Option<f64>,
     /// The frame's times.
     pub times: FrameTimes,
 }
@@ -97,7 +99,7 @@ mod tests {
     use super::*;
 
     fn taken(times: FrameTimes) -> Taken {
-        Taken { launch: 0, at_ms: 0.0, times }
+        Taken { launch: 0, at_ms: 0.0, core_to_core_ns: None, times }
     }
 
     fn completed(frame_ms: f64, host_ms: f64, batch: Option<u32>) -> Record {
@@ -112,6 +114,7 @@ mod tests {
         let sample = |(number, ms): (u32, f64)| Taken {
             launch: number / 3,
             at_ms: f64::from(number),
+            core_to_core_ns: None,
             times: FrameTimes {
                 primary_ms: Some(10.0 * ms),
                 shadow_ms: Some(20.0 * ms),

@@ -120,7 +120,8 @@ impl Run<'_> {
         let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
         let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
         let launches = self.experiment.timing.launches as usize;
-        let samples = earlier.samples_ms.len() + earlier.preempted_samples.unwrap_or(0) as usize;
+        let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.far_samples.unwrap_or(0);
+        let samples = earlier.samples_ms.len() + left_out as usize;
         let rounds = (earlier.key == draft.key).then_some(samples / launches);
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
     }
@@ -293,12 +294,13 @@ mod tests {
     }
 
     #[test]
-    fn preempted_samples_took_time_too() {
+    fn samples_that_are_left_out_took_time_too() {
         let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3 }");
-        let of = |count, preempted_samples| {
+        let of = |count, preempted_samples, far_samples| {
             let record = Record {
                 samples_ms: vec![1.0; count],
                 preempted_samples,
+                far_samples,
                 host_median_ms: Some(1.0),
                 image_size: [8, 5],
                 ..Record::default()
@@ -306,7 +308,9 @@ mod tests {
             let known = fixtures::run(&experiment, &[], &fixtures::own_locks()).known(&record, &record);
             known.and_then(|known| known.rounds)
         };
-        assert_eq!([of(30, None), of(30, Some(0)), of(21, Some(9))], [Some(10); 3]);
+        let known =
+            [of(30, None, None), of(30, Some(0), Some(0)), of(21, Some(9), None), of(17, Some(9), Some(4))];
+        assert_eq!(known, [Some(10); 4]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod timed;
 use super::Run;
 use super::asleep;
 use super::complete::{Taken, complete};
-use super::moved_processors::{Launch, are_enough, left_out};
+use super::moved_processors::{Launch, are_enough, leave_out_far};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
@@ -21,7 +21,7 @@ use crate::measure::StopReason;
 use crate::record::{Record, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::time::Instant;
-use timed::Timed;
+use timed::{Latency, Timed};
 
 /// What a run says before the first additional launch of a group.
 const ADDITIONAL: &str =
@@ -151,7 +151,7 @@ impl OpenGroup {
         let all: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
         for launch in all.into_iter().filter(|launch| past.iter().all(|taken| has(taken, *launch))) {
             if !self.has_enough(run, sink) {
-                self.whole.push(Launch::of(launch, sink.past_core_to_core_ns(launch)));
+                self.whole.push(Launch::of(launch, past.iter().map(Vec::as_slice)));
             }
         }
         for (pending, taken) in self.points.iter_mut().zip(past) {
@@ -233,6 +233,7 @@ impl OpenGroup {
         let failed = HashSet::new();
         let (points, start, watch) = (&self.points, Instant::now(), Watch::start());
         let casts = HashMap::new();
+        let latency = Latency::of(points.iter().all(|pending| is_on_processors(run, pending)));
         let mut timed = Timed {
             points,
             run,
@@ -246,10 +247,10 @@ impl OpenGroup {
             taken,
             failed,
             casts,
-            core_to_core_ns: Vec::new(),
+            latency,
         };
         let end = measure(points.len(), &run.stopping_rule(), timing.seed, &mut timed)?;
-        let Timed { taken, failed, core_to_core_ns, .. } = timed;
+        let Timed { taken, failed, .. } = timed;
         let is_whole = matches!(end, End::Enough(_));
         let left = (timing.launches as usize).saturating_sub(self.whole.len());
         sink.advances(left * failed.len());
@@ -261,7 +262,8 @@ impl OpenGroup {
             self.points.push(pending);
         }
         if is_whole {
-            self.whole.push(Launch::of(launch, core_to_core_ns));
+            let samples = self.points.iter().map(|pending| pending.taken.as_slice());
+            self.whole.push(Launch::of(launch, samples));
         }
         Ok(end)
     }
@@ -269,9 +271,9 @@ impl OpenGroup {
     /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
-        let left_out = left_out(&self.whole, self.nearest_ns(run, sink));
+        let (launches, nearest_ns) = (std::mem::take(&mut self.whole), self.nearest_ns(run, sink));
         let completed = |mut pending: PendingPoint| {
-            pending.taken.retain(|sample| !left_out.contains(&sample.launch));
+            pending.record.far_samples = leave_out_far(&mut pending.taken, &launches, nearest_ns);
             complete(&mut pending.record, &pending.taken, reason);
             pending.record
         };

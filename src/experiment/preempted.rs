@@ -49,6 +49,7 @@ mod tests {
         Taken {
             launch,
             at_ms: 0.0,
+            core_to_core_ns: None,
             times: FrameTimes { processor_ms, ..FrameTimes::whole(host_ms, host_ms) },
         }
     }

@@ -26,8 +26,6 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;
-    /// Returns the readings of the core-to-core latency in an earlier session's launch, in nanoseconds.
-    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64>;
     /// Returns the smallest core-to-core latency in the folder, in nanoseconds; infinity if there is none.
     fn nearest_ns(&self) -> f64;
 }
@@ -71,11 +69,6 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
-    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
-        let rounds = self.results.past().rounds.iter();
-        rounds.filter(|line| line.launch == launch).filter_map(|line| line.core_to_core_ns).collect()
-    }
-
     fn nearest_ns(&self) -> f64 {
         self.results.nearest_ns()
     }
@@ -107,6 +100,7 @@ impl ResultSink for FolderSink<'_> {
             shade_ms: times.shade_ms,
             host_ms: Some(times.host_ms),
             processor_ms: times.processor_ms,
+            core_to_core_ns: taken.core_to_core_ns,
             batch: times.batch,
             sensed: times.sensed,
             origin: None,
@@ -160,8 +154,9 @@ mod tests {
             batch: Some(7),
             sensed: Some(SensorReading { clock_mhz: Some(8.0), throttled: true, ..SensorReading::default() }),
         };
-        let taken = Taken { launch: 9, at_ms: 10.5, times };
-        let plain = Taken { launch: 3, at_ms: 11.5, times: FrameTimes::whole(12.0, 13.0) };
+        let taken = Taken { launch: 9, at_ms: 10.5, core_to_core_ns: Some(14.0), times };
+        let times = FrameTimes::whole(12.0, 13.0);
+        let plain = Taken { launch: 3, at_ms: 11.5, core_to_core_ns: None, times };
         let mut results = Results::create(folder.path(), &Environment::default()).unwrap();
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
         sink.sample("a", 1, &taken).unwrap();
@@ -175,7 +170,6 @@ mod tests {
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
         assert_eq!(sink.nearest_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
-        assert_eq!(sink.past_core_to_core_ns(9), [30.0, 25.0]);
         assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
     }
 

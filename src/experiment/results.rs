@@ -233,7 +233,8 @@ impl Past {
             let taken = past.samples.entry(sample.key).or_default();
             // Samples of earlier versions of raycl state only the round in which they were taken, not the time.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
-            taken.push(Taken { launch: sample.launch, at_ms, times });
+            let core_to_core_ns = sample.core_to_core_ns;
+            taken.push(Taken { launch: sample.launch, at_ms, core_to_core_ns, times });
         }
         past
     }

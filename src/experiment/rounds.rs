@@ -10,8 +10,9 @@ pub trait Rounds {
     /// Casts one frame of a point. Returns `None` if the worker process was lost or the point failed. A failed
     /// point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample.
-    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()>;
+    /// Is called after each sample. Returns whether the sample counts; it does not if the processors of a virtual machine
+    /// were further apart than in other samples.
+    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
         Ok(())
@@ -33,36 +34,58 @@ pub enum End {
     Broken,
 }
 
-/// Measures rounds of `points` points until there are enough samples.
+/// If some samples do not count, a launch takes at most this many times as many rounds as it needs otherwise.
+const MOST: u32 = 2;
+
+/// A sample's time, and whether the sample counts.
+type Timed = (f64, bool);
+
+/// Measures rounds of `points` points until there are enough samples that count. If a point has no such sample, or if the
+/// launch has twice as many rounds as it needs otherwise, samples that do not count are enough.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
-    let mut samples_ms: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); points];
+    let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let mut elapsed_ms = 0.0;
+    // The number of rounds after which the launch would end if all samples counted, and the reason.
+    let mut usual: Option<(u32, StopReason)> = None;
     for round in 0.. {
-        let active: Vec<usize> = (0..points).filter(|&point| samples_ms[point].is_some()).collect();
+        let active: Vec<usize> = (0..points).filter(|&point| samples[point].is_some()).collect();
         for place in round_order(active.len(), u64::from(round), seed) {
             let point = active[place];
             let times = rounds.cast(point)?;
             if rounds.is_broken() {
                 return Ok(End::Broken);
             }
-            let (Some(times), Some(samples)) = (times, &mut samples_ms[point]) else {
-                samples_ms[point] = None;
+            let (Some(times), Some(taken)) = (times, &mut samples[point]) else {
+                samples[point] = None;
                 continue;
             };
-            rounds.sampled(point, round, &times)?;
-            samples.push(times.frame_ms);
+            let counts = rounds.sampled(point, round, &times)?;
+            taken.push((times.frame_ms, counts));
             elapsed_ms += times.elapsed_ms();
         }
         rounds.ended(round)?;
-        let left: Vec<Vec<f64>> = samples_ms.iter().flatten().cloned().collect();
+        let left: Vec<&Vec<Timed>> = samples.iter().flatten().collect();
         if left.is_empty() {
             break;
         }
-        if let Some(reason) = rule.stop(&left, elapsed_ms) {
+        let that_count = times_ms(&left, |(_, counts)| *counts);
+        if let Some(reason) = rule.stop(&that_count, elapsed_ms) {
+            return Ok(End::Enough(reason));
+        }
+        usual = usual.or_else(|| Some((round + 1, rule.stop(&times_ms(&left, |_| true), elapsed_ms)?)));
+        if let Some((needed, reason)) = usual
+            && (that_count.iter().any(Vec::is_empty) || round + 1 >= MOST * needed)
+        {
             return Ok(End::Enough(reason));
         }
     }
     Ok(End::AllFailed)
+}
+
+/// Returns the times of those samples of each point for which `is_meant` is true.
+fn times_ms(points: &[&Vec<Timed>], is_meant: fn(&Timed) -> bool) -> Vec<Vec<f64>> {
+    let of = |samples: &&Vec<Timed>| samples.iter().filter(|one| is_meant(one)).map(|(ms, _)| *ms).collect();
+    points.iter().map(of).collect()
 }
 
 #[cfg(test)]
@@ -78,6 +101,8 @@ mod tests {
         breaks_after: Option<usize>,
         /// The number of frames of a sample.
         batch: Option<u32>,
+        /// The rounds whose samples do not count.
+        far: Vec<u32>,
     }
 
     impl Rounds for Fake {
@@ -90,8 +115,8 @@ mod tests {
             let ms = (point + 1) as f64 + 0.1 * (casts % 3) as f64;
             Ok(Some(FrameTimes { batch: self.batch, ..FrameTimes::whole(ms, ms) }))
         }
-        fn sampled(&mut self, _point: usize, _round: u32, _times: &FrameTimes) -> Result<()> {
-            Ok(())
+        fn sampled(&mut self, _point: usize, round: u32, _times: &FrameTimes) -> Result<bool> {
+            Ok(!self.far.contains(&round))
         }
         fn is_broken(&self) -> bool {
             self.breaks_after.is_some_and(|casts| self.order.len() > casts)
@@ -100,6 +125,30 @@ mod tests {
 
     const RULE: StoppingRule =
         StoppingRule { min_samples: 5, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
+
+    /// Returns the number of rounds of a launch with two points that needs seven samples, and why it ended.
+    fn rounds_if_far(far: impl IntoIterator<Item = u32>) -> Result<(usize, End)> {
+        let mut fake = Fake { far: far.into_iter().collect(), ..Fake::default() };
+        let end = measure(2, &RULE, 1, &mut fake)?;
+        Ok((fake.order.len() / 2, end))
+    }
+
+    #[test]
+    fn samples_that_do_not_count_are_replaced_up_to_twice_the_number_of_rounds() -> Result<()> {
+        let end = End::Enough(StopReason::MaxSamples);
+        assert_eq!(rounds_if_far([])?, (7, end));
+        assert_eq!(rounds_if_far([0, 3, 8])?, (10, end));
+        assert_eq!(rounds_if_far(1..100)?, (14, end), "the first round counts");
+        Ok(())
+    }
+
+    #[test]
+    fn a_launch_in_which_no_sample_counts_is_no_longer_than_usual() -> Result<()> {
+        assert_eq!(rounds_if_far(0..100)?, (7, End::Enough(StopReason::MaxSamples)));
+        // The first sample that counts comes when the launch has its usual number of rounds.
+        assert_eq!(rounds_if_far(0..6)?, (13, End::Enough(StopReason::MaxSamples)));
+        Ok(())
+    }
 
     #[test]
     fn the_time_limit_counts_the_samples_of_all_rounds() -> Result<()> {

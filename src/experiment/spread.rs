@@ -93,10 +93,6 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).past(key)
     }
 
-    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
-        locked(self.0).past_core_to_core_ns(launch)
-    }
-
     fn nearest_ns(&self) -> f64 {
         locked(self.0).nearest_ns()
     }

@@ -51,7 +51,7 @@ pub use plan::{CurrentPlan, PlannedPoint};
 pub use repair::{Repaired, repair};
 pub use revision::{DIRTY, dirty_program, is_dirty};
 pub use rounds::RoundLoad;
-pub(crate) use rounds::{MOVED, latency_ns, median_latency_ns};
+pub(crate) use rounds::{MOVED, latency_ns};
 pub use sample::Sample;
 pub use spreadsheet::summary_csv;
 #[cfg(test)]

@@ -123,8 +123,16 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns a note if the core-to-core latency changed while these records were measured.
+/// Returns a note if the core-to-core latency changed while these records were measured. The note states how many
+/// samples are left out for this reason.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
+    let far: u32 = records.iter().filter_map(|record| record.far_samples).sum();
+    if far > 0 {
+        return Some(format!(
+            "{} left out, because this virtual machine's processors were on cores further apart than in other samples.",
+            counted_are(far as usize, "sample")
+        ));
+    }
     let shown = launches_of(records);
     let [low, high] = core_to_core_ns(lines.iter().filter(|line| shown.contains(&line.launch)))?;
     (high > MOVED * low).then(|| {
@@ -139,7 +147,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
 
 /// Returns the median of readings of the core-to-core latency, for example those of one launch, in nanoseconds; `None`
 /// if there are too few readings.
-pub(crate) fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
+fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
     readings_ns.sort_unstable_by(f64::total_cmp);
     (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
 }
@@ -182,6 +190,17 @@ fn range(low: f64, high: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn samples_that_are_left_out_are_counted_over_all_points() {
+        let of = |counts: &[Option<u32>]| {
+            let record = |far_samples: &Option<u32>| Record { far_samples: *far_samples, ..Record::default() };
+            moved_processors(&[], &counts.iter().map(record).collect::<Vec<_>>())
+        };
+        assert!(of(&[Some(2), None, Some(3)]).unwrap().starts_with("5 samples are left out, because"));
+        assert!(of(&[Some(1)]).unwrap().starts_with("1 sample is left out, because"));
+        assert_eq!(of(&[Some(0), None]), None);
+    }
 
     #[test]
     fn launches_whose_processors_were_further_apart_are_noted_unless_they_are_shown() {

@@ -32,6 +32,9 @@ pub struct Sample {
     /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
+    /// The core-to-core latency around the frame, in nanoseconds; absent if it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub core_to_core_ns: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single
     /// frame.
     #[serde(default)]

@@ -247,6 +247,10 @@ pub struct Record {
     /// processor time of the samples is unknown.
     #[serde(default)]
     pub preempted_samples: Option<u32>,
+    /// Number of samples that were left out because the virtual machine's processors were further apart than in other
+    /// samples of the run; null if it is unknown how far apart the processors were.
+    #[serde(default)]
+    pub far_samples: Option<u32>,
     /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,

@@ -64,9 +64,6 @@ impl ResultSink for Noting {
     fn nearest_ns(&self) -> f64 {
         self.latencies_ns.iter().copied().fold(f64::INFINITY, f64::min)
     }
-    fn past_core_to_core_ns(&self, launch: u32) -> Vec<f64> {
-        self.latencies_ns.get(launch as usize).map_or(Vec::new(), |ns| vec![*ns; 3])
-    }
 }
 
 /// Starts workers, and counts the workers and all of their frames.
@@ -109,6 +106,11 @@ impl Worker for Mortal {
     }
 }
 
+/// Returns a sample of 1 ms with a core-to-core latency.
+fn sample(launch: u32, core_to_core_ns: Option<f64>) -> Taken {
+    Taken { launch, at_ms: 0.0, core_to_core_ns, times: FrameTimes::whole(1.0, 1.0) }
+}
+
 /// Returns a group of the points "a" and "b".
 fn group() -> OpenGroup {
     let pending = |(point, key): (usize, &str)| {
@@ -120,9 +122,7 @@ fn group() -> OpenGroup {
 
 #[test]
 fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
-    let samples = |launch: u32, count: usize| {
-        vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; count]
-    };
+    let samples = |launch: u32, count: usize| vec![sample(launch, None); count];
     let past = HashMap::from([
         ("a".to_owned(), [samples(0, 5), samples(1, 5), samples(2, 5)].concat()),
         ("b".to_owned(), [samples(0, 5), samples(1, 4)].concat()),
@@ -146,9 +146,10 @@ fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);
-    let samples = |launch: u32| vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; 5];
+    let latencies_ns = vec![180.0, 20.0, 25.0];
+    let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..3).flat_map(samples).collect()));
-    let mut sink = Noting { past: past.into(), latencies_ns: vec![180.0, 20.0, 25.0], ..Noting::default() };
+    let mut sink = Noting { past: past.into(), latencies_ns, ..Noting::default() };
     let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
     let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
     group().visit(&run, &mut supervisor, &mut sink).unwrap();
@@ -227,11 +228,11 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
         taken: vec![Vec::new(); 2],
         failed: HashSet::new(),
         casts: HashMap::new(),
-        core_to_core_ns: Vec::new(),
+        latency: Latency::of(true),
     };
     let ms = || start.elapsed().as_secs_f64() * 1e3;
     let before = ms();
-    timed.sampled(1, 0, &FrameTimes::whole(1.0, 1.0)).unwrap();
+    assert!(timed.sampled(1, 0, &FrameTimes::whole(1.0, 1.0)).unwrap(), "no smaller latency is known");
     let after = ms();
     let [taken] = &timed.taken[1][..] else { panic!("one sample of the second point") };
     assert_eq!((timed.taken[0].len(), taken.launch), (0, 3));
@@ -247,7 +248,6 @@ fn a_sample_has_the_time_since_its_launch_in_milliseconds_to_the_microsecond() {
     }
     let loads = timed.sink.loads.iter();
     assert!(loads.clone().all(|load| (load.launch, load.round) == (3, 5)));
-    assert!(loads.filter_map(|load| load.core_to_core_ns).eq(timed.core_to_core_ns.iter().copied()));
 }
 
 #[test]
@@ -258,10 +258,10 @@ fn an_additional_launch_is_told_and_is_no_step() {
         (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);
-    let samples = |launch: u32| vec![Taken { launch, at_ms: 0.0, times: FrameTimes::whole(1.0, 1.0) }; 5];
-    let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));
     // No machine has latencies as long as these, so the new launch has a smaller latency.
     let latencies_ns = vec![1e9, 1e6];
+    let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
+    let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));
     let mut sink = Noting { past: past.into(), latencies_ns, launches: 2, ..Noting::default() };
     let (off, mut workers) = (AtomicBool::new(false), Mortals::default());
     workers.frames.set(DEADLY);

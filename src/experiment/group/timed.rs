@@ -5,15 +5,16 @@ use crate::anchor;
 use crate::error::Result;
 use crate::experiment::Run;
 use crate::experiment::complete::Taken;
+use crate::experiment::moved_processors::is_near;
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::result_sink::ResultSink;
 use crate::experiment::rounds::Rounds;
 use crate::experiment::supervisor::Supervisor;
 use crate::launch::FrameTimes;
-use crate::load::Watch;
+use crate::load::{Watch, core_to_core_ns};
 use crate::record::{AnchorSample, RoundLoad};
 use std::collections::{HashMap, HashSet};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A launch whose samples are stored as they are taken.
 pub(super) struct Timed<'b, 's, K> {
@@ -33,8 +34,36 @@ pub(super) struct Timed<'b, 's, K> {
     pub failed: HashSet<usize>,
     /// Number of frames cast on each device, which determines when its anchor is run.
     pub casts: HashMap<usize, usize>,
-    /// The readings of the core-to-core latency.
-    pub core_to_core_ns: Vec<f64>,
+    /// Measures the core-to-core latency around samples.
+    pub latency: Latency,
+}
+
+/// The shortest time between two readings of the core-to-core latency: many times as long as a reading.
+const READING_EVERY: Duration = Duration::from_millis(20);
+
+/// Measures the core-to-core latency before and after samples.
+pub(super) struct Latency {
+    /// The last reading and its time; `None` if nothing is measured, because not all points are cast by processors.
+    last: Option<(Instant, Option<f64>)>,
+}
+
+impl Latency {
+    /// Takes the first reading, unless `is_measured` is false.
+    pub fn of(is_measured: bool) -> Self {
+        Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())) }
+    }
+
+    /// Returns the larger one of the readings before and after a sample that has just ended, in nanoseconds. After short
+    /// samples, nothing is read. Returns `None` if no reading is known.
+    fn around_sample(&mut self) -> Option<f64> {
+        let (at, before) = self.last?;
+        if at.elapsed() < READING_EVERY {
+            return before;
+        }
+        let after = core_to_core_ns();
+        self.last = Some((Instant::now(), after));
+        [before, after].into_iter().flatten().reduce(f64::max)
+    }
 }
 
 /// Number of frames per run of the anchor. With this number, the anchor's time is known more precisely than a
@@ -87,16 +116,18 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
         }
     }
 
-    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<()> {
-        let taken = Taken { launch: self.launch, at_ms: self.at_ms(), times: *times };
+    fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool> {
+        let at_ms = self.at_ms();
+        let core_to_core_ns = self.latency.around_sample();
+        let taken = Taken { launch: self.launch, at_ms, core_to_core_ns, times: *times };
         self.sink.sample(&self.points[point].record.key, round, &taken)?;
         self.taken[point].push(taken);
-        self.anchor(point, round)
+        self.anchor(point, round)?;
+        Ok(is_near(core_to_core_ns, self.sink.nearest_ns()))
     }
 
     fn ended(&mut self, round: u32) -> Result<()> {
         let Some(load) = self.watch.look() else { return Ok(()) };
-        self.core_to_core_ns.extend(load.core_to_core_ns);
         self.sink.load(&RoundLoad::of(self.launch, round, &load))
     }
 
