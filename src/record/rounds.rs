@@ -194,7 +194,8 @@ mod tests {
     #[test]
     fn samples_that_are_left_out_are_counted_over_all_points() {
         let of = |counts: &[Option<u32>]| {
-            let record = |far_samples: &Option<u32>| Record { far_samples: *far_samples, ..Record::default() };
+            let record =
+                |far_samples: &Option<u32>| Record { far_samples: *far_samples, ..Record::default() };
             moved_processors(&[], &counts.iter().map(record).collect::<Vec<_>>())
         };
         assert!(of(&[Some(2), None, Some(3)]).unwrap().starts_with("5 samples are left out, because"));
