@@ -19,7 +19,9 @@ use crate::config::{self, Experiment};
 use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
-use crate::experiment::{Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices};
+use crate::experiment::{
+    Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices, keeps_far_samples,
+};
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
@@ -209,6 +211,7 @@ fn run_of<'a>(
         other_sources: sources.get(1),
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
+        keeps_far_samples: keeps_far_samples(),
         locks,
         spread: args.spread,
         blocks: None,

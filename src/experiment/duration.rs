@@ -1,6 +1,6 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
-use super::group::is_on_processors;
+use super::group::leaves_out_far;
 use super::moved_processors::most_additional;
 use super::pending::PendingPoint;
 use super::{Plan, Run};
@@ -73,7 +73,7 @@ impl Run<'_> {
             expected.points[0] += drafts.len();
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
-            if group.iter().all(|pending| is_on_processors(self, pending)) {
+            if leaves_out_far(self, group) {
                 additional_ms += most_additional(launches) as f64 * self.launch_ms(&known);
             }
         }

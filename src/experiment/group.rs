@@ -93,10 +93,9 @@ impl OpenGroup {
     }
 
     /// Returns the smallest core-to-core latency of the run in nanoseconds; the latency of each launch is compared with
-    /// it. If a device other than a CPU casts a point of the group, returns infinity, so that all launches count.
+    /// it. Returns infinity if all samples count.
     fn nearest_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
-        let all = self.points.iter().all(|pending| is_on_processors(run, pending));
-        if all { sink.nearest_ns() } else { f64::INFINITY }
+        if leaves_out_far(run, &self.points) { sink.nearest_ns() } else { f64::INFINITY }
     }
 
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
@@ -233,7 +232,7 @@ impl OpenGroup {
         let failed = HashSet::new();
         let (points, start, watch) = (&self.points, Instant::now(), Watch::start());
         let casts = HashMap::new();
-        let latency = Latency::of(points.iter().all(|pending| is_on_processors(run, pending)));
+        let latency = Latency::of(leaves_out_far(run, points));
         let mut timed = Timed {
             points,
             run,
@@ -292,9 +291,12 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether a point is measured on processors: by a caster on the host, or by a processor's OpenCL driver.
-pub(super) fn is_on_processors(run: &Run<'_>, pending: &PendingPoint) -> bool {
-    device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu)
+/// Returns whether samples do not count if processors were further apart: only if processors cast all points of a group,
+/// by a caster on the host or by an OpenCL driver.
+pub(super) fn leaves_out_far(run: &Run<'_>, points: &[PendingPoint]) -> bool {
+    let is_on_processors =
+        |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
+    !run.keeps_far_samples && points.iter().all(is_on_processors)
 }
 
 /// Returns the names of the locks for the devices of some points.

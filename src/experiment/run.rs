@@ -43,6 +43,16 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked; with `None`, each program is built during
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
+    /// True if samples count even if a virtual machine's processors were further apart than in other samples.
+    pub keeps_far_samples: bool,
+}
+
+/// If this environment variable is `keep`, all samples count, however far apart processors are.
+const FAR_SAMPLES: &str = "RAYCL_FAR_SAMPLES";
+
+/// Returns whether the user wants to keep all samples, however far apart processors are.
+pub fn keeps_far_samples() -> bool {
+    std::env::var_os(FAR_SAMPLES).is_some_and(|value| value == "keep")
 }
 
 impl Run<'_> {

@@ -158,7 +158,10 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let mut results = Results::resume(folder, &Environment::default())?;
-    with_run(text, folder, |run| run.execute(&mut results, &mut (), spawner, interrupted))
+    // The number of samples must not depend on where a virtual machine's processors are.
+    with_run(text, folder, |run| {
+        Run { keeps_far_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
+    })
 }
 
 pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) -> T {
@@ -172,6 +175,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
         other_sources: None,
         limit: Duration::from_millis(30),
         retry_failed: false,
+        keeps_far_samples: false,
         locks: &locks,
         spread: false,
         blocks: None,

@@ -145,7 +145,7 @@ fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
-    let run = fixtures::run(&experiment, &devices, &locks);
+    let run = Run { keeps_far_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let latencies_ns = vec![180.0, 20.0, 25.0];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..3).flat_map(samples).collect()));
@@ -162,6 +162,20 @@ fn a_launch_with_processors_further_apart_counts_only_for_devices_with_their_own
     let of = |first: u32, second: u32| vec![[vec![first; 5], vec![second; 5]].concat(); 2];
     assert_eq!(launches_in_records(DeviceKind::Cpu), of(1, 2));
     assert_eq!(launches_in_records(DeviceKind::Gpu), of(0, 1));
+}
+
+#[test]
+fn far_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them() {
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let locks = fixtures::own_locks();
+    let of = |kind, keeps_far_samples| {
+        let device = DeviceInfo { kind, ..asleep::device(1.0) };
+        let devices = [&device];
+        let run = Run { keeps_far_samples, ..fixtures::run(&experiment, &devices, &locks) };
+        leaves_out_far(&run, group().points())
+    };
+    assert!(of(DeviceKind::Cpu, false));
+    assert!(!of(DeviceKind::Cpu, true) && !of(DeviceKind::Gpu, false));
 }
 
 #[test]
@@ -257,7 +271,7 @@ fn an_additional_launch_is_told_and_is_no_step() {
     let (device, locks) =
         (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
-    let run = fixtures::run(&experiment, &devices, &locks);
+    let run = Run { keeps_far_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     // No machine has latencies as long as these, so the new launch has a smaller latency.
     let latencies_ns = vec![1e9, 1e6];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];

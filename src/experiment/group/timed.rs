@@ -43,7 +43,7 @@ const READING_EVERY: Duration = Duration::from_millis(20);
 
 /// Measures the core-to-core latency before and after samples.
 pub(super) struct Latency {
-    /// The last reading and its time; `None` if nothing is measured, because not all points are cast by processors.
+    /// The last reading and its time; `None` if nothing is measured.
     last: Option<(Instant, Option<f64>)>,
 }
 
