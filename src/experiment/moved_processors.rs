@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(of(&[first.clone(), second.clone()]), Some(25.0));
         let third = samples(7, &[20.0, 180.0, 20.0, 20.0, 20.0]);
         assert_eq!(of(&[first.clone(), second.clone(), third]), Some(180.0));
-        let other = [first, samples(6, &[900.0; 9])].concat();
+        let other = [first, samples(6, &[1.0; 9])].concat();
         assert_eq!(of(&[other, second]), Some(25.0), "only this launch");
         assert_eq!(of(&[samples(7, &[20.0, 30.0, 0.0])]), Some(30.0), "fewer than five");
         assert_eq!(of(&[samples(7, &[0.0; 5])]), None);
