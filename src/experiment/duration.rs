@@ -3,6 +3,7 @@
 use super::group::leaves_out_far;
 use super::moved_processors::most_additional;
 use super::pending::PendingPoint;
+use super::rounds::MOST as MOST_ROUNDS;
 use super::{Plan, Run};
 use crate::error::Result;
 use crate::record::{Outcome, Record, point};
@@ -74,7 +75,7 @@ impl Run<'_> {
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
             if leaves_out_far(self, group) {
-                additional_ms += most_additional(launches) as f64 * self.launch_ms(&known);
+                additional_ms += self.most_additional_ms(&known);
             }
         }
         // A shard's plan contains only some of the points.
@@ -132,22 +133,37 @@ impl Run<'_> {
         f64::from(self.experiment.timing.launches) * self.launch_ms(points) + compare_ms
     }
 
+    /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because every
+    /// launch may continue.
+    fn most_additional_ms(&self, points: &[Known]) -> f64 {
+        let launches = self.experiment.timing.launches as usize;
+        let replaced = most_additional(launches);
+        let continued_ms = f64::from(MOST_ROUNDS - 1) * self.rounds_ms(points);
+        replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
+    }
+
     /// Returns the time for a launch of a group in which pictures are not compared with the reference.
     fn launch_ms(&self, points: &[Known]) -> f64 {
         if points.is_empty() {
             return 0.0;
         }
-        let (timing, rule) = (&self.experiment.timing, self.stopping_rule());
+        let timing = &self.experiment.timing;
         let sum = |of: &dyn Fn(&Known) -> f64| points.iter().map(of).sum::<f64>();
-        let round_ms = sum(&|point| point.sample_ms);
-        let by_time = (rule.time_limit_ms * points.len() as f64 / round_ms.max(1e-3)).ceil();
-        let by_rule = (by_time as usize).clamp(rule.least(), rule.max_samples);
-        let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
         // The warm-up ends early if frames are long.
         let warm = |point: &Known| {
             (f64::from(timing.warmup) * point.sample_ms).min(0.1 * timing.time_limit_ms + point.sample_ms)
         };
-        START_MS + sum(&warm) + rounds as f64 * round_ms + sum(&|point| point.check_ms[0])
+        START_MS + sum(&warm) + self.rounds_ms(points) + sum(&|point| point.check_ms[0])
+    }
+
+    /// Returns the time for the rounds of a launch in which all samples count.
+    fn rounds_ms(&self, points: &[Known]) -> f64 {
+        let rule = self.stopping_rule();
+        let round_ms = points.iter().map(|point| point.sample_ms).sum::<f64>();
+        let by_time = (rule.time_limit_ms * points.len() as f64 / round_ms.max(1e-3)).ceil();
+        let by_rule = (by_time as usize).clamp(rule.least(), rule.max_samples);
+        let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
+        rounds as f64 * round_ms
     }
 }
 
@@ -215,7 +231,7 @@ impl Expected {
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),
-            more => format!(" (up to {} more if launches must be repeated)", in_minutes(more)),
+            more => format!(" (up to {} more if samples must be repeated)", in_minutes(more)),
         };
         let some = match known {
             _ if known == points => ", based on earlier times".to_owned(),
@@ -265,12 +281,24 @@ mod tests {
     }
 
     #[test]
+    fn a_group_takes_at_most_twice_its_launches_with_twice_their_rounds() {
+        let timing = "timing = { launches = 3, warmup = 0, time_limit_ms = 30 }";
+        let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+        let locks = fixtures::own_locks();
+        let run = fixtures::run(&experiment, &[], &locks);
+        // A start, checks, and four rounds of 20 ms, in each of three replaced launches; four more rounds in each of six.
+        let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
+        assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 80.0);
+        assert_eq!(run.most_additional_ms(&[]), 0.0);
+    }
+
+    #[test]
     fn additional_launches_are_said_beside_the_expected_time() {
         let minutes = |n: u64| Duration::from_secs(60 * n + 5);
         let expected = Expected { points: [2, 2], launches: 3, time: minutes(4), ..Expected::default() };
         assert_eq!(expected.to_string(), "2 points in 3 launches: about 4m 5s, based on earlier times");
         let additional = Expected { additional: minutes(3), ..expected }.to_string();
-        let more = "(up to 3m 5s more if launches must be repeated)";
+        let more = "(up to 3m 5s more if samples must be repeated)";
         assert_eq!(additional, format!("2 points in 3 launches: about 4m 5s {more}, based on earlier times"));
     }
 

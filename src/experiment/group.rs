@@ -272,7 +272,9 @@ impl OpenGroup {
         let reason = self.reason;
         let (launches, nearest_ns) = (std::mem::take(&mut self.whole), self.nearest_ns(run, sink));
         let completed = |mut pending: PendingPoint| {
-            pending.record.far_samples = leave_out_far(&mut pending.taken, &launches, nearest_ns);
+            let far = leave_out_far(&mut pending.taken, &launches, nearest_ns);
+            pending.record.far_samples = far.map(|far| far.samples);
+            pending.record.far_launches = far.map(|far| far.launches);
             complete(&mut pending.record, &pending.taken, reason);
             pending.record
         };

@@ -8,7 +8,6 @@
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
-use std::collections::HashSet;
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
@@ -57,23 +56,33 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Removes the samples that do not count: those of launches for which `is_near` is false, and those of other launches
-/// for which it is false. If it is false for all launches, all samples count. Returns how many samples were removed from
-/// the remaining launches; `None` if no latency is known.
-pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], nearest_ns: f64) -> Option<u32> {
+/// Returns the numbers of the launches that do not count: those for which `is_near` is false. If it is false for all
+/// launches, all of them count.
+fn far_launches(launches: &[Launch], nearest_ns: f64) -> Vec<u32> {
+    let far = launches.iter().filter(|launch| !is_near(launch.core_to_core_ns, nearest_ns));
+    let far: Vec<u32> = far.map(|launch| launch.number).collect();
+    if far.len() < launches.len() { far } else { Vec::new() }
+}
+
+/// The numbers of launches and of samples that do not count. The samples are those of launches that count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct LeftOut {
+    pub launches: u32,
+    pub samples: u32,
+}
+
+/// Removes the samples that do not count: those of launches that do not count, and those of other launches for which
+/// `is_near` is false. If it is false for all launches, all samples count. Returns `None` if no latency is known.
+pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], nearest_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
-    let near: HashSet<u32> = launches
-        .iter()
-        .filter(|launch| is_near(launch.core_to_core_ns, nearest_ns))
-        .map(|launch| launch.number)
-        .collect();
-    if near.is_empty() {
-        return is_known.then_some(0);
-    }
-    taken.retain(|one| near.contains(&one.launch));
+    let far = far_launches(launches, nearest_ns);
+    taken.retain(|one| !far.contains(&one.launch));
     let all = taken.len();
-    taken.retain(|one| is_near(one.core_to_core_ns, nearest_ns));
-    is_known.then_some((all - taken.len()) as u32)
+    if launches.iter().any(|launch| is_near(launch.core_to_core_ns, nearest_ns)) {
+        taken.retain(|one| is_near(one.core_to_core_ns, nearest_ns));
+    }
+    let left_out = LeftOut { launches: far.len() as u32, samples: (all - taken.len()) as u32 };
+    is_known.then_some(left_out)
 }
 
 #[cfg(test)]
@@ -135,25 +144,24 @@ mod tests {
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }
 
-    /// Returns the latencies of the samples that count, and the number of samples that were removed from launches that
-    /// count.
-    fn counted(taken: &[Vec<Taken>], launches: &[Launch]) -> (Vec<f64>, Option<u32>) {
+    /// Returns the latencies of the samples that count, and the numbers of launches and samples that do not.
+    fn counted(taken: &[Vec<Taken>], launches: &[Launch]) -> (Vec<f64>, Option<[u32; 2]>) {
         let mut taken = taken.concat();
-        let far = leave_out_far(&mut taken, launches, 20.0);
+        let far = leave_out_far(&mut taken, launches, 20.0).map(|far| [far.launches, far.samples]);
         (taken.iter().map(|one| one.core_to_core_ns.unwrap_or(0.0)).collect(), far)
     }
 
     #[test]
     fn only_samples_with_near_processors_count() {
         let taken = [samples(0, &[180.0, 20.0]), samples(1, &[40.0, 41.0, 0.0])];
-        assert_eq!(counted(&taken, &launches(&[180.0, 40.0])), (vec![40.0, 0.0], Some(1)));
-        assert_eq!(counted(&taken, &launches(&[30.0, 40.0])), (vec![20.0, 40.0, 0.0], Some(2)));
+        assert_eq!(counted(&taken, &launches(&[180.0, 40.0])), (vec![40.0, 0.0], Some([1, 1])));
+        assert_eq!(counted(&taken, &launches(&[30.0, 40.0])), (vec![20.0, 40.0, 0.0], Some([0, 2])));
     }
 
     #[test]
     fn all_samples_count_if_no_launch_is_near_or_nothing_is_known() {
         let taken = [samples(0, &[180.0, 20.0]), samples(1, &[190.0])];
-        assert_eq!(counted(&taken, &launches(&[180.0, 190.0])), (vec![180.0, 20.0, 190.0], Some(0)));
+        assert_eq!(counted(&taken, &launches(&[180.0, 190.0])), (vec![180.0, 20.0, 190.0], Some([0, 0])));
         assert_eq!(counted(&[samples(0, &[0.0; 2])], &launches(&[0.0])), (vec![0.0; 2], None));
     }
 }

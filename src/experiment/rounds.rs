@@ -35,7 +35,7 @@ pub enum End {
 }
 
 /// If some samples do not count, a launch takes at most this many times as many rounds as it needs otherwise.
-const MOST: u32 = 2;
+pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);

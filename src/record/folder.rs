@@ -5,7 +5,7 @@ use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;
 use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS};
 use super::plan::CurrentPlan;
-use super::rounds::{RoundLoad, disturbance, launches_left_out, moved_processors};
+use super::rounds::{RoundLoad, disturbance, moved_processors};
 use super::scenes::tell_scenes_apart;
 use super::together::{how_sure, judge};
 use super::types::Record;
@@ -80,7 +80,6 @@ impl Folder {
         if hosts(&records) <= 1 {
             // Latencies of different machines differ, even if no processor was moved.
             sure.extend(moved_processors(&rounds, &records));
-            sure.extend(launches_left_out(&rounds, &records));
         }
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
         let dirty = dirty(&records, environment["git_revision"].as_str());

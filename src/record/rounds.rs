@@ -4,9 +4,9 @@ use super::numbers::significant;
 use super::types::Record;
 use crate::load::Load;
 use crate::measure::quantile;
-use crate::words::counted_are;
+use crate::words::{counted, counted_are};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// A line of `rounds.jsonl`: the load during consecutive rounds of a launch. Together, these rounds
 /// take long enough to measure the load.
@@ -123,14 +123,30 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns a note if the core-to-core latency changed while these records were measured. The note states how many
-/// samples are left out for this reason.
+/// Returns the number of launches that were left out because the processors were further apart. All records of a group
+/// state the same launches.
+fn far_launches(records: &[Record]) -> u32 {
+    let of = |record: &Record| {
+        let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();
+        Some((counted, record.far_launches?))
+    };
+    records.iter().filter_map(of).collect::<BTreeMap<_, _>>().values().sum()
+}
+
+/// Returns a note on the launches and samples that were left out because this virtual machine's processors were further
+/// apart, or if the core-to-core latency changed while these records were measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let far: u32 = records.iter().filter_map(|record| record.far_samples).sum();
-    if far > 0 {
+    let samples = records.iter().filter_map(|record| record.far_samples).sum::<u32>() as usize;
+    let launches = far_launches(records) as usize;
+    let left_out = match [launches, samples] {
+        [0, samples] => counted_are(samples, "sample"),
+        [launches, 0] => counted_are(launches, "launch"),
+        [launches, samples] => format!("{} and {} are", counted(launches, "launch"), counted(samples, "sample")),
+    };
+    if launches + samples > 0 {
         return Some(format!(
-            "{} left out, because this virtual machine's processors were on cores further apart than in other samples.",
-            counted_are(far as usize, "sample")
+            "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
+             samples. Times then differ, above all those of kernels whose work-groups share data."
         ));
     }
     let shown = launches_of(records);
@@ -152,28 +168,6 @@ fn median_latency_ns(mut readings_ns: Vec<f64>) -> Option<f64> {
     (readings_ns.len() >= LEAST_OF_MEDIAN).then(|| quantile(&readings_ns, 0.5))
 }
 
-/// Returns a note on the launches that were left out because the virtual machine's processors were further apart than
-/// in the launches of these records.
-pub(crate) fn launches_left_out(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let shown = launches_of(records);
-    let mut readings: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
-    for line in lines {
-        readings.entry(line.launch).or_default().extend(line.core_to_core_ns);
-    }
-    let latencies = readings.into_iter().filter_map(|(launch, ns)| Some((launch, median_latency_ns(ns)?)));
-    let (shown, others): (Vec<_>, Vec<_>) = latencies.partition(|(launch, _)| shown.contains(launch));
-    let near = shown.into_iter().map(|(_, ns)| ns).reduce(f64::min)?;
-    let far: Vec<f64> = others.into_iter().map(|(_, ns)| ns).filter(|ns| *ns > MOVED * near).collect();
-    let [nearest, farthest] = [f64::min, f64::max].map(|of| far.iter().copied().reduce(of));
-    let launches = counted_are(far.len(), "launch");
-    Some(format!(
-        "{launches} left out, because this virtual machine's processors were on cores further apart (core-to-core latency \
-         {}, otherwise {} ns). Times then differ, above all those of kernels whose work-groups share data.",
-        range(nearest?, farthest?),
-        significant(near, 2)
-    ))
-}
-
 /// Returns the median core-to-core latency of the launches of these records, in nanoseconds; `None` if there are too
 /// few readings.
 pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64> {
@@ -182,20 +176,19 @@ pub(crate) fn latency_ns(lines: &[RoundLoad], records: &[Record]) -> Option<f64>
     median_latency_ns(of_shown.filter_map(|line| line.core_to_core_ns).collect())
 }
 
-fn range(low: f64, high: f64) -> String {
-    let [low, high] = [low, high].map(|ns| significant(ns, 2));
-    if low == high { format!("{low} ns") } else { format!("{low} to {high} ns") }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Returns a record of a group that used these launches, with the numbers of samples and launches left out.
+    fn left_out(launches: &[u32], far_samples: Option<u32>, far_launches: Option<u32>) -> Record {
+        Record { sample_launches: launches.to_vec(), far_samples, far_launches, ..Record::default() }
+    }
+
     #[test]
     fn samples_that_are_left_out_are_counted_over_all_points() {
         let of = |counts: &[Option<u32>]| {
-            let record =
-                |far_samples: &Option<u32>| Record { far_samples: *far_samples, ..Record::default() };
+            let record = |count: &Option<u32>| left_out(&[0], *count, None);
             moved_processors(&[], &counts.iter().map(record).collect::<Vec<_>>())
         };
         assert!(of(&[Some(2), None, Some(3)]).unwrap().starts_with("5 samples are left out, because"));
@@ -204,29 +197,29 @@ mod tests {
     }
 
     #[test]
-    fn launches_whose_processors_were_further_apart_are_noted_unless_they_are_shown() {
+    fn launches_that_are_left_out_are_counted_once_per_group() {
+        let one = left_out(&[1, 1, 2], Some(0), Some(1));
+        let same = left_out(&[1, 2, 2], Some(0), Some(1));
+        let other = left_out(&[4, 5], Some(0), Some(2));
+        let none = left_out(&[6, 7], Some(0), Some(0));
+        let of = |records: &[&Record]| {
+            moved_processors(&[], &records.iter().map(|&record| record.clone()).collect::<Vec<_>>())
+        };
+        assert!(of(&[&one, &same]).unwrap().starts_with("1 launch is left out, because"));
+        assert!(of(&[&one, &same, &other, &none]).unwrap().starts_with("3 launches are left out, because"));
+        assert_eq!(of(&[&none, &left_out(&[8], None, None)]), None);
+        let samples = left_out(&[4, 5], Some(7), Some(2));
+        assert!(of(&[&samples]).unwrap().starts_with("2 launches and 7 samples are left out, because"));
+    }
+
+    #[test]
+    fn a_latency_is_that_of_the_records_launches() {
         let of =
             |(launch, ns): (u32, f64)| vec![RoundLoad { core_to_core_ns: Some(ns), ..line(launch, 0.0) }; 3];
         let lines: Vec<RoundLoad> = (0..).zip([180.0, 23.0, 34.0, 195.0]).flat_map(of).collect();
-        let shown = |launches: &[u32]| {
-            let records = [Record { sample_launches: launches.to_vec(), ..Record::default() }];
-            launches_left_out(&lines, &records)
-        };
-        let said = shown(&[1, 2]).unwrap();
-        assert!(said.starts_with("2 launches are left out, because"), "{said}");
-        assert!(said.contains("(core-to-core latency 180 to 195 ns, otherwise 23 ns)"), "{said}");
-        let said = shown(&[1, 3]).unwrap();
-        assert!(said.starts_with("1 launch is left out, because"), "{said}");
-        assert!(said.contains("latency 180 ns, otherwise 23 ns"), "{said}");
-        assert_eq!([shown(&[0, 1, 3]), shown(&[])], [None, None]);
-        let latency = |launches: &[u32]| {
-            latency_ns(&lines, &[Record { sample_launches: launches.to_vec(), ..Record::default() }])
-        };
+        let latency = |launches: &[u32]| latency_ns(&lines, &[left_out(launches, None, None)]);
         assert_eq!([latency(&[0]), latency(&[1, 2, 3]), latency(&[])], [Some(180.0), Some(34.0), None]);
-        assert_eq!(
-            launches_left_out(&lines[1..5], &[Record { sample_launches: vec![1], ..Record::default() }]),
-            None
-        );
+        assert_eq!(latency_ns(&lines[..2], &[left_out(&[0], None, None)]), None, "two readings");
     }
 
     fn line(launch: u32, others: f64) -> RoundLoad {

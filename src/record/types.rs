@@ -251,6 +251,10 @@ pub struct Record {
     /// samples of the run; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub far_samples: Option<u32>,
+    /// Number of launches of the record's group that were left out for the same reason; null if it is unknown how far
+    /// apart the processors were.
+    #[serde(default)]
+    pub far_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,
