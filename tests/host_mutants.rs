@@ -53,6 +53,17 @@ fn every_row_stands_once_in_its_file_and_names_a_test() {
     }
 }
 
+/// Rows without `apart` are built into one program, in which a condition chooses between both texts.
+#[test]
+fn rows_that_share_a_build_are_expressions_or_statements() {
+    for Mutant { file, from, to, .. } in mutants().iter().filter(|row| !row.apart && row.reason.is_none()) {
+        let is_block = |text: &str| syn::parse_str::<syn::Block>(&format!("{{ {text} }}")).is_ok();
+        let fits =
+            if from.ends_with(';') { is_block(from) } else { syn::parse_str::<syn::Expr>(from).is_ok() };
+        assert!(fits && is_block(to), "{file}: {from:?}, {to:?}: this row needs `apart = true`");
+    }
+}
+
 #[test]
 fn few_rows_are_excused_or_take_a_build_of_their_own() {
     let all = mutants();

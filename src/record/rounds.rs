@@ -141,7 +141,9 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     let left_out = match [launches, samples] {
         [0, samples] => counted_are(samples, "sample"),
         [launches, 0] => counted_are(launches, "launch"),
-        [launches, samples] => format!("{} and {} are", counted(launches, "launch"), counted(samples, "sample")),
+        [launches, samples] => {
+            format!("{} and {} are", counted(launches, "launch"), counted(samples, "sample"))
+        }
     };
     if launches + samples > 0 {
         return Some(format!(
