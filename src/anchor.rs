@@ -1,6 +1,6 @@
-//! The anchor: a kernel that never changes. A run with several launches times it on each device, after one of every six
-//! frames of the points. `--cl-dir` cannot replace this kernel. Two runs can therefore be compared by the ratios of
-//! their times to the anchor's time, even if the machine's speed changed between the runs.
+//! The anchor: a kernel that never changes. A run with several launches times this kernel on each device, after the
+//! first of every six frames of the points. `--cl-dir` cannot replace this kernel. Two runs can therefore be compared
+//! by the ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -97,8 +97,8 @@ impl Anchor {
     pub fn run(&self) -> Result<FrameTimes> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: both buffers are as long as the kernel's source and its number of work-items require, and live as
-        // long as `self`.
+        // SAFETY: the kernel reads `SPHERES` elements of the first buffer, and writes one element of the second buffer
+        // per work-item. Both buffers have these lengths, and live as long as `self`.
         unsafe { self.kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;

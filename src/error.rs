@@ -53,7 +53,7 @@ const AGAIN: &str = "run the command again; `raycl devices` shows whether the de
 const ON: &str = "run the same command again to continue, with --resume if it measures into a folder";
 /// The remedy for a file that cannot be written.
 const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder with --out DIR";
-/// The remedy for a packed file that cannot be unpacked.
+/// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
 const FAULT: &str = "this is a bug in raycl: please report it, with the command";
@@ -129,7 +129,7 @@ impl Error {
     pub fn withheld(name: &str, line: usize, expected: &str) -> Self {
         Self::input(format!("{name}:{line}: expected {expected}")).with_help(
             "the file's text is not shown, since the file is outside the folder of the file that names it; open \
-             the file to see the line, or name a scene's file in `raycl render`",
+             the file to see the line; if the file is a scene, `raycl render FILE` shows the line",
         )
     }
 

@@ -3,14 +3,14 @@
 //! # The stable API
 //!
 //! The items listed here stay compatible between versions, as [Semantic Versioning](https://semver.org) says;
-//! `examples/` has a program for each.
+//! the programs in `examples/` show how to use them.
 //!
 //! | | |
 //! |---|---|
 //! | [`load_scene`] | reads a scene or a mesh |
 //! | [`Raycaster`] | casts a [`Picture`] of a scene on a device |
-//! | [`hits`] | finds the hit of each pixel's ray: [`Layers`] |
-//! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config: [`Record`]s |
+//! | [`hits`] | finds the hit of each pixel's ray, and returns [`Layers`] |
+//! | [`run_experiment`], [`serve_if_worker`] | measure the points of a config; the result is one [`Record`] per point |
 //!
 //! ```no_run
 //! # fn main() -> raycl::Result<()> {
@@ -24,17 +24,18 @@
 //! # Internals
 //!
 //! All modules are internal and change without notice. Modules that raycl's own binary and tests use are public, but
-//! hidden in these pages; the other modules are private. An experiment uses these modules in this order. [`config`]
-//! reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the points; each
-//! point is a [`strategy`] on a [`device`] at a local size. [`program`] assembles and builds kernels from `cl/` as the
-//! `manifest` says (`sources` has the kernels' files). [`launch`] runs the kernels. [`verify`] compares the kernels'
-//! image with the [`reference`](mod@reference). `measure` times the kernels, and the `anchor` together with them.
-//! [`printer`] keeps control characters from terminals. `reader` opens the files that users name, and `filetype`
-//! recognises files of other formats. `memory` measures the host's free memory, and `load` measures the processor time
-//! that other processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes
-//! files for the user and never replaces a file that raycl did not make. [`shard`] splits an experiment among machines
-//! and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in this
-//! repository's documents from stored records. `cache` stores data that raycl can recompute, from one run to the next.
+//! hidden in these pages; the other modules are private. The modules from [`config`] to `anchor` are in the order in
+//! which an experiment uses them. [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment
+//! names. [`experiment`] plans the points; each point is a [`strategy`] on a [`device`] at a local size. [`program`]
+//! assembles and builds kernels from `cl/` as the `manifest` says (`sources` has the kernels' files). [`launch`] runs
+//! the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference). `measure` times the
+//! kernels, and the `anchor` together with them. [`printer`] keeps control characters from terminals. `reader` opens
+//! the files that users name, and `filetype` recognises files of other formats. `memory` measures the host's free
+//! memory, and `load` measures the processor time that other processes take. [`record`] stores the results. [`image`]
+//! turns radiance into pictures; `output` writes files for the user and never replaces a file that raycl did not make.
+//! [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one file per subcommand;
+//! [`documents`] computes the numbers in this repository's documents from stored records. `cache` stores data that
+//! raycl can recompute, so that later runs need not do so.
 
 mod accel;
 mod anchor;

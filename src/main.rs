@@ -20,7 +20,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs a command. If the command measures, drivers pin their threads.
+/// Runs a command. If the command measures, the function first sets the variables with which PoCL pins its threads.
 fn run(cli: raycl::cli::Cli) -> raycl::Result<()> {
     if cli.measures() {
         set(raycl::device::pinning_variables());

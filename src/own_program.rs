@@ -8,12 +8,12 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// The names of drivers' libraries in the environment, before any driver was loaded.
+/// The value of the environment variable that names drivers' libraries, from before any driver was loaded.
 static LIBRARIES_AT_FIRST: OnceLock<Option<OsString>> = OnceLock::new();
 
-/// Stores the variable that names drivers' libraries, for processes that are started later. This function must be
-/// called before a driver is loaded: some loaders split the variable's value in place, so that the environment contains
-/// only the first name afterwards.
+/// Stores the value of the variable that names drivers' libraries. Processes that raycl starts later get this value.
+/// This function must be called before a driver is loaded: some loaders split the variable's value in place, so that
+/// the environment contains only the first name afterwards.
 pub fn remember_libraries() {
     LIBRARIES_AT_FIRST.get_or_init(|| std::env::var_os(LIBRARIES));
 }

@@ -38,8 +38,8 @@ pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }
 
-/// Escapes control characters in text that raycl itself has coloured, except colour codes
-/// (`ESC [ 1 ; 31 m`). Text from elsewhere must have passed through [`plain`] before it was coloured.
+/// Escapes all control characters except colour codes (`ESC [ 1 ; 31 m`), in text that raycl itself has coloured. Text
+/// from elsewhere must have passed through [`plain`] before it was coloured.
 pub fn coloured(text: &str) -> Cow<'_, str> {
     if !text.contains(steers) {
         return Cow::Borrowed(text);

@@ -46,7 +46,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
 ///
 /// # Errors
 ///
-/// Returns the system's error. Also fails if this is not an ordinary file.
+/// Returns the system's error. Also fails if `path` is not an ordinary file.
 pub fn open(path: &Path) -> Result<File> {
     // Opening a pipe would wait for its writer, so the path is checked before it is opened. The open file is
     // checked again, since another file may have taken this path in between.
@@ -95,8 +95,8 @@ pub fn utf8(bytes: Vec<u8>) -> Result<String> {
 }
 
 /// Reads the rest of a file whose first bytes, `head`, have already been read, and returns all of its bytes.
-/// Reads at most the limit of the file's kind. If the kind has no limit, reads at most the size that the file
-/// system reported.
+/// Reads no more bytes than the limit of `kind` allows. If `kind` has no limit, reads no more bytes than the file's
+/// size, as the file system reports it.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! The user's own settings in `~/.config/raycl/config.toml`. A setting applies where neither an option nor an
-//! environment variable is given.
+//! The user's own settings in `~/.config/raycl/config.toml`. A setting applies only if neither an option nor an
+//! environment variable sets the same value.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -17,10 +17,10 @@ use crate::xdg;
 pub const DEVICE: &str = "RAYCL_DEVICE";
 /// The environment variable that names the folder of results.
 pub const RESULTS: &str = "RAYCL_RESULTS";
-/// The advice for a file with a mistake.
+/// The remedy for a mistake in the settings file.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
 
-/// The file as written in TOML.
+/// The keys of the settings file, with their values.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Wire {

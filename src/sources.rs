@@ -1,4 +1,5 @@
-//! Kernel source files: those built into the binary, and those of a folder that replace them or add to them.
+//! Kernel source files: the files built into the binary, and the files of a folder. A file of the folder replaces the
+//! built-in file of the same name, or is an additional file.
 
 mod lines;
 
@@ -118,7 +119,7 @@ const LAYOUT: &str =
 /// The longest program that is passed to a compiler.
 const LONGEST_PROGRAM_MIB: usize = 16;
 
-/// The files that are being joined; each is included by the one before.
+/// The files that are being joined. Each file is included by the file before it.
 #[derive(Default)]
 pub struct Chain(Vec<String>);
 

@@ -64,7 +64,8 @@ fn is_block(text: &str) -> bool {
 #[test]
 fn rows_that_share_a_build_are_expressions_or_statements() {
     for Mutant { file, from, to, .. } in mutants().iter().filter(|row| !row.apart && row.reason.is_none()) {
-        let fits = if from.ends_with(';') { is_block(from) } else { syn::parse_str::<syn::Expr>(from).is_ok() };
+        let fits =
+            if from.ends_with(';') { is_block(from) } else { syn::parse_str::<syn::Expr>(from).is_ok() };
         assert!(fits && is_block(to), "{file}: {from:?}, {to:?}: this row needs `apart = true`");
     }
 }

@@ -35,7 +35,7 @@ impl<const N: usize> Slicer<N> {
         [slice.x, slice.y, slice.z].map(|s| s.to_bits() as usize & (N - 1))
     }
 
-    /// Returns the slice along one axis. The operations are those of `slices`, so the result is the same.
+    /// Returns the slice along one axis. The operations are those of `slices`, so both functions return the same slice.
     #[inline(always)]
     pub fn slice<const AXIS: usize>(&self, primitive: &Primitive) -> usize {
         let centre = primitive.0.low[AXIS] + primitive.0.high[AXIS];

@@ -67,7 +67,7 @@ pub(super) fn build(mesh: &Mesh, leaf_size: usize) -> Bvh {
     let root =
         Work { primitives: &mut primitives, spare: &mut spare, order: &mut order, bounds, region, depth: 0 };
     let tree = grow(root, leaf_size);
-    // Large meshes need most memory here, so the boxes are freed before the pieces are joined.
+    // For large meshes, the use of memory is highest here, so the boxes are freed before the pieces are joined.
     drop((primitives, spare));
     Bvh { nodes: tree.pieces.concat(), order, depth: tree.depth }
 }

@@ -22,8 +22,8 @@ pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_tria
 pub use wide::WideBvh;
 
 /// A hash of trees over a few fixed meshes. This hash is part of the key of every point that uses a tree. A change to
-/// the builder or the layout changes these trees; a test then fails until the hash is updated, and such points are
-/// measured again.
+/// the builder or the layout changes these trees; a test then fails until the hash is updated. With a new hash, points
+/// that use a tree are measured again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.
@@ -91,8 +91,9 @@ impl Bvh {
     }
 
     /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles:
-    /// the order, the nodes, and either two buffers of boxes or, after these are freed, the nodes once more (the nodes
-    /// are made in pieces, then joined). The estimate assumes that leaves are half full on average.
+    /// the order, the nodes, and the larger of two amounts, which are not in use at the same time: two buffers of
+    /// boxes, and a second copy of the nodes (the nodes are made in pieces, then joined). The estimate assumes that
+    /// leaves are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = 2 * triangles * size_of::<bounds::Primitive>() as u64;

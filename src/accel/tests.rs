@@ -149,7 +149,8 @@ fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
     assert!((64..=64 + 10).contains(&bvh.depth), "depth {}", bvh.depth);
 }
 
-/// A hundred triangles, each half as far away as the previous one, beside a row of five thousand.
+/// The mesh has a row of five thousand triangles on one side, and a hundred triangles on the other side. Each of the
+/// hundred is half as far from the origin as the previous one.
 #[test]
 fn the_depth_is_that_of_the_deeper_side() {
     for side in [1.0, -1.0] {

@@ -260,7 +260,7 @@ impl WideBvh {
 }
 
 /// Replaces subtrees with more than `least` triangles by their two children, always the subtree with the largest
-/// surface first. Stops when there are `width` subtrees, or when no such subtree remains.
+/// surface first. Stops when there are `width` subtrees, or when none of them has more than `least` triangles.
 fn open(bvh: &Bvh, children: &mut Vec<Subtree>, width: usize, least: usize) {
     while children.len() < width {
         let candidates = children.iter().enumerate().filter(|(_, child)| child.is_inner(least));

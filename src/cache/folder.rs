@@ -1,4 +1,5 @@
-//! The folder of the cache, and who owns it. raycl runs programs from the cache, so only the user may write there.
+//! Finds the cache's folder, and checks who owns it. raycl runs programs from the cache, so only the user may write
+//! there.
 
 use std::path::{Path, PathBuf};
 
@@ -22,8 +23,8 @@ pub fn of_user() -> Option<PathBuf> {
     crate::xdg::folder("XDG_CACHE_HOME", ".cache")
 }
 
-/// Makes a private folder among the temporary files, which later processes of this user find again; `None` if it cannot
-/// be made, or if it belongs to somebody else.
+/// Makes a private folder among the temporary files. Later processes of this user get the same folder. Returns `None`
+/// if the folder cannot be made, or if it belongs to somebody else.
 #[cfg(unix)]
 pub fn temporary() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();

@@ -29,7 +29,8 @@ pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), Str
     }
 }
 
-/// Any text, to be parsed by [`parse_strategy`]; shells complete the presets.
+/// A parser for clap that accepts any text, which [`parse_strategy`] parses later. It lists the presets, so that shells
+/// can complete them.
 #[derive(Clone)]
 pub struct StrategyText;
 
@@ -70,8 +71,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 }
 
 /// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
-/// fastest one known, or if `set` requests the watertight test, the fastest one with this test. Then the axes in `set`
-/// are changed.
+/// fastest one that raycl knows. If `set` requests the watertight test, the strategy is the fastest one with this test.
+/// Then the axes in `set` are changed.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -128,7 +129,7 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
     }
 }
 
-/// Returns the device like [`one_device`]; `lane_test` says whether the device's lane operations are tested if the
+/// Returns the same device as [`one_device`]. `lane_test` says whether the device's lane operations are tested if the
 /// cache has no list of devices.
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());

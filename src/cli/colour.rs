@@ -21,7 +21,7 @@ pub enum Colour {
 /// The choice made by [`choose`]: 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// Sets the choice for the whole process: the option's, else the environment's, else the setting's.
+/// Sets the choice for the whole process. An option takes precedence over `NO_COLOR`, and `NO_COLOR` over a setting.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let code = match option.or(refused.then_some(Colour::Never)).or(setting) {

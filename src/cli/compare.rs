@@ -19,7 +19,7 @@ pub struct Args {
     before: PathBuf,
     /// The folder of the newer results
     after: PathBuf,
-    /// Report a change as "same" if its whole 95% interval is within PERCENT
+    /// Report a change as "same" if its whole 95% interval lies between a speed-up and a slowdown of PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
     /// Compare the times as they were measured. Without this option, each time is first divided by another time of the

@@ -49,12 +49,13 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest error of a channel. For 8-bit pictures it is a fraction of white (255), and for radiance the
-    /// difference itself. Null if it is not finite.
+    /// The largest absolute difference of a channel. The values of 8-bit pictures are first divided by 255 (white).
+    /// Null if the difference is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
-    /// Null if it is not finite.
+    /// The largest difference of a channel, divided by the brightest channel of the expected pixel, or by 1/255 if that
+    /// is greater. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
 }
@@ -114,7 +115,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
         }
     }
     // For 8-bit pictures the peak is white. For radiance, the peak is the brightest channel of the expected picture,
-    // but at least white.
+    // or 1 (white) if that is greater.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;

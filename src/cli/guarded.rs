@@ -13,12 +13,13 @@ use std::process::ExitStatus;
 
 /// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown settings). The
 /// first access to each page of new memory causes a page fault; these faults took a fifth of the time of a short
-/// command. So the allocator asks the system for huge pages, and extends its heaps by 16 MiB at a time. Larger steps
-/// are hardly faster, and keep more freed memory than memory predictions allow for. glibc reads the variable only when
-/// a process starts, so the variable is set for the child, unless the user has set it already.
+/// command. With these settings, the allocator asks the system for huge pages, and extends its heaps by 16 MiB at a
+/// time. Larger steps are hardly faster, and keep more freed memory than memory predictions allow for. glibc reads the
+/// variable only when a process starts, so raycl sets it for the child process. If the user has set the variable, raycl
+/// leaves it unchanged.
 const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216");
 
-/// Returns whether this is the child process.
+/// Returns whether this process is the child process that [`run`] starts.
 pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }

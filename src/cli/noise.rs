@@ -100,7 +100,7 @@ fn text(noise: &Noise) -> String {
     lines.extend(
         causes
             .preempted_samples
-            .map(|count| format!("  other programs delayed {}, which count in no result", samples(count))),
+            .map(|count| format!("  other programs delayed {}, which no result includes", samples(count))),
     );
     if let Some(percentiles) = causes.core_to_core_ns {
         let [low, high] = percentiles.map(number);
@@ -158,7 +158,7 @@ mod tests {
                 format!("smallest difference that all launches together can show {}", percent(0.02)),
                 format!("half-width of the 95% interval of a point's time {}", percent(0.03)),
                 "other processes used 0.25 of 8 processors, and other virtual machines took 0.50".to_owned(),
-                "other programs delayed 4 samples, which count in no result".to_owned(),
+                "other programs delayed 4 samples, which no result includes".to_owned(),
                 "a cache line took 20 to 90 ns from one processor to another".to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
                 "the device ran at 1980 MHz".to_owned(),

@@ -121,7 +121,7 @@ impl Wanted<'_> {
         listed(&String::from_utf8_lossy(&output.stdout)).ok_or_else(|| failed(&"the reason is above"))
     }
 
-    /// Returns the arguments of the child process that measures the devices of a pattern.
+    /// Returns the arguments of the child process that measures the devices that match `pattern`.
     fn arguments(&self, pattern: &str) -> Vec<OsString> {
         let mut arguments = ["peak", "--json", "--device", pattern].map(OsString::from).to_vec();
         arguments.extend(self.no_wait.then(|| "--no-wait".into()));

@@ -12,8 +12,8 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's layout. The text at the bar's end is the latest argument of `works_on`. This text has about 40 of 80
-/// columns.
+/// The bar's layout. The text at the bar's end is the latest argument of `works_on`. On a terminal of 80 columns, about
+/// 40 columns are left for this text.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
 /// Writes the time left; `?` if no step has finished yet.

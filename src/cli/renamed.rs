@@ -1,4 +1,4 @@
-//! Old names on the command line; the error message gives the new name.
+//! Recognises old names on the command line, and adds the new name to the error message.
 
 use super::Cli;
 use clap::CommandFactory as _;

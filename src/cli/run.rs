@@ -192,7 +192,7 @@ pub fn run(args: Args) -> Result<()> {
     report(&args, &out)
 }
 
-/// Makes the run that the arguments describe. With `--spread`, the devices must be the same model.
+/// Makes the run that the arguments describe. With `--spread`, the devices must be of the same model.
 fn run_of<'a>(
     args: &'a Args,
     experiment: &'a Experiment,
@@ -416,7 +416,7 @@ mod tests {
         assert_eq!((of([false, true]).resume, of([false, true]).force), (false, true));
         assert_eq!((args.config, args.out), (PathBuf::from("a.toml"), Some(PathBuf::from("out"))));
         assert_eq!((args.device, args.set), (words(&["cpu"]), set.to_vec()));
-        // Without the option, `raycl run` has the same time limit.
+        // Without `--hang-limit`, `raycl run` has the same time limit.
         let usual = fixtures::args(&["a.toml"]).hang_limit;
         assert_eq!((args.hang_limit, usual), (Duration::from_secs(600), Duration::from_secs(600)));
     }

@@ -1,4 +1,4 @@
-//! Takes the locks of devices for commands that measure on them directly.
+//! Takes the locks of devices, for commands that measure on these devices in their own process.
 
 use crate::device::DeviceInfo;
 use crate::device_lock::{Held, LockName, Locks};

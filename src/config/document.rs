@@ -15,8 +15,8 @@ const KEYS: &str =
 /// Keys that were renamed: the old name and the new one.
 const RENAMED: [(&str, &str); 1] = [("limits", "emulate")];
 
-/// A file, and overrides from the command line. Byte ranges (spans) below the file's length lie in the file;
-/// beyond it, each override has its own range.
+/// A file, and overrides from the command line. A span is a range of bytes. Spans up to the file's length lie in the
+/// file. Each override has its own range of bytes after the file's end.
 pub struct Document {
     name: String,
     text: String,
@@ -57,7 +57,8 @@ impl Document {
 
     /// Deserialises the document as a `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T> {
-        // Each override is padded with spaces, so that its spans lie after those of everything before it.
+        // Each override is padded with spaces, so that its spans lie after those of the file and of all earlier
+        // overrides.
         let padded: Vec<_> = self.overrides.iter().map(|over| " ".repeat(over.start) + &over.line).collect();
         let mut table = DeTable::parse(&self.text).map_err(|error| self.syntax(&error, 0))?;
         for (layer, over) in padded.iter().zip(&self.overrides) {

@@ -1,5 +1,5 @@
 //! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`]. An `Experiment`
-//! contains types of TOML only for the values to set in scenes. Every mistake is reported with its line.
+//! contains types of the crate `toml` only for the values to set in scenes. Every mistake is reported with its line.
 
 mod document;
 mod lists;

@@ -88,8 +88,8 @@ pub struct NamedStrategy {
     pub strategy: Strategy,
     /// Local sizes: work-items of a work-group, across and down.
     pub local_sizes: Vec<[u32; 2]>,
-    /// The only kind of device that the strategy is measured on: its preset's, unless the config or the
-    /// command line asks for all kinds.
+    /// The only kind of device on which the strategy is measured: the kind for which its preset is meant. `None` if the
+    /// preset is meant for all kinds, or if the config or the command line asks for all kinds.
     pub meant_for: Option<DeviceKind>,
 }
 
@@ -182,7 +182,7 @@ pub struct Timing {
     pub time_limit_ms: f64,
     /// Seed for the order of launches (worker processes) and rounds.
     pub seed: u64,
-    /// A group stops when the standard deviation divided by the mean is below this for each of its points.
+    /// A group stops when, for each of its points, the standard deviation divided by the mean is below this value.
     pub relative_sigma: f64,
 }
 

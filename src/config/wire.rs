@@ -125,8 +125,8 @@ pub struct Timing {
     /// Seed for the order of launches (worker processes) and rounds [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
-    /// Stop when the standard deviation divided by the mean is below this for each point of a group [default:
-    /// 0.005].
+    /// Stop when, for each point of a group, the standard deviation divided by the mean is below this value
+    /// [default: 0.005].
     #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }

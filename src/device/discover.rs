@@ -139,7 +139,7 @@ fn platform_count() -> Result<u32> {
     }
 }
 
-/// Counts, for each device, the earlier ones with the same platform and name.
+/// Counts, for each device, the earlier devices with the same platform and name.
 fn number_twins<'a>(devices: impl Iterator<Item = &'a mut DeviceInfo>) {
     let mut seen: HashMap<String, usize> = HashMap::new();
     for device in devices {

@@ -69,9 +69,9 @@ fn is_icd(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension == "icd")
 }
 
-/// Returns the variables under which a loader finds these drivers and no others. The .icd files of these drivers are
-/// put into `folder`, which must be empty and must outlive the loader. For a driver that is named as a library, an .icd
-/// file is written too, since not every loader reads a variable that names libraries.
+/// Returns environment variables that make a loader find these drivers and no others. Copies the .icd files of the
+/// drivers into `folder`, which must be empty and must outlive the loader. Also writes an .icd file for a driver that
+/// is named as a library, since not every loader reads a variable that names libraries.
 ///
 /// # Errors
 ///

@@ -1,5 +1,5 @@
-//! Properties of a device's hardware that OpenCL's core does not report: compute capability, clock, timer, PCI bus. The
-//! device is usable even if some of these properties are missing.
+//! Further properties of a device's hardware: compute capability, clock, timer, PCI bus, UUID. Most of them are
+//! reported only with an extension. The device is usable even if some of these properties are missing.
 
 use serde::{Deserialize, Serialize};
 

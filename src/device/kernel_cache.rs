@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 /// PoCL's environment variable for this folder.
 const FOLDER: &str = "POCL_CACHE_DIR";
 
-/// Returns the variables to set before a driver is loaded, so that PoCL can write its folder: a private folder among
-/// the temporary files, if the user's cache folder cannot be written. Returns no variables if the user has set
-/// `POCL_CACHE_DIR`.
+/// Returns the environment variables to set before a driver is loaded. If PoCL cannot write its default folder, the
+/// variables name a private folder among the temporary files instead. Returns no variables if PoCL can write its
+/// default folder, or if the user has set `POCL_CACHE_DIR`.
 pub fn cache_variables() -> Vec<(&'static str, String)> {
     let named = std::env::var_os(FOLDER).is_some();
     if named || default_folder().is_none_or(|folder| can_be_written(&folder)) {

@@ -56,7 +56,8 @@ fn listed(cache: &Cache, key: &str, sources: &Sources, lane_test: LaneTest) -> R
     Ok(devices)
 }
 
-/// Stores a list of devices, unless lane operations are assumed in it: later runs would take them for facts.
+/// Stores a list of devices. Does not store a list with assumed lane operations, since later runs would take the
+/// assumptions for facts.
 fn store(cache: &Cache, key: &str, devices: &[Device]) {
     let infos: Vec<&DeviceInfo> = devices.iter().map(|device| &device.info).collect();
     if devices.iter().all(|device| device.lanes_are_tested)

@@ -1,4 +1,4 @@
-//! How the 32 work-items that share a tile exchange values on a device; found by testing.
+//! Finds out, by a test on the device, how the 32 work-items that share a tile can exchange values.
 
 use super::{DeviceInfo, quieting};
 use crate::error::Result;
@@ -53,7 +53,7 @@ impl LaneOperations {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
 
-    /// Returns a description.
+    /// Returns a short description for messages, such as "PTX shuffles".
     pub fn about(self) -> &'static str {
         match self {
             Self::Barriers => "barriers",

@@ -1,4 +1,4 @@
-//! OpenCL devices: finding them, their limits, and selecting one.
+//! Finds OpenCL devices, describes them and their limits, and selects devices.
 
 mod alike;
 mod asked;
@@ -44,7 +44,7 @@ pub enum DeviceKind {
     Gpu,
     /// A dedicated accelerator.
     Accelerator,
-    /// None of these.
+    /// A device of another type.
     Other,
 }
 
@@ -126,7 +126,7 @@ pub struct DeviceInfo {
     /// the process that listed the device.
     #[serde(default)]
     pub settings: Vec<variables::Setting>,
-    /// Number of cores that the process may use, for devices that run on them.
+    /// Number of cores that the process may use; `None` unless the device is a CPU.
     #[serde(default)]
     pub cores: Option<usize>,
     /// Number of threads with which the device casts, if known; PoCL's number is known.

@@ -1,5 +1,5 @@
-//! Computes how many work-groups an NVIDIA multiprocessor holds at the same time: the paper's
-//! Figure 5, for any compute capability from 2.0 to 9.0.
+//! Computes how many work-groups an NVIDIA multiprocessor holds at the same time, as the paper's Figure 5
+//! does for one device. Supports the compute capabilities in `table.rs`, from 2.0 to 9.0.
 
 mod table;
 

@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-/// The environment variable that marks a process which does a command's work on behalf of another process;
-/// that other process handles its exit.
+/// The environment variable that marks a process that does a command's work for another process. The other process
+/// handles the exit of the marked process.
 pub const GUARDED: &str = "RAYCL_GUARDED";
 /// The exit code of a process whose driver did not answer. Only raycl's own processes use this code.
 pub const HUNG: i32 = 124;

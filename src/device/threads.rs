@@ -7,8 +7,8 @@ use super::DeviceKind;
 /// PoCL's environment variables for the number of its threads: the one of version 5 and later, and the older
 /// one, which all versions read.
 const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
-/// The environment variable for the number of compute units of all PoCL's drivers. PoCL 6 reads it if neither of the
-/// variables above is set.
+/// The environment variable for the number of compute units of all of PoCL's drivers. PoCL 6 reads this variable if
+/// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 
 /// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may use

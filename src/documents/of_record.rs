@@ -28,7 +28,7 @@ pub enum Told {
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The median of the frame's time: the figure of a query that names no figure.
+/// The median of the frame's time. A query that names no figure asks for this figure.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [

@@ -1,4 +1,4 @@
-//! The times that the paper published, and the values of its Figure 5.
+//! Answers queries for the times that the paper published.
 
 use super::of_record::{Form, Told};
 use crate::report::paper::curve;

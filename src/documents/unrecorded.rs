@@ -1,6 +1,6 @@
 //! Finds the numbers of a document that have no source: they neither come from a query nor are listed as facts.
 
-/// What the lines before a line of a document imply for this line.
+/// The state after some lines of a document, which affects how the next line is read.
 #[derive(Default)]
 pub struct Fences {
     /// True if the line is in a fenced block of code.

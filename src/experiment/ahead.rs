@@ -144,7 +144,7 @@ impl Ahead {
         })
     }
 
-    /// Returns the counts so far.
+    /// Returns the counts of the programs built so far.
     pub fn tally(&self) -> Tally {
         *self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }

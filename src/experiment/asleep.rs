@@ -1,5 +1,5 @@
-//! For tests: a device that casts nothing, and workers whose frames only wait. With such workers, tests on one
-//! machine can imitate many machines, and processes that are killed. No device is opened, and no lock is taken.
+//! For tests: a device that casts nothing, and workers that wait instead of casting frames. With such workers, tests on
+//! one machine can imitate many machines, and processes that are killed. No device is opened, and no lock is taken.
 
 use super::draft::{Drafter, Hashed};
 use super::protocol::{Reply, Request};
@@ -67,13 +67,13 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes a value that answers requests about an experiment's plan.
+    /// Makes a value that answers requests about the points of a plan. Each of its frames takes `frame_ms`.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: None }
     }
 
-    /// Answers a request: a check passes at once, a frame waits.
+    /// Answers a request: a check passes without casting anything, and a cast only waits for the time of a frame.
     pub fn answer(&mut self, request: &Request) -> Result<Reply> {
         match request {
             Request::Check { point, .. } => self.check(*point),

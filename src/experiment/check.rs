@@ -1,4 +1,5 @@
-//! Checks a point before it is timed: it must fit, build, run, and produce the right image.
+//! Checks a point before it is timed: the point must fit on its device, its program must build and run, and its image
+//! must be right.
 
 use super::draft::Drafter;
 use super::protocol::Built;
@@ -76,7 +77,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Builds a point's program and stores it in the cache; `None` if this fails. Also casts a frame, since some
-    /// drivers compile parts of a program only then.
+    /// drivers compile parts of a program only when a kernel first runs.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
@@ -203,8 +204,8 @@ mod tests {
     use crate::strategy::Workload;
     use std::path::Path;
 
-    /// Checks the last point of an experiment on a device, in a folder. `verified` is the hash of a picture that has
-    /// been compared already.
+    /// Checks the last point of an experiment on a device, and saves the pictures in `folder`. `verified` is the hash
+    /// of a picture that has been compared already.
     fn checked(
         experiment: &Experiment,
         device: &Device,

@@ -18,8 +18,8 @@ use std::time::Duration;
 /// The time limit for listing the devices, which is far longer than drivers need.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// Returns all devices, as listed by a child process. If this process dies, a second one is tried, since something
-/// outside the process may have ended it.
+/// Returns all devices, as listed by a child process. If the child process sends no valid answer, a second one is
+/// started, since something outside the first process may have ended it.
 pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
     let answer = match ask(cl_dir)? {
         Ok(answer) => answer,

@@ -21,7 +21,7 @@ pub struct Drafter<'a> {
     pub sources: &'a Sources,
 }
 
-/// A scene, the notes from reading its file, and its hash. Computing the hash takes time.
+/// A scene, the notes from reading its file, and its hash. The hash is stored, since computing it takes time.
 pub struct Hashed {
     /// The scene.
     pub scene: Arc<Scene>,

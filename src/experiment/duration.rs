@@ -133,8 +133,8 @@ impl Run<'_> {
         f64::from(self.experiment.timing.launches) * self.launch_ms(points) + compare_ms
     }
 
-    /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because every
-    /// launch may continue.
+    /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because
+    /// every launch may take more rounds.
     fn most_additional_ms(&self, points: &[Known]) -> f64 {
         let launches = self.experiment.timing.launches as usize;
         let replaced = most_additional(launches);
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn every_launch_checks_its_points_and_only_the_first_compares_them_with_the_reference() {
-        // A start, and four rounds of 20 ms.
+        // A launch consists of a start and four rounds of 20 ms each.
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);
@@ -286,7 +286,8 @@ mod tests {
         let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
         let locks = fixtures::own_locks();
         let run = fixtures::run(&experiment, &[], &locks);
-        // A start, checks, and four rounds of 20 ms, in each of three replaced launches; four more rounds in each of six.
+        // Three launches are replaced, each by a launch with a start, checks and four rounds of 20 ms. Each of the six
+        // launches may take four more rounds.
         let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
         assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 80.0);
         assert_eq!(run.most_additional_ms(&[]), 0.0);

@@ -193,8 +193,8 @@ impl OpenGroup {
             let start = Instant::now();
             match supervisor.check(pending.task())?.map(|found| named(found, &pending.record)) {
                 Ok((record, true)) => {
-                    // Only the first launch's record is used. A later launch casts the same picture, or its picture has
-                    // been compared with the reference too.
+                    // Only the first launch's record is used. The picture of a later launch is either the same, or was
+                    // also compared with the reference.
                     if pending.verified.is_none() {
                         pending.verified.clone_from(&record.image_hash);
                         pending.record = *record;
@@ -293,8 +293,9 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether samples do not count if processors were further apart: only if processors cast all points of a group,
-/// by a caster on the host or by an OpenCL driver.
+/// Returns whether a group leaves out the samples during which processors were further apart. This is true if
+/// processors cast all points of the group, through a caster on the host or an OpenCL driver, and if the run does not
+/// keep these samples.
 pub(super) fn leaves_out_far(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);

@@ -12,7 +12,7 @@ use crate::measure::MIN_SAMPLES;
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
 /// If the latency around a sample is more than this many times the smallest latency of the run, the processors were
-/// further apart. Latencies between the same two cores differ by up to 1.7 times.
+/// further apart. Latencies between the same two cores differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
 
 /// A complete launch of a group.
@@ -64,7 +64,7 @@ fn far_launches(launches: &[Launch], nearest_ns: f64) -> Vec<u32> {
     if far.len() < launches.len() { far } else { Vec::new() }
 }
 
-/// The numbers of launches and of samples that do not count. The samples are those of launches that count.
+/// The number of launches that do not count, and the number of samples that do not count although their launches count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LeftOut {
     pub launches: u32,

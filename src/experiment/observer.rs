@@ -12,7 +12,7 @@ pub trait Observer: Send {
     fn begins(&mut self, points: usize, steps: usize);
     /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
-    /// Is called when more steps have been finished, with their number.
+    /// Is called with the number of further steps that have been finished.
     fn advances(&mut self, _steps: usize) {}
     /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);

@@ -56,7 +56,7 @@ impl PendingPoint {
         }
     }
 
-    /// Returns the point as used in requests to a worker.
+    /// Returns the data about the point from which requests to a worker are made.
     pub fn task(&self) -> Task<'_> {
         let (key, verified) = (&self.record.key, self.verified.as_deref());
         Task { point: self.point, device: self.device, scene: self.scene, key, verified }
@@ -76,8 +76,7 @@ impl Needs for PendingPoint {
 }
 
 impl Run<'_> {
-    /// Returns whether the point at the index `place` is measured on the host. The index is one of the plan for one
-    /// device.
+    /// Returns whether a point is measured on the host. `place` is the point's index in the plan for one device.
     pub fn is_on_host(&self, place: usize) -> bool {
         let plan = Plan::new(self.experiment, self.devices.len().min(1));
         plan.points.get(place).is_some_and(|point| point.device.is_none())

@@ -7,8 +7,8 @@ use crate::config::{Baseline, Experiment, SceneChoice};
 /// All points of an experiment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// The points. Points that are compared with each other are adjacent. Within such a group, the points of each
-    /// scene are adjacent, and within a scene the points of each device.
+    /// The points. Points that are compared with each other are adjacent. Within such a group, points of the same scene
+    /// are adjacent, and among these, points of the same device are adjacent.
     pub points: Vec<Point>,
     /// True if scenes are compared with each other.
     pub compare_scenes: bool,

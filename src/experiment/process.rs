@@ -1,4 +1,4 @@
-//! Workers as processes.
+//! Starts workers as child processes, and exchanges messages with them through pipes.
 
 use super::protocol::{Job, Reply, Request};
 use super::supervisor::{Death, Spawner, Wait, Worker};
@@ -117,7 +117,7 @@ fn read_last_words(mut err: impl Read + Send + 'static) -> JoinHandle<String> {
 }
 
 impl WorkerProcess {
-    /// Writes a line. If the worker has ended, this is noticed later, while waiting for its reply.
+    /// Writes a line. If the worker has ended, the later wait for its reply reports that.
     fn write(&mut self, line: &impl Serialize) {
         // Serializing never fails: only paths might not be valid text, and `raycl run` refuses such paths.
         let Ok(mut text) = serde_json::to_vec(line) else { return };
@@ -170,7 +170,7 @@ impl Worker for WorkerProcess {
     }
 }
 
-/// A busy worker is killed; an idle one may end by itself.
+/// Dropping the value lets the worker end by itself. A worker that has not ended within [`FAREWELL`] is killed.
 impl Drop for WorkerProcess {
     fn drop(&mut self) {
         self.requests = None;

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 pub struct Job {
     /// The config's path.
     pub config: PathBuf,
-    /// The config's text; the file may have changed since.
+    /// The config's text when the run began; the file may have changed since then.
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,

@@ -8,9 +8,9 @@ use crate::scene::Scene;
 
 /// A point that can be cast repeatedly.
 pub enum Ready {
-    /// On a device.
+    /// A point that is cast by kernels on a device.
     Kernel(Box<Caster>),
-    /// On the host.
+    /// A point that is cast by a baseline on the host.
     Host(Baseline),
 }
 

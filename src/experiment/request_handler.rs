@@ -19,7 +19,7 @@ use std::time::Instant;
 /// A point that can be cast, and whether it was warmed up.
 struct Entry {
     ready: Ready,
-    /// Number of frames per sample, after the warm-up.
+    /// Number of frames per sample; `None` before the warm-up.
     batch: Option<u32>,
 }
 
@@ -34,9 +34,10 @@ pub struct RequestHandler<'a> {
     /// that passed the check.
     group: Option<Point>,
     entries: HashMap<usize, Entry>,
-    /// The anchor, after its first use.
+    /// The anchor; `None` before its first use.
     anchor: Option<Anchor>,
-    /// The device's sensors, from the first check on; processes that only build do not need them.
+    /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
+    /// sensors.
     watch: Option<Watch>,
     /// The device whose name is in records, if it is not the worker's own device.
     stands_for: Option<DeviceInfo>,
@@ -347,7 +348,7 @@ mod tests {
         // gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
         assert_eq!(batch.batch, Some(256));
-        // Both times are of one frame. No machine has as many processors as this.
+        // Both times are per frame. The limit assumes that no machine has more than 1000 processors.
         let most_ms = 1e3 * batch.host_ms;
         assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);

@@ -22,7 +22,8 @@ pub trait ResultSink {
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
     /// Returns the number of a new launch, which is unique in the folder.
     fn next_launch(&mut self) -> u32;
-    /// Is called when launches of points are finished or will not take place, with their number.
+    /// Is called with the number of further steps (each is one launch of one point) that are finished or will not take
+    /// place.
     fn advances(&mut self, steps: usize);
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;

@@ -10,8 +10,8 @@ pub trait Rounds {
     /// Casts one frame of a point. Returns `None` if the worker process was lost or the point failed. A failed
     /// point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns whether the sample counts; it does not if the processors of a virtual machine
-    /// were further apart than in other samples.
+    /// Is called after each sample. Returns whether the sample counts. A sample does not count if the processors of a
+    /// virtual machine were further apart than in other samples.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
@@ -34,14 +34,16 @@ pub enum End {
     Broken,
 }
 
-/// If some samples do not count, a launch takes at most this many times as many rounds as it needs otherwise.
+/// The largest number of rounds of a launch in which some samples do not count, as a multiple of the number of rounds
+/// that the launch would need if all samples counted.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);
 
-/// Measures rounds of `points` points until there are enough samples that count. If a point has no such sample, or if the
-/// launch has twice as many rounds as it needs otherwise, samples that do not count are enough.
+/// Measures rounds of `points` points until there are enough samples that count. Once the launch would have ended if
+/// all samples counted, it also ends if a point has no sample that counts, or as soon as its number of rounds has
+/// doubled.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let mut elapsed_ms = 0.0;

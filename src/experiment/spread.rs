@@ -12,9 +12,9 @@ use crate::record::{AnchorSample, Record, RoundLoad};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of
-/// a group are measured on the same device. Groups on the host are measured first, alone. After an error, the run
-/// ends when the current groups have ended.
+/// Measures groups on all devices at the same time; `spawners[i]` starts the workers of device `i`. All launches of a
+/// group are measured on the same device. Groups of casters on the host are measured first, while no other group is
+/// measured. After an error, the run ends when the current groups have ended.
 pub fn measure_spread(
     run: &Run<'_>,
     groups: Vec<OpenGroup>,

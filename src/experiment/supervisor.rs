@@ -48,7 +48,7 @@ pub enum Wait {
 /// The way in which a worker died.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Death {
-    /// For example "was killed by SIGSEGV", "ended with exit status: 1".
+    /// The cause, such as "was killed by SIGSEGV" or "ended with exit status: 1".
     pub cause: String,
     /// The end of the worker's standard error.
     pub last_words: String,
@@ -60,7 +60,7 @@ enum Loss {
     HungFor(Duration),
 }
 
-/// A point, as used in requests.
+/// The data about a point from which requests to workers are made.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The point's index in the plan.

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 
-/// Serves until standard input ends.
+/// Serves requests until standard input ends.
 pub fn serve() -> Result<()> {
     ignore_interrupts()?;
     let lines = input_lines();
@@ -70,8 +70,8 @@ fn ignore_interrupts() -> Result<()> {
         .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
 }
 
-/// Reads standard input by lines. When standard input ends, the run has ended. The process then ends at once, since
-/// a worker that hangs in a driver would otherwise never end.
+/// Reads standard input line by line. The end of standard input means that the run has ended. The process then ends at
+/// once, since a worker that hangs in a driver would otherwise never end.
 fn input_lines() -> Receiver<String> {
     let (sender, lines) = channel();
     std::thread::spawn(move || {

@@ -79,7 +79,8 @@ struct Thresholds {
     /// For each value from 1 to 255, the smallest radiance that is shown as this value; the first element is for the
     /// value 1. The last element is NaN, so that no radiance reaches it.
     smallest: [f32; Shown::VALUES],
-    /// A lower bound of the value, by the upper 16 bits of the radiance. It is usually too low by at most 2.
+    /// For each pattern of the upper 16 bits of a radiance, a lower bound of the 8-bit value. The bound is usually too
+    /// low by at most 2.
     at_least: Vec<u8>,
 }
 

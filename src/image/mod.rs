@@ -27,7 +27,7 @@ use rayon::prelude::*;
 pub struct Radiance {
     /// Pixels per row.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
     /// Red, green and blue of each pixel; `width * height` of them.
     pub pixels: Vec<[f32; 3]>,

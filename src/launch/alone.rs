@@ -43,7 +43,7 @@ impl Alone {
     ) -> Vec<T> {
         let found: Buffer<T> = allocate(&self.queue, len).unwrap();
         let kernel = kernel(&found).unwrap();
-        // SAFETY: a test sets the arguments that its own text declares, and its kernel writes `len` results.
+        // SAFETY: a test sets the arguments that its own kernel source declares, and its kernel writes `len` results.
         unsafe { kernel.enq().unwrap() };
         let mut all = vec![T::default(); len];
         found.read(&mut all).enq().unwrap();

@@ -289,7 +289,7 @@ impl Caster {
         self.cast_extent(1, Extent { bits, tiles })
     }
 
-    /// Returns the kernels of a frame in their order.
+    /// Returns the kernels of a frame in the order in which they run.
     pub fn kernels(&self) -> impl Iterator<Item = &Kernel> {
         self.steps.iter().filter_map(|(_, step)| step.kernel())
     }

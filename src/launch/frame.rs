@@ -33,7 +33,8 @@ pub struct FrameTimes {
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Processor time of the process for the same frame; `None` unless processors cast the frame.
+    /// Processor time that the process used for the same frame; `None` if the frame was cast by a device other than a
+    /// CPU.
     pub processor_ms: Option<f64>,
     /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,

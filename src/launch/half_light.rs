@@ -1,5 +1,5 @@
-//! Soft light at half resolution: two pictures of half the width and height, with and without shadows, and the kernels
-//! that filter their ratio and multiply the whole picture by it.
+//! Soft light at half resolution: two pictures of half the width and height, one with and one without shadows, and the
+//! kernels that filter their ratio and multiply the whole picture by it.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -44,7 +44,7 @@ impl LightParts {
 pub(super) struct HalfLight {
     /// The half picture with the light that arrives, and so with shadows.
     lit: Caster,
-    /// The half picture with the light that would arrive if nothing were in between.
+    /// The half picture with unoccluded light.
     unoccluded: Caster,
     filter: Step,
     apply: Step,

@@ -1,4 +1,5 @@
-//! Running programs: buffers, arguments, NDRanges, events.
+//! Runs programs: makes their buffers, binds their arguments, starts their kernels, and reads the times of their
+//! events.
 //!
 //! A [`Queue`] is a device ready for commands. A [`Session`] is a scene on a device. It turns a strategy into a
 //! [`Caster`], which can cast the frame of one point repeatedly.

@@ -23,7 +23,7 @@ pub struct Prepared {
     pub spec: ProgramSpec,
     /// The compiled program.
     pub program: BuiltProgram,
-    /// The time for which building continued after the scene was loaded.
+    /// The time for building the program after the scene was loaded; 0 if the program was built earlier.
     pub build_wait_ms: f64,
     /// The largest amount of host memory that the strategy needs at any time.
     pub host_bytes: u64,

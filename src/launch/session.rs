@@ -227,8 +227,8 @@ impl Session {
         self.sampling
     }
 
-    /// Returns the program that was built early, or builds it now. Also returns how long the build took here (0 if
-    /// early).
+    /// Returns the program that was built early, or builds it now. Also returns how long the build took in this call; 0
+    /// if the program was built early.
     fn program(&mut self, spec: &ProgramSpec) -> std::result::Result<(BuiltProgram, f64), Refused> {
         if let Some((_, program)) = self.early.take_if(|(known, _)| known == spec) {
             return Ok((program, 0.0));

@@ -11,7 +11,7 @@ use crate::strategy::{Strategy, Workload};
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
 use std::time::Instant;
 
-/// Number of parts into which a trial frame is divided, to measure the cost of each.
+/// Number of parts into which a trial frame is divided. The cost of each part is measured.
 const PARTS: usize = 32;
 /// Largest number of pixel rows in the first trial frame. The limit doubles for each later trial frame, until a trial
 /// frame takes long enough.
@@ -200,8 +200,8 @@ impl Split<'_> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
         let label = device.info.label.clone();
-        // GPUs with the same name can share a compiled program, so only CPUs count as twins (devices with the same
-        // name).
+        // GPUs with the same name can share a compiled program, so only CPUs with the same name (twins) need different
+        // programs.
         let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
         let session = session.sampling(self.sampling);

@@ -1,6 +1,6 @@
-//! Measures core-to-core latency: how long a cache line takes from one processor to another. A virtual machine's
-//! processors are threads of its host, and the host may move these threads: two of them may share a core, or run on
-//! distant cores. All kernels that share data between work-groups become faster or slower with this latency.
+//! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A virtual
+//! machine's processors are threads of its host, and the host may move these threads: two of them may share a core, or
+//! run on distant cores. All kernels that share data between work-groups become faster or slower with this latency.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
@@ -17,7 +17,8 @@ const PATIENCE: Duration = Duration::from_millis(5);
 /// The number of reads of the shared word between two reads of the clock.
 const LOOKS: u32 = 64;
 
-/// The word by which two threads take turns, alone on its cache lines (some processors fetch two lines at once).
+/// The word by which two threads take turns. It shares no cache line with other data; it is aligned to two lines, since
+/// some processors fetch two lines at once.
 #[repr(align(128))]
 struct Word(AtomicU32);
 
@@ -25,9 +26,9 @@ const PING: u32 = 0;
 const PONG: u32 = 1;
 const OVER: u32 = 2;
 
-/// Returns the time in nanoseconds that a cache line takes from one processor to another: half a round trip. The two
-/// processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on only one
-/// processor, if the system does not pin threads, or if other programs keep the processors busy.
+/// Returns the time in nanoseconds that a cache line takes to move from one processor to another: half a round trip.
+/// The two processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on
+/// only one processor, if the system does not pin threads, or if other programs keep the processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
     let [first, second] = two_processors()?;
     let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);

@@ -91,9 +91,9 @@ pub enum Role {
 /// A kernel.
 #[derive(Debug)]
 pub struct Kernel {
-    /// Its name in the source.
+    /// The kernel's name in the source.
     pub name: &'static str,
-    /// Its role.
+    /// The kernel's role in a frame.
     pub role: Role,
     /// The condition under which the kernel exists.
     pub when: Fact,
@@ -146,7 +146,7 @@ impl Values {
 /// An axis of which a family supports only some values.
 #[derive(Debug)]
 pub struct Rule {
-    /// The axis.
+    /// The name of the axis.
     pub axis: &'static str,
     /// The supported values. The family supports only the default value of an axis that it ignores.
     pub takes: Values,
@@ -157,13 +157,13 @@ pub struct Rule {
 /// A family of kernels.
 #[derive(Debug)]
 pub struct Family {
-    /// Its name.
+    /// The family's name, such as `tile-cpu`.
     pub name: &'static str,
     /// The description of the family's strategies in messages.
     pub label: &'static str,
     /// The file under `cl/` that includes all others.
     pub entry: &'static str,
-    /// Its kernels.
+    /// The kernels of the family.
     pub kernels: &'static [Kernel],
     /// The names of the family's defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],

@@ -10,9 +10,9 @@ use super::Fact::{
 pub struct Parameter {
     /// The condition under which the parameter exists.
     pub when: Fact,
-    /// Its type in OpenCL C. A word in capitals is a macro defined by a file of the strategy.
+    /// The parameter's type in OpenCL C. A word in capitals is a macro that a file of the strategy defines.
     pub of_type: &'static str,
-    /// Its name.
+    /// The parameter's name.
     pub name: &'static str,
 }
 
@@ -45,7 +45,7 @@ pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
 /// The records of triangles, prepared once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
-/// A tree.
+/// The nodes of a tree, and the triangles in its leaves.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
 /// The data that tiles need for shading.
 pub const SURFACES: &[Parameter] =

@@ -5,11 +5,11 @@ use super::Interval;
 /// The result of a comparison with an earlier result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
-    /// Faster by more than the threshold, over the whole 95% interval.
+    /// The new result is faster by more than the threshold, for every ratio in the 95% interval.
     Faster,
-    /// Slower by more than the threshold, over the whole 95% interval.
+    /// The new result is slower by more than the threshold, for every ratio in the 95% interval.
     Slower,
-    /// The difference is at most the threshold, over the whole 95% interval.
+    /// The difference is at most the threshold, for every ratio in the 95% interval.
     Same,
     /// Some ratios in the 95% interval are within the threshold, others beyond it.
     Unclear,

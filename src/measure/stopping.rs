@@ -2,7 +2,7 @@
 
 use super::MIN_SAMPLES;
 
-/// Number of latest noise values (sigma / mean) that must agree.
+/// Number of the latest noise values (sigma / mean) that must agree.
 const SETTLING: usize = 16;
 /// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
@@ -15,7 +15,7 @@ pub struct StoppingRule {
     pub min_samples: usize,
     /// Largest number of rounds.
     pub max_samples: usize,
-    /// Samples are precise if the standard deviation divided by the mean is below this.
+    /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
     /// The limit of the time per point, as a mean over the group. At least [`MIN_SAMPLES`] rounds are measured, even if
     /// they exceed the limit.

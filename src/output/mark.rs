@@ -81,8 +81,8 @@ pub fn maker(file: &mut File) -> Result<Maker> {
     })
 }
 
-/// The mark in a file: the file's first bytes, the range in them that the hash excludes, and the bytes
-/// expected there.
+/// The mark in a file: the file's first bytes, the range of these bytes that the hash excludes, and the bytes that an
+/// unchanged file has in this range.
 struct MarkInFile {
     head: Vec<u8>,
     hole: Range<usize>,

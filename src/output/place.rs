@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 /// The user's choice for files that raycl did not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Choice {
-    /// Whether to replace such files.
+    /// True if files that raycl did not make may be replaced.
     pub force: bool,
     /// The command's option that sets another path, such as `-o FILE`.
     pub elsewhere: &'static str,

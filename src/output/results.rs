@@ -9,7 +9,7 @@ use std::path::Path;
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
 /// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
-/// with the others, and replace some of them. `known` is true if raycl wrote the folder.
+/// with the existing files, and replace some of these. `known` is true if raycl wrote the folder.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     // If records.jsonl is not a file, opening it returns the error later.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {

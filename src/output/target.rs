@@ -77,7 +77,7 @@ impl Target {
         })
     }
 
-    /// Writes indented JSON with a mark; the data is on the disk when this returns.
+    /// Writes indented JSON with a mark; the data is on the disk when the function returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);

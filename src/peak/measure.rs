@@ -236,7 +236,7 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut kernel = rig.kernel(program, "chase_global", 1, 1);
     kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    // A large buffer is slow, so few loops are run and the number of steps fits an integer.
+    // Reads of a large buffer take long, so few loops are run, and the number of steps fits into an integer.
     let (mut at, mut steps) = (0_i32, 0_i32);
     let (seconds, _) = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {

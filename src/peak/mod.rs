@@ -24,7 +24,7 @@ const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
 /// The name of the file with the peak rates in older folders.
 const OLD_FILE: &str = "limits.json";
 
-/// A measured rate: the median of its repeats, and their quartiles.
+/// A measured rate or time: the median and the quartiles of its repeats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Figure {
     /// The median.
@@ -60,9 +60,9 @@ pub struct Peak {
     pub local_bytes_per_s: Figure,
     /// Device time of a kernel that only stores one number, in microseconds.
     pub launch_device_us: Figure,
-    /// Host time of this kernel from enqueueing to its end.
+    /// Host time of a kernel that only stores one number, from enqueueing to its end, in microseconds.
     pub launch_host_us: Figure,
-    /// Host time per kernel if many of these kernels are enqueued one after another.
+    /// Host time per kernel if many kernels that only store one number are enqueued one after another, in microseconds.
     pub launch_batched_us: Figure,
     /// Latency of a multiply-add on private values, in nanoseconds.
     pub private_ns: Figure,

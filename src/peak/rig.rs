@@ -57,7 +57,7 @@ impl<'a> Rig<'a> {
         if own > 1 { own } else { otherwise }
     }
 
-    /// Builds a program of `cl/` with these defines.
+    /// Builds a program from a file in `cl/`, with these defines.
     pub fn program(&self, file: &str, defines: &[(&str, u64)]) -> Result<Program> {
         let mut text = String::new();
         for line in self.sources.read(file)?.lines() {

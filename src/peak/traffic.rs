@@ -1,4 +1,4 @@
-//! The bytes that a ray-triangle test reads, as its strategy determines them.
+//! The number of bytes that a ray-triangle test reads, which depends on the strategy.
 
 use crate::record::Record;
 use crate::strategy::{Axis as _, Copied, Intersector, Layout, Triangles, Vectors, WorkingMemory};

@@ -1,4 +1,4 @@
-//! Compiling a [`ProgramSpec`] for a device.
+//! Compiles a [`ProgramSpec`] for a device.
 
 use super::ProgramSpec;
 use super::compiled::is_ptx;
@@ -105,8 +105,8 @@ impl BuiltProgram {
         kept.find(&kept.key(&spec.source, &options(device, spec))).is_some()
     }
 
-    /// Stores the compiled program in the cache, and returns whether it is stored now. Not every driver can
-    /// return the binary without further work.
+    /// Stores the compiled program in the cache, and returns whether it is stored now. This may take long, because
+    /// some drivers compile every kernel again to return the binary.
     pub fn keep(&self) -> bool {
         if self.from_cache || !self.kept.keeps() {
             return self.from_cache;

@@ -1,8 +1,8 @@
 //! Decides which includes are followed. An include under `#if NAME` or `#if !NAME` is followed only if the
 //! condition is true for the host's defines, so that a program contains no file that it does not use.
 
-/// The conditions around a line, outermost first: true, false, or unknown to the host. Unknown ones count as
-/// true.
+/// The conditions around a line, outermost first. Each is true, false, or unknown to the host; unknown conditions
+/// count as true.
 #[derive(Default)]
 pub(super) struct Branches(Vec<Option<bool>>);
 

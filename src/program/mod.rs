@@ -1,4 +1,4 @@
-//! From a strategy to a compiled program: joining source files, defines, compilation.
+//! Makes a compiled program from a strategy: joins source files, computes the defines, and compiles.
 
 mod build;
 pub mod compiled;

@@ -171,7 +171,7 @@ fn hosts(records: &[Record]) -> usize {
     records.iter().filter_map(|record| record.host.as_ref()).collect::<HashSet<_>>().len()
 }
 
-/// Returns "1 record is" or "3 records are"; `None` for zero.
+/// Returns the count and then the text `one` (if the count is 1) or `several`; `None` for zero.
 fn counted(count: usize, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }

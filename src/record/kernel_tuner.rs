@@ -48,7 +48,7 @@ fn cache(group: &Group<'_>) -> String {
         members.map(|(key, value)| format!("{}: {},\n", text(&json!(key)), text(value))).collect();
     let entries: Vec<_> =
         entries.iter().map(|(key, value)| format!("{}: {}", text(&json!(key)), text(value))).collect();
-    // Kernel Tuner treats a file as incomplete unless it ends with these two brackets.
+    // Kernel Tuner treats a file as complete only if it ends with these two brackets.
     format!("{{\n{lines}\"cache\": {{\n{}}}\n}}", entries.join(",\n"))
 }
 

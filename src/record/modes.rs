@@ -63,7 +63,7 @@ mod tests {
     }
 
     /// Tests launches of seven samples, so that one sample is more than a tenth of a launch. If the slowest sample of
-    /// the fast mode were counted as slow, its launch would have two modes.
+    /// the fast mode were counted as slow, the launch of this sample would have two modes.
     #[test]
     fn each_sample_of_a_short_launch_counts() {
         let sample = |place: u32| {

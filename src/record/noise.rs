@@ -46,7 +46,7 @@ pub struct Causes {
     pub clocks_mhz: Option<[f64; 2]>,
     /// The mean clock frequency of the device while points were timed, MHz.
     pub device_clock_mhz: Option<f64>,
-    /// Number of samples that were left out because other programs used the processors meanwhile.
+    /// Number of samples that were left out because other programs used the processors at the same time.
     pub preempted_samples: Option<u32>,
     /// Number of samples taken while the device throttled.
     pub throttled_samples: Option<u32>,

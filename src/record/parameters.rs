@@ -4,9 +4,9 @@ use serde_json::{Map, Value};
 
 use super::types::{Record, axes};
 
-/// Returns the names and values of the parameters: the local size, every axis and, if the run
-/// compares two kernel folders, the folder's label. Commas are replaced by dots, since commas
-/// separate the values in a key.
+/// Returns the names and values of the parameters: the local size, every axis and, if the run compares two kernel
+/// folders, the folder's label. Commas are replaced by dots, since commas separate the values in the keys of Kernel
+/// Tuner's cache files.
 pub fn parameters(record: &Record) -> Map<String, Value> {
     let mut parameters = Map::new();
     let [across, down] = record.local_size.unwrap_or([1, 1]);

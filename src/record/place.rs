@@ -11,8 +11,8 @@ pub struct Place {
     pub(super) together: blake3::Hash,
     /// The record's times, relative to those of the other records that were measured with it.
     pub(super) standing: Standing,
-    /// The anchor of the record's device: the anchor's name, and its times relative to those of the
-    /// same records. `None` if there is no anchor, or if anchors were not requested.
+    /// The anchor of the record's device: the anchor's name, and its times relative to those of the records that were
+    /// measured with it. `None` if there is no anchor, or if anchors were not requested.
     pub(super) anchor: Option<(String, Standing)>,
     /// The control point of the record's block; `None` if the group was not divided into blocks.
     pub(super) control: Option<Control>,

@@ -134,7 +134,8 @@ fn far_launches(records: &[Record]) -> u32 {
 }
 
 /// Returns a note on the launches and samples that were left out because this virtual machine's processors were further
-/// apart, or if the core-to-core latency changed while these records were measured.
+/// apart. If nothing was left out, returns a note if the core-to-core latency changed while these records were
+/// measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.far_samples).sum::<u32>() as usize;
     let launches = far_launches(records) as usize;
@@ -332,7 +333,7 @@ mod tests {
     #[test]
     fn a_tenth_of_the_readings_lies_beyond_each_percentile() {
         let of = |count: u32| -> Vec<RoundLoad> {
-            // Neighbouring readings are far apart, so that their order has to be found.
+            // The readings are not in ascending order, so that the function has to sort them.
             (0..count)
                 .map(|n| RoundLoad { core_to_core_ns: Some(f64::from(n * 7 % count)), ..line(0, 0.0) })
                 .collect()

@@ -189,8 +189,8 @@ fn meaning(record: &Record) -> &'static str {
     }
 }
 
-/// Returns why an infeasible point could not run, in general terms. This is found from the text of the reason, since
-/// records contain nothing else.
+/// Returns why an infeasible point could not run, in general terms. The function searches the text of the reason, since
+/// records contain no other data about the cause.
 fn obstacle(reason: &str) -> &'static str {
     if reason.contains(" B > ") {
         "the device or the host has too little memory"

@@ -228,7 +228,7 @@ pub struct Record {
     /// Number of threads with which the device executed kernels, if known (PoCL reports it).
     #[serde(default)]
     pub threads: Option<u32>,
-    /// Properties of the frame's compiled kernels, in their order.
+    /// Properties of the frame's compiled kernels, in the order in which they run.
     #[serde(default)]
     pub kernels: Vec<CompiledKernel>,
     /// Number of floating-point operations of a ray-triangle test; a multiply-add counts as one.
@@ -251,8 +251,8 @@ pub struct Record {
     /// samples of the run; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub far_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out for the same reason; null if it is unknown how far
-    /// apart the processors were.
+    /// Number of launches of the record's group that were left out because the processors were further apart; null if
+    /// it is unknown how far apart the processors were.
     #[serde(default)]
     pub far_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.

@@ -1,6 +1,6 @@
 //! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and all hit points
-//! see the same lights, then a ray whose direction changes within the beam needs no new search. This makes the
-//! reference fast.
+//! see the same lights, then a ray whose direction changes within the beam needs no new search. Beams thus
+//! make the reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -47,10 +47,10 @@ impl Beam {
         Self { end: surface, ..self }
     }
 
-    /// Returns how the beam meets a triangle. Tests on which side of three planes the beam's rays lie. Each plane
-    /// contains the origin and an edge of the triangle. Within the beam, the distance of a unit direction from one of
-    /// these planes changes by at most the beam's angle. A result that rounding could change does not count as certain
-    /// (see [`super::leaning`]).
+    /// Returns how the beam meets a triangle. The function tests on which side of each of three planes the beam's rays
+    /// lie. Each of these planes contains the origin and an edge of the triangle. Within the beam, the distance of a
+    /// unit direction from one of the planes changes by at most the beam's angle. A result that rounding could change
+    /// does not count as certain (see [`super::leaning`]).
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);

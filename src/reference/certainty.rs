@@ -20,8 +20,8 @@ const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// by which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
 /// change only under wide nudges are verified too.
 const NUDGE_RADIANS: f64 = 1e-6;
-/// A triangle that is this close behind the nearest hit, relative to its distance, may be the nearest one after
-/// rounding.
+/// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
+/// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
 /// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
 /// triangle's size. For grazing light, this error decides whether a shadow ray starts above or below the triangle.

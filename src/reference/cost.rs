@@ -1,4 +1,4 @@
-//! Counts the tests that each pixel's rays take, for each method of finding triangles.
+//! Counts the tests that each pixel's rays need, for each method of finding triangles.
 
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};
@@ -28,8 +28,8 @@ pub struct Cost {
     pub nodes: u32,
 }
 
-/// Returns the cost of every pixel if each ray tests triangles in their order: a primary ray tests all of
-/// them, a shadow ray stops at the first occluder.
+/// Returns the cost of every pixel if each ray tests triangles in the mesh's order: a primary ray tests all triangles,
+/// and a shadow ray stops at the first occluder.
 pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;

@@ -1,4 +1,4 @@
-//! Scenes for tests, built in code: the paper's small ones, random triangles, a sphere.
+//! Scenes for tests, built in code: the paper's small scenes, random triangles, and a sphere.
 
 use crate::scene::{Camera, Display, Light, Material, MaterialKind, Mesh, PAPER_BACKGROUND, Scene, Triangle};
 use glam::{Vec3, vec3};

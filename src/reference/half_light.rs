@@ -47,7 +47,7 @@ fn place_in_half(at: usize, (half, whole): (u32, u32)) -> f64 {
     (at as f64 + 0.5) * f64::from(half) / f64::from(whole) - 0.5
 }
 
-/// Returns which part of the light arrives at each pixel of the half pictures.
+/// Returns the filtered ratio of arriving to unoccluded light, for each pixel of the half pictures.
 fn filtered(halves: &HalfPictures<'_>) -> Vec<DVec3> {
     let HalfPictures { lit, unoccluded, hit_shares } = halves;
     let width = unoccluded.width as usize;

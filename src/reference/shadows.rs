@@ -38,7 +38,7 @@ impl<'a> Shadows<'a> {
         Self { seen, tree, points, bias, known: RefCell::new(vec![None; seen.lights.len()]) }
     }
 
-    /// Returns whether a light reaches all points; `None` if that is uncertain, and for the sky.
+    /// Returns whether a light reaches all points; `None` if that is uncertain, or if `light` stands for the sky.
     pub fn reaches(&self, light: usize) -> Reaches {
         // The sky has no entry in `known`, since it is seen in a different direction from each point.
         let known = *self.known.borrow().get(light)?;

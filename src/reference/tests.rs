@@ -113,7 +113,7 @@ fn a_light_nearer_than_the_bias_and_normals_of_no_length_give_nothing() {
 
 #[test]
 fn a_pixel_is_uncertain_where_a_silhouette_passes_through_its_centre() {
-    // The triangle's left edge along x = 0 divides an image of odd width in halves.
+    // The triangle's left edge along x = 0 divides an image of odd width into halves.
     let mut scene = fixtures::single_triangle();
     scene.mesh_mut().positions = vec![vec3(0.0, 9.0, -2.0), vec3(0.0, -9.0, -2.0), vec3(9.0, 0.0, -2.0)];
     let found = reference(&scene, [9, 5], Culling::None);

@@ -1,5 +1,5 @@
-//! Collects the data of a report's first screen: the winners, how much faster they are, how certain
-//! this is, and the points that could not run.
+//! Collects the data of a report's first screen: the winners, how much faster they are than other points,
+//! how certain the result is, and the points that could not run.
 
 use super::words::{first_line, interval_text, series_name, title};
 use crate::measure::Ranking;
@@ -65,7 +65,7 @@ pub struct Speedup {
 /// Points without a time, all for the same reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
-    /// The reason in a word: "local memory", "wrong-image".
+    /// The reason in one word, such as "local" (too little `__local` memory) or "wrong-image".
     pub word: String,
     /// Number of points.
     pub count: usize,
@@ -155,10 +155,15 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
         format!(" The next point, {}, takes {middle} times ({low} to {high}) as long.", title(next))
     });
     let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
-    let look = if launches(best) < 2 { " There was only one launch, so this is not conclusive." } else { "" };
+    let look =
+        if launches(best) < 2 { " There was only one launch, so the result is not conclusive." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
-        1 if launches(best) < 2 => ("unsure", format!("It is faster than all other points; {rests}.{look}")),
-        1 if may_be_faster(ranking) => ("unsure", "A point with too few samples may be as fast.".to_owned()),
+        1 if launches(best) < 2 => {
+            ("unsure", format!("The winner is faster than all other points; {rests}.{look}"))
+        }
+        1 if may_be_faster(ranking) => {
+            ("unsure", "A point with too few samples may be as fast as the winner.".to_owned())
+        }
         1 => ("clear", format!("Every other point certainly takes longer; {rests}.")),
         several => (
             "tie",
@@ -198,8 +203,8 @@ pub fn headline(answers: &[Answer]) -> String {
     format!("{}{}", who_wins(answers), gains(answers))
 }
 
-/// Returns "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to 78 times as fast as the best
-/// naive point".
+/// Returns the second part of the summary, such as "; the winners are 2.6 to 108 times as fast as serial-f32, 7.2 to
+/// 78 times as fast as the best naive point". Returns an empty text if no speed-up is known.
 fn gains(answers: &[Answer]) -> String {
     let mut over: Vec<(&str, f64, f64)> = Vec::new();
     for speedup in answers.iter().flat_map(|answer| &answer.speedups) {

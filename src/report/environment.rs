@@ -15,7 +15,7 @@ pub struct EnvironmentView {
     pub program: String,
     /// The config's text.
     pub config: String,
-    /// All other values, as pairs of name and value under headings.
+    /// All other values of the environment, as pairs of name and value under headings.
     pub sections: Vec<(String, Vec<(String, String)>)>,
 }
 

@@ -276,7 +276,7 @@ mod tests {
         };
         let mut records = Vec::new();
         for device in ["a", "b"] {
-            // A scene at a size of its own belongs to neither plot.
+            // This scene has an image size that no other scene has, so it belongs to neither plot.
             records.push(on(device, record(7, [80, 50], "naive", 1e6)));
             for triangles in [1_000, 10_000, 100_000] {
                 records.push(on(device, record(triangles, [800, 500], "naive", triangles as f64)));

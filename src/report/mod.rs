@@ -70,7 +70,8 @@ pub fn write(folders: &[Folder], out: &mut OutFolder) -> Result<Written> {
     Ok(Written { page: at(PAGE), plots: (at("plots"), plots.len()), exports: at("exports") })
 }
 
-/// Returns exports for other tools: results in the T4 format of auto-tuners, a Kernel Tuner cache per group, CSV.
+/// Returns the exports for other tools: results in the T4 format of auto-tuners, a Kernel Tuner cache per group, and a
+/// CSV file with a row per record.
 fn exports(records: &[Record]) -> Result<Files> {
     let mut files = vec![
         ("exports/t4-results.json".to_owned(), t4_results(records).into_bytes()),

@@ -153,8 +153,8 @@ mod tests {
         assert_eq!(ranks([5.0, 1.0, 5.0, 9.0, 5.0].into_iter()), [2.0, 0.0, 2.0, 4.0, 2.0]);
         let mark = |x: f64, y: f64| Mark { x, y, interval: None, tip: String::new() };
         assert_eq!(spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(3.0, 3.0)]), None, "too few");
-        // By hand: the ranks of x are 0, 1.5, 1.5, 3 and those of y 0, 1, 2, 3, so their products add up to 4.5,
-        // and their squares to 4.5 and 5.
+        // Computed by hand: the ranks of x are 0, 1.5, 1.5, 3, and the ranks of y are 0, 1, 2, 3. The products of their
+        // deviations from the mean rank add up to 4.5, and the squares of the deviations add up to 4.5 and 5.
         let found = spearman(&[mark(1.0, 1.0), mark(2.0, 2.0), mark(2.0, 3.0), mark(3.0, 4.0)]);
         assert!(found.is_some_and(|found| (found - 4.5 / 22.5_f64.sqrt()).abs() < 1e-12), "{found:?}");
     }

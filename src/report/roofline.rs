@@ -111,8 +111,8 @@ fn ends(series: &[Series], peak: Option<&Peak>) -> [f64; 2] {
     [low / 2.0, high * 2.0]
 }
 
-/// Returns the roofs as lines. Each roof rises as a memory's bytes per second times x, up to the
-/// rate of multiply-adds.
+/// Returns the roofs as lines. At x operations per byte, the height of a roof is x times the memory's bytes
+/// per second, but at most the rate of multiply-adds.
 fn roofs(peak: &Peak, [low, high]: [f64; 2], looks: &Looks) -> Vec<Series> {
     let fma = peak.fma_per_s.median;
     let memories = [
@@ -237,7 +237,8 @@ mod tests {
         let roofs = roofs(&peak, [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
         let corners = |place: usize| roofs[place].marks.iter().map(corner).collect::<Vec<_>>();
-        // In units of 10^9 operations: 1000 bytes times 0.25 operations, and at most 4000 operations.
+        // Per second, in units of 10^9: 1000 bytes times 0.25 operations per byte are 250 operations, and the rate
+        // of multiply-adds is 4000.
         assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);
         assert_eq!(corners(1), [[0.25, 2000.0], [0.5, 4000.0], [16.0, 4000.0]]);
     }

@@ -77,9 +77,9 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         (format!("best of {from}"), devices.iter().map(cell).collect())
     };
     let rows = devices.iter().map(row).collect();
-    let caption = "Each cell shows the strategy that is best on the row's device: its time on the \
-        column's device, relative to the best time on that device. It is the geometric mean over the scenes and sizes \
-        that were measured on both devices.";
+    let caption = "Each cell belongs to the strategy that is best on the row's device. The value is this strategy's \
+        time on the column's device, divided by the best time on that device. The value is a geometric mean over the \
+        scenes and sizes that were measured on both devices.";
     plot(
         "losses-by-device",
         "One device's best strategy on another: time relative to that device's best",

@@ -12,7 +12,7 @@ use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quar
 
 /// The image size in the paper's figures; the paper's times are only shown at this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
-/// Number of rows in the plot of samples.
+/// The largest number of rows in the plot of samples.
 const STRIPS: usize = 14;
 
 /// Returns the local sizes of some records, smallest first.

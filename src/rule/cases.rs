@@ -1,6 +1,6 @@
 //! Cases for testing the rule by which `render` chooses a strategy: on each case, the rule's choice
-//! is compared with measurements. A case consists of a scene, an image size, and whether rays may
-//! slip between triangles.
+//! is compared with measurements. A case states a scene, an image size, and whether rays may slip
+//! between triangles.
 
 use crate::error::{Error, Result};
 use crate::reader;
@@ -35,15 +35,15 @@ pub enum Kind {
     Dense,
 }
 
-/// A case.
+/// A scene and an image size for which the rule's choice is tested.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// Its name.
+    /// The case's name.
     pub name: String,
     /// The scene's file, relative to the file of cases.
     pub scene: String,
-    /// Values changed in the scene.
+    /// Dotted keys in the scene file, and their new values.
     #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
@@ -94,7 +94,7 @@ impl Case {
         Ok(load_scene_with(&path, &set)?.scene)
     }
 
-    /// Describes the work of casting the case.
+    /// Returns the properties of the case that affect which strategy is fastest.
     pub fn task(&self, scene: &Scene) -> Task {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }

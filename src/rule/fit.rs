@@ -1,6 +1,6 @@
 //! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the
-//! rule's choices lose the least time compared with the best candidates. This is repeated until no
-//! constant changes.
+//! rule's choices lose the least time compared with the best candidates. These steps are repeated
+//! until no constant changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};

@@ -1,5 +1,5 @@
 //! A sweep: the time of every candidate strategy for each case on a device, and the rule's choice compared
-//! with the best.
+//! with the fastest candidate.
 
 use super::Case;
 use crate::device::Device;
@@ -18,7 +18,7 @@ const SAMPLE_MS: f64 = 10.0;
 /// The largest number of triangles for which exhaustive casting is timed. For larger scenes,
 /// exhaustive casting would take minutes, and no rule would choose it.
 const MOST_TESTED: usize = 2000;
-/// Largest number of frames in a sample.
+/// Largest number of frames in a sample, even if they take less time than `SAMPLE_MS`.
 const MOST_FRAMES: f64 = 200.0;
 
 /// The measurements on one device.
@@ -28,11 +28,11 @@ pub struct Sweep {
     pub device: String,
     /// The device's class, which determines the candidates.
     pub class: Class,
-    /// Number of its compute units.
+    /// Number of the device's compute units.
     pub compute_units: u32,
     /// The date of the measurement.
     pub date: String,
-    /// A description of the conditions.
+    /// A note about the machine during the measurement, from `--conditions`.
     #[serde(default)]
     pub conditions: String,
     /// Number of rounds; the shortest time of all rounds is used.
@@ -46,7 +46,7 @@ pub struct Sweep {
 pub struct Measured {
     /// The case's name.
     pub name: String,
-    /// The work that was cast.
+    /// The properties of the case that affect which strategy is fastest.
     #[serde(flatten)]
     pub task: Task,
     /// The time of a frame in milliseconds, by the candidate's name: the shortest of all rounds.
@@ -129,7 +129,8 @@ fn order(round: u32, candidates: usize) -> Vec<usize> {
     order
 }
 
-/// Casts a frame, and returns how many such frames make a sample. The device must already be warm.
+/// Casts a frame, and returns how many such frames make a sample. The caster must have cast a frame before, since a
+/// first frame takes longer.
 fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::LaunchError> {
     Ok(frames_for(caster.cast()?.frame_ms))
 }

@@ -43,7 +43,7 @@ impl fmt::Debug for Animation {
 }
 
 impl Animation {
-    /// Checks the animation of a document, and returns it.
+    /// Checks the animation of a document, and returns this animation.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames, frames_per_second, track } = wire;
         let in_range = |value: u32, most: u32, span| {
@@ -66,8 +66,9 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
-    /// Checks the document of each of these frames: it must describe a scene, and its background must be transparent
-    /// exactly if that of frame 1 is. No files of meshes or pictures are read.
+    /// Checks the document of each of these frames: it must describe a scene. If the background of frame 1 is
+    /// transparent, the backgrounds of these frames must be transparent too; otherwise, none of them may be
+    /// transparent. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///
@@ -141,8 +142,8 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. The error points to the track
-    /// that makes the document invalid, if no later track makes the document valid again.
+    /// Returns the error for a frame whose document is not a scene. The error points to the first
+    /// track after which the document is invalid and stays invalid.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {

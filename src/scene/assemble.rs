@@ -20,7 +20,7 @@ use framing::Ball;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// The default shadow bias: this fraction of the scene's diagonal.
+/// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
 /// The scene of a document, with further results that callers need.

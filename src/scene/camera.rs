@@ -19,7 +19,7 @@ pub struct Camera {
     pub tan_half_fov: f32,
     /// True if the field of view is measured across the height; otherwise across the width.
     pub fov_is_vertical: bool,
-    /// Hits whose depth along `forward` is not larger than this are ignored.
+    /// Hits are ignored if their depth along `forward` is at most this distance.
     pub z_near: f32,
     /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero unless the ray is one
     /// of several samples of the pixel.
@@ -53,7 +53,8 @@ pub struct PixelFrame {
 }
 
 impl Camera {
-    /// The paper's camera: at the origin, along -z, 90 degrees across the width, z_near 0.1.
+    /// The paper's camera: it is at the origin and looks along -z, with a field of view of 90 degrees across the width
+    /// and a z_near of 0.1.
     pub const PAPER: Self = Self {
         position: Vec3::ZERO,
         right: Vec3::X,

@@ -159,7 +159,7 @@ fn stem(path: &Path) -> String {
     unpacked_name(path).file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Returns the text that replaces the scene file of a mesh that is given without one.
+/// Returns the text of a scene file for a mesh that is given without a scene file.
 fn bare_text(path: &Path) -> Result<String> {
     let file = path.file_name().and_then(|name| name.to_str());
     let file = file.ok_or_else(|| {
@@ -247,7 +247,7 @@ mod tests {
         assert!(!unknown_key.contains("neither"), "this is TOML: {unknown_key}");
     }
 
-    /// The file of another folder may be somebody else's, so its text is not quoted.
+    /// A file in another folder may belong to somebody else, so its text is not quoted.
     #[test]
     fn a_mistake_in_another_folders_file_is_told_without_its_text() {
         let object = "[[object]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n";

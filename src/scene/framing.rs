@@ -127,8 +127,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
-    // Two opposite planes that both touch the mesh intersect in a line. From the farther of the two lines, the
-    // whole mesh is visible.
+    // The left and the right plane, moved outwards until they touch the mesh, intersect in a line; so do the upper and
+    // the lower plane. From the distance of the line that is farther from the mesh, the whole mesh is visible.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);

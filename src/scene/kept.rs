@@ -23,8 +23,8 @@ pub(super) struct Kept {
     keeps: bool,
     /// For each object of this frame, the text from which its mesh is built; empty if no object changes.
     keys: Vec<String>,
-    /// The meshes of this frame's objects, before transforms and materials are applied, by the
-    /// texts in `keys`.
+    /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys` are the
+    /// keys of this map.
     meshes: HashMap<String, MeshFile>,
     /// The meshes of the previous frame's objects.
     earlier: HashMap<String, MeshFile>,
@@ -32,7 +32,7 @@ pub(super) struct Kept {
     objects: String,
     /// The text of all objects of the previous frame, and the joined objects that were made from it.
     joined: Option<(String, Joined)>,
-    /// The bounds of the last mesh.
+    /// The mesh whose bounds were computed last, and these bounds.
     bounds: Option<(Arc<Mesh>, (Vec3, Vec3))>,
     picture: Option<(PathBuf, FileTexels)>,
 }
@@ -50,8 +50,8 @@ impl Kept {
         self.objects = format!("{objects:?} {of_all:?}");
     }
 
-    /// Returns the joined objects: those of the previous frame if they are the same, else the
-    /// result of `make`.
+    /// Returns the joined objects. If the text of all objects is the same as in the previous frame, the joined objects
+    /// of that frame are returned; otherwise, `make` joins the objects.
     pub fn joined(&mut self, make: impl FnOnce(&mut Self) -> Result<Joined>) -> Result<Joined> {
         if let Some((_, joined)) = self.joined.as_ref().filter(|(objects, _)| *objects == self.objects) {
             self.meshes = std::mem::take(&mut self.earlier);
@@ -63,8 +63,9 @@ impl Kept {
         Ok(joined)
     }
 
-    /// Returns the mesh of an object before its transform and materials are applied: the previous
-    /// frame's mesh if it is the same, else the result of `make`.
+    /// Returns the mesh of an object before its transform and materials are applied. If this frame or the
+    /// previous frame already has a mesh for the object's text in `keys`, that mesh is reused; otherwise, `make` builds
+    /// the mesh.
     pub fn mesh(&mut self, object: usize, make: impl FnOnce() -> Result<MeshFile>) -> Result<MeshFile> {
         let Some(key) = self.keys.get(object) else { return make() };
         let mesh = match self.meshes.entry(key.clone()) {

@@ -47,15 +47,15 @@ impl Shot {
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
 }
 
-/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). Their contents show which of the
+/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents show which of the
 /// two the file is. A mesh without a scene file is framed as in experiments: it is seen from the right, above and in
 /// front, for images at least as wide as high. It gets a key light and a fill light, and its normals are turned to the
 /// viewer.
 ///
 /// # Errors
 ///
-/// Returns a user error, with its file and line: a file that cannot be read, an unknown key, a value out of
-/// range, an index out of bounds, or no triangles.
+/// Returns a user error, with its file and line, if a file cannot be read, a key is unknown, a value is out of range,
+/// an index is out of bounds, or there are no triangles.
 pub fn load_scene(path: &Path) -> Result<Loaded> {
     load_scene_with(path, &[])
 }

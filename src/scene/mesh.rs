@@ -4,17 +4,17 @@ use super::{Material, Textures};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Smaller meshes are processed by one thread.
+/// A mesh with fewer triangles than this is processed by one thread.
 pub(super) const PARALLEL_TRIANGLES: usize = 1 << 14;
 
 /// One triangle of a [`Mesh`], as indices into its sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Triangle {
-    /// Its corners in `Mesh::positions`.
+    /// The indices of the triangle's corners in `Mesh::positions`.
     pub positions: [u32; 3],
-    /// Its corners' normals in `Mesh::normals`.
+    /// The indices of the corners' normals in `Mesh::normals`.
     pub normals: [u32; 3],
-    /// Its material in `Mesh::materials`.
+    /// The index of the triangle's material in `Mesh::materials`.
     pub material: u32,
 }
 
@@ -63,7 +63,7 @@ impl Mesh {
         is_corner
     }
 
-    /// Returns the smallest and the largest corner of the bounding box; `None` without triangles.
+    /// Returns the smallest and the largest corner of the bounding box; `None` if the mesh has no triangles.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let join = |(a, b): (Vec3, Vec3), (c, d)| (a.min(c), b.max(d));
         let bounds = |t| self.corners(t).map(|p| (p, p)).into_iter().reduce(join);

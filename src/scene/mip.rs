@@ -81,7 +81,7 @@ fn with_levels(mut size: [u32; 2], texels: &[u32], by_alpha: bool) -> Arc<[u32]>
     texels.iter().chain(&levels).copied().collect()
 }
 
-/// Returns the side of the next level.
+/// Returns the width or the height of the next level, in texels, from the width or the height of a level.
 fn half(side: u32) -> u32 {
     (side / 2).max(1)
 }

@@ -100,7 +100,7 @@ pub const PAPER_BACKGROUND: Vec3 = Vec3::new(0.0022, 0.0032, 0.0053);
 /// A validated scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// Its name in reports.
+    /// The scene's name in reports.
     pub name: String,
     /// All triangles, with their positions, normals and materials. Frames of a moving picture share
     /// a mesh that stays the same.
@@ -135,7 +135,7 @@ impl Scene {
         self.lights.len() + usize::from(self.sky.is_some())
     }
 
-    /// Returns a hash of everything that determines the picture; the scene's name does not.
+    /// Returns a hash of everything that determines the picture. The hash does not include the scene's name.
     pub fn content_hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         let mesh = &self.mesh;
@@ -180,8 +180,8 @@ impl Scene {
         }
         if let Some(Sky { zenith, horizon, up, reach, .. }) = &self.sky {
             let numbers = [zenith, horizon, up].into_iter().flat_map(|vector| vector.to_array());
-            // A marker word comes before the sky's numbers. Without the marker, radii of lights could
-            // result in the same hash.
+            // A marker word comes before the sky's numbers. Without the marker, a sky could result
+            // in the same hash as the radii of lights.
             hash_words(&mut hasher, [u32::from_be_bytes(*b"sky ")].into_iter());
             hash_words(&mut hasher, numbers.chain([*reach]).map(f32::to_bits));
         }

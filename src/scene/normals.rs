@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub(super) const MISSING: u32 = u32::MAX;
 
 /// Assigns to every corner a finite normal that is not zero, in linear time. Generated normals are
-/// smooth; with a crease angle in degrees, edges with a larger angle stay sharp.
+/// smooth; if there is a crease angle (in degrees), edges stay sharp if their faces meet at a larger angle.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -60,7 +60,8 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     }
 }
 
-/// Reverses all normals of a mesh whose surface faces inwards, which is decided by the sign of its volume.
+/// Reverses all normals of a mesh whose surface faces inwards. The surface faces inwards if the mesh's volume is
+/// negative; parts of the volume count as negative where the normals point to the mesh's centre.
 pub(super) fn turn_outwards(mesh: &mut Mesh) {
     let centre = mesh.bounds().map_or(DVec3::ZERO, |(low, high)| (low.as_dvec3() + high.as_dvec3()) / 2.0);
     let outwards = |triangle: &Triangle| {

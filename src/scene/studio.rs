@@ -28,7 +28,7 @@ const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
 /// test grow with the triangle: on a single large triangle, shadow rays at a low angle would hit the ground from which
 /// they start.
 const GROUND_RADII: [f64; 4] = [1.5, 5.0, 17.0, 60.0];
-/// Distance of the ground below the mesh in radii, so that a flat bottom does not coincide with it.
+/// Distance of the ground below the mesh, in radii, so that the ground does not coincide with a mesh's flat bottom.
 const GAP_RADII: f64 = 2e-4;
 
 /// The default surroundings of a mesh.

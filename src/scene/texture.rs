@@ -6,12 +6,12 @@ use std::sync::Arc;
 /// How a texture continues beyond its edges, along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// Repeated from the beginning.
+    /// The texture is repeated.
     #[default]
     Repeat = 0,
     /// The texels at the edge continue beyond the edge.
     Clamp = 1,
-    /// Mirrored.
+    /// The texture is repeated, and every second copy is mirrored.
     Mirror = 2,
 }
 
@@ -55,7 +55,7 @@ impl Texture {
         if has_levels { self.size[0].max(self.size[1]).ilog2() } else { 0 }
     }
 
-    /// Returns whether a texel is transparent enough for a hole.
+    /// Returns whether any texel is transparent enough for a hole.
     fn has_holes(&self) -> bool {
         let least = self.least_step();
         self.texels[..self.level_start(1)].iter().any(|texel| f64::from(texel >> 24) < least)

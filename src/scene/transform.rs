@@ -4,7 +4,7 @@ use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Scale along the object's axes, rotation about x, then y, then z, translation.
+/// A scale along the object's axes, then rotations about x, y and z (in this order), then a translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
     /// The scale; no component is zero, and a negative component mirrors.
@@ -32,7 +32,8 @@ impl Transform {
         let place =
             |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
-        // Normals are transformed by the inverse transpose; its scale is irrelevant, but must stay in range.
+        // Normals are transformed by the inverse transpose, times a factor that keeps its elements within -1 and 1. The
+        // factor does not change the normalised result.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);

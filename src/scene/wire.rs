@@ -71,7 +71,7 @@ pub(super) struct CameraWire {
     /// Field of view across the height, instead of fov_x_degrees.
     #[schemars(with = "Option<Number<Angle>>")]
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
-    /// Hits whose depth along the view is not larger than this are ignored [default: 0].
+    /// Hits are ignored if their depth along the view is at most this distance [default: 0].
     pub z_near: Option<Number<NonNegative>>,
     /// See the whole scene from this direction: degrees to the right of its front.
     pub azimuth_degrees: Option<Number<Finite>>,

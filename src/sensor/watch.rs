@@ -127,7 +127,7 @@ mod tests {
         let start = Instant::now();
         let sensed = sense(&readings(start, 60), at(start, 100), at(start, 1100), 1000.0).expect("readings");
         assert_eq!((sensed.clock_mhz, sensed.throttled), (Some(1600.0), false));
-        // 300 mJ per millisecond.
+        // The energy counter increases by 300 mJ per millisecond, which is 300 W.
         let power_w = sensed.power_w.expect("power");
         assert!((power_w - 300.0).abs() < 1e-6 && (sensed.energy_mj.expect("energy") - 3e5).abs() < 1.0);
         let sensed = sense(&readings(start, 120), at(start, 100), at(start, 200), 100.0).expect("readings");

@@ -26,7 +26,7 @@ pub struct About {
     /// The job's number in the scheduler; "0" if no scheduler sets one.
     pub job: String,
     /// The scheduler's count of starts of the job (Slurm counts from 0, GitHub from 1); 0 if no scheduler sets the
-    /// count. If an attempt with this number exists, the next free number.
+    /// count. If an attempt with this number exists, the value is the next free number.
     pub restart: u32,
     /// The process's ID.
     pub process: u32,
@@ -56,7 +56,7 @@ pub enum End {
 /// The folder of an attempt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Attempt {
-    /// Its path.
+    /// The folder's path.
     pub folder: PathBuf,
     /// The attempt's name, which consists of the shard, the machine, the job and the restart.
     pub name: String,

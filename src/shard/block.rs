@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Points that one shard measures together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Block {
-    /// Its number, from 1.
+    /// The block's number, counted from 1.
     pub number: u32,
     /// The number of the shard that measures the block, from 1.
     pub shard: u32,
@@ -28,9 +28,9 @@ impl Block {
 /// A point to be assigned to a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// Its index in the plan.
+    /// The point's index in the plan.
     pub point: usize,
-    /// Its expected time in milliseconds. Only the ratios of the points' times affect the blocks.
+    /// The point's expected time in milliseconds. Only the ratios of the points' times affect the blocks.
     pub ms: f64,
     /// True if the point is suitable as a control point: as far as is known, every device can measure it.
     pub may_control: bool,

@@ -14,7 +14,7 @@ const FOLDER: &str = "kinds";
 /// affects times. The host's processors are a kind of device too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
-    /// Its name in records.
+    /// The kind's name in records.
     pub device: String,
     /// The platform, the device, the driver, and every property of the device that affects times.
     pub identity: String,
@@ -25,9 +25,9 @@ pub struct Kind {
 /// A point of the plan on a kind of device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct KindPoint {
-    /// Its index in the plan.
+    /// The point's index in the plan.
     pub point: usize,
-    /// Its key and its names.
+    /// The point's key and names.
     #[serde(flatten)]
     pub planned: PlannedPoint,
 }

@@ -50,7 +50,7 @@ impl Missing {
 pub struct Wanted<'a> {
     /// All kinds that took part.
     pub all: &'a [Kind],
-    /// The selected kinds among them. The host's kinds are always selected.
+    /// The kinds that took part and are selected. The host's kinds are always selected.
     pub kinds: &'a [Kind],
     /// The words that select kinds on which no shard has begun.
     pub not_begun: &'a [String],

@@ -1,4 +1,4 @@
-//! Measures one experiment on many machines. A launcher (Slurm, MPI, Kubernetes, a CI, a shell loop) starts the
+//! Measures one experiment on many machines. A launcher (Slurm, MPI, Kubernetes, a CI system, a shell loop) starts the
 //! processes. This module splits the plan among the processes, lets each process write to its own folder, and merges
 //! the results.
 //!

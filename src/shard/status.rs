@@ -11,7 +11,7 @@ use std::time::Duration;
 pub enum State {
     /// The attempt has made its folder, but its counter has not started yet.
     Begun,
-    /// Its counter increases, and it has made progress within the time limit of a step.
+    /// The attempt's counter increases, and the attempt has made progress within the time limit of a step.
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.
@@ -19,7 +19,7 @@ pub enum State {
     /// The attempt's counter does not increase, and the attempt did not report its end: it was killed, or its machine
     /// is down.
     Lost,
-    /// It reported how it ended.
+    /// The attempt reported how it ended.
     Ended(End),
 }
 
@@ -28,9 +28,9 @@ pub enum State {
 pub struct Status {
     /// The attempt's name, which consists of the shard, the machine, the job and the restart.
     pub name: String,
-    /// Its state.
+    /// The attempt's state.
     pub state: State,
-    /// Its counter at the second reading; all numbers are 0 if it has not counted yet.
+    /// The attempt's counter at the second reading; all numbers are 0 if the attempt has not counted yet.
     pub beat: Beat,
 }
 

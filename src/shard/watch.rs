@@ -24,8 +24,8 @@ const LAUNCHERS: [&str; 12] = [
     "hq",
 ];
 
-/// Shells. The end of a shell need not mean that the launcher was lost: a user may type in it, and a script may end
-/// before the processes that it started.
+/// Shells. The end of a shell need not mean that the launcher was lost: a user may have closed an interactive shell,
+/// and a script may end before the processes that it started.
 const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "busybox"];
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the

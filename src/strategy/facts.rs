@@ -81,7 +81,7 @@ impl Triangles {
 }
 
 impl Layout {
-    /// Returns the number of bits of an index; `None` without indices.
+    /// Returns the number of bits of an index; `None` if the layout has no indices.
     pub fn index_bits(self) -> Option<u32> {
         self.header().word("index_bits").parse().ok()
     }

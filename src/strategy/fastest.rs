@@ -30,9 +30,9 @@ pub enum Way {
     Single,
     /// Tiles of rays traverse a tree together.
     Tiles {
-        /// Tiles of 16 x 8 pixels instead of 8 x 8.
+        /// True for tiles of 16 x 8 pixels, false for tiles of 8 x 8 pixels.
         large: bool,
-        /// Separate passes: shadow rays are cast after all rays from the eye.
+        /// True if passes are separate: shadow rays are cast after all rays from the eye.
         separate: bool,
     },
 }
@@ -213,7 +213,7 @@ impl Way {
 }
 
 /// Returns the fastest strategy for a task on devices of this class, according to measurements, and its local size.
-/// Small scenes are tested exhaustively: on a CPU with as many rays per work-item as its vectors hold; on a GPU with
+/// Small scenes are cast exhaustively: on a CPU with as many rays per work-item as its vectors hold; on a GPU with
 /// a few rays per work-item, and triangles streamed through `__local` memory. Larger scenes use a tree that tiles of
 /// rays traverse together. On a CPU, the rays of a tile are in vectors. A GPU casts tiles only if 32 work-items can
 /// share a tile by means of lane operations, and tiles have been measured with these operations. If triangles are

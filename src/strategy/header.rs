@@ -7,7 +7,7 @@ use crate::error::{Error, Result, nearest};
 /// The properties of a value that is a file.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The axis.
+    /// The axis whose value the file is.
     pub axis: &'static str,
     /// The value's name: the file's name with `-` in place of `_`.
     pub name: String,
@@ -82,8 +82,8 @@ struct Entries {
 }
 
 impl Reader<'_> {
-    /// Reads the comment that a file begins with, up to its first empty line. A line `// key: value` sets a key; all
-    /// other lines are prose.
+    /// Reads the comment that a file begins with, up to the comment's first empty line. A line `// key: value` sets a
+    /// key; all other lines are prose.
     pub fn read(&self, name: String, folders: Vec<&'static str>, text: &str) -> Result<Header> {
         let mut found = Entries::default();
         let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));

@@ -1,4 +1,5 @@
-//! Computes, before anything is compiled, what a strategy needs of a device. Keeps the arithmetic for messages.
+//! Computes, before anything is compiled, what a strategy needs of a device. The terms of each sum are kept, so that
+//! messages can show the arithmetic.
 
 mod fits;
 

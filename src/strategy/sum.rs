@@ -1,4 +1,4 @@
-//! Sums of bytes that keep their arithmetic for messages.
+//! Sums of bytes that keep their terms, so that messages can show the arithmetic.
 
 use super::infeasible::Infeasible;
 
@@ -30,7 +30,7 @@ impl Sum {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }
 
-    /// Returns an error if the sum exceeds the limit, with its arithmetic.
+    /// Returns an error, with the sum's arithmetic, if the sum exceeds the limit.
     pub fn within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         if self.bytes <= u128::from(limit_bytes) {
             return Ok(());
@@ -40,7 +40,7 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error if a single term exceeds the limit, with that term's arithmetic.
+    /// Returns an error, with a term's arithmetic, if this single term exceeds the limit.
     pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

@@ -42,7 +42,7 @@ pub struct Workload {
     /// True if soft light is cast at half resolution.
     #[serde(default)]
     pub half_light: bool,
-    /// Number of texels of the sky's picture; 0 without one.
+    /// Number of texels of the sky's picture; 0 if the sky has no picture.
     pub sky_texels: usize,
     /// Number of entries of a traversal's stack; 0 without a tree, or before the tree is built.
     pub stack_size: usize,
@@ -123,7 +123,8 @@ impl Workload {
     }
 
     /// Returns the number of values that one pass stores for the next if passes are separate: one per ray from the
-    /// eye, or one per pixel, rounded up to whole tiles.
+    /// eye if work-items share tiles, otherwise one per pixel. For tiles with vectors of rays, the number of pixels is
+    /// rounded up to whole work-groups.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.shares_tiles() {
             self.shared_rays(strategy)
@@ -136,9 +137,10 @@ impl Workload {
     }
 
     /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are shared by
-    /// groups. With several sub-pixels, several samples of each pixel are cast. Each ray needs its own entry in the
-    /// buffers between kernels. Soft light is cast for one sample at a time, and the kernel that adds the picture of a
-    /// sky supports only whole pixels.
+    /// groups. With several sub-pixels, several samples of each pixel are cast. The number of rays is limited, since
+    /// each ray needs its own entry in the buffers between kernels. With soft light or a sky, the result is 0:
+    /// soft light is cast for one sample at a time, and the kernel that adds the picture of a sky supports only whole
+    /// pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;
@@ -153,7 +155,7 @@ impl Workload {
         pixels << (2 * self.shared_subpixel_bits(strategy))
     }
 
-    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at a time.
+    /// Returns the number of origins (eye and lights) for which planes of all triangles are stored at the same time.
     pub fn prepared_origins(&self, strategy: &Strategy) -> usize {
         let at_once = if strategy.shares_tiles() { strategy.lights_of_round() } else { usize::MAX };
         if strategy.intersector.prepares_planes() { 1 + self.lights.min(at_once) } else { 0 }

@@ -21,7 +21,7 @@ pub struct Pose {
     /// scene's own camera.
     pub distance: f64,
     /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's
-    /// distance.
+    /// distance from the point that it goes around.
     pub aside: [f64; 2],
 }
 
@@ -39,7 +39,7 @@ impl Pose {
         self.tilt = (self.tilt + up).clamp(low, high);
     }
 
-    /// Moves the eye aside and upwards, in units of its distance.
+    /// Moves the eye to the right and upwards, in units of its distance from the point that it goes around.
     pub fn pan(&mut self, [right, up]: [f64; 2]) {
         self.aside[0] += right;
         self.aside[1] += up;

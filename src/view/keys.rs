@@ -5,13 +5,13 @@
 pub enum Key {
     /// A letter or a sign, as typed.
     Char(char),
-    /// An arrow.
+    /// The left arrow key.
     Left,
-    /// An arrow.
+    /// The right arrow key.
     Right,
-    /// An arrow.
+    /// The up arrow key.
     Up,
-    /// An arrow.
+    /// The down arrow key.
     Down,
     /// Escape.
     Escape,
@@ -20,11 +20,11 @@ pub enum Key {
 /// An action that the user wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
-    /// Go around the scene, to the right and upwards, in radians.
+    /// Move the eye around the scene, by angles to the right and upwards in radians.
     Orbit([f64; 2]),
-    /// Move the eye aside and upwards, in units of its distance.
+    /// Move the eye to the right and upwards, in units of its distance from the point that it goes around.
     Pan([f64; 2]),
-    /// Come nearer, in steps.
+    /// Move the eye nearer by this number of steps; negative steps move it away.
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
@@ -40,7 +40,7 @@ pub enum Action {
     Reset,
     /// Show the keys, or hide them.
     Help,
-    /// End.
+    /// End the view.
     Quit,
 }
 
@@ -54,9 +54,10 @@ pub struct Row {
     pub keys: &'static [(Key, Action)],
 }
 
-/// A key's step around the scene, in radians.
+/// The angle by which a key press moves the eye around the scene, in radians.
 const ORBIT: f64 = 0.1;
-/// A key's step aside, in units of the eye's distance.
+/// The distance by which a key press moves the eye aside, as a fraction of its distance from the point that it goes
+/// around.
 const PAN: f64 = 0.05;
 
 /// All keys.
@@ -148,7 +149,7 @@ mod tests {
         for row in KEYS {
             let named = |key: &Key| match key {
                 Key::Char(' ') => row.names.contains("space"),
-                // On many keyboards, the key of the plus types an equals sign without shift.
+                // On many keyboards, the plus key types an equals sign if Shift is not held.
                 Key::Char('=') => row.names.contains('+'),
                 Key::Char(letter) => row.names.contains(*letter),
                 Key::Escape => row.names.contains("Escape"),

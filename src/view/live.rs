@@ -124,7 +124,7 @@ impl Live {
         pose.at(&self.scene, &self.loaded.orbit).0
     }
 
-    /// Returns half the picture's height at the distance 1.
+    /// Returns half the height of the image plane at distance 1.
     pub fn half_height(&self) -> f64 {
         half_height(&self.scene.camera, self.size())
     }
@@ -265,7 +265,7 @@ impl Live {
 }
 
 /// Returns the usable device that follows this one, or the first usable device if this one is the last; `None` if there
-/// is no other.
+/// is no other usable device.
 fn after<'a>(current: &DeviceInfo, found: &'a [Device]) -> Option<&'a Device> {
     let usable: Vec<&Device> = found.iter().filter(|device| device.info.unusable.is_none()).collect();
     let same = |device: &&Device| device.info.identity() == current.identity();

@@ -51,9 +51,9 @@ pub struct Viewer<S: Screen> {
     pose: Pose,
     spins: bool,
     rate: Rate,
-    /// The heat map of tests, if it is shown instead of the picture, and the largest number of tests of a
-    /// pixel.
+    /// The heat map of tests, if it is shown instead of the picture.
     heat: Option<Heat>,
+    /// The largest number of tests of a pixel in the heat map.
     most_tests: u32,
     /// The drawing of the list of keys, if it is shown.
     help: Option<RgbImage>,

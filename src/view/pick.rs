@@ -62,7 +62,8 @@ pub struct Picker {
 }
 
 impl Picker {
-    /// Returns the triangle at a pixel of the picture; `None` if there is none, or the tree is not built yet.
+    /// Returns the triangle at a pixel of the picture; `None` if the pixel shows no triangle, or if the tree is not
+    /// built yet.
     pub fn pick(&mut self, live: &Live, camera: &Camera, pixel: [u32; 2]) -> Option<Picked> {
         self.ask_for_tree(live.scene());
         let tree = self.tree.as_ref()?;

@@ -67,8 +67,8 @@ fn the_users_input_moves_the_eye() {
     let mut after = |input: Input| (viewer.obey(&input), viewer.pose);
     let (ends, pose) = after(Input { wheel: 10.0, ..Input::default() });
     assert_eq!((ends, pose), (false, Pose { distance: 0.5, ..Pose::START }));
-    // The field of view is 90 degrees across, and the picture is half as high as wide. So it is as high as the distance
-    // to its plane, and the scene moves as far as the pointer.
+    // The field of view is 90 degrees across, and the picture is half as high as wide. So the picture's height equals
+    // the distance to its plane, and the scene moves as far as the pointer.
     let (_, pose) = after(Input { pan: [0.1, 0.2], ..Input::default() });
     let [right, up] = pose.aside;
     assert!((right + 0.1).abs() < 1e-6 && (up - 0.2).abs() < 1e-6, "{pose:?}");

@@ -72,11 +72,11 @@ impl Cast {
 }
 
 /// The time of the first frame includes the first use of memory, and often compilation. If several frames are cast, the
-/// first frame counts only if it takes longer than this limit, which makes both parts negligible.
+/// first frame counts only if it takes longer than this limit: both parts are then negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
-/// Returns whether the first frame counts as one of the requested frames. For a single picture, no second frame is
-/// cast.
+/// Returns whether the first frame counts as one of the requested frames: if only one frame is requested, or if the
+/// first frame takes longer than `LONG_FRAME_MS`.
 fn counts(first: &FrameTimes, repeat: u32) -> bool {
     repeat == 1 || first.frame_ms > LONG_FRAME_MS
 }

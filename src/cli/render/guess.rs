@@ -66,7 +66,7 @@ fn spec(
     ProgramSpec::new(sources, strategy, &workload, device.builtins()).ok()
 }
 
-/// Stores which program a scene needed, for the next time.
+/// Stores which program a scene needed, so that the next command with this scene can guess it.
 pub fn remember(cache: &Cache, args: &Args, device: &DeviceInfo, strategy: &Strategy, workload: &Workload) {
     let owned = |(axis, value): (&str, &str)| (axis.to_owned(), value.to_owned());
     let axes = strategy.axes().into_iter().map(owned).collect();
@@ -198,13 +198,14 @@ mod tests {
             assert_eq!(likely(more, &device), None, "{more:?}");
         }
         assert_eq!(likely(&[], &other), None);
-        // The program that compiles in a short time is one for the same scene.
+        // `quick` guesses a program for the same scene. It differs from `known` in its strategy, local size and stack
+        // size.
         let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
         let (strategy, local_size) = hurry::quick(&device).unwrap();
         let of_quick = Workload { local_size, stack_size: ROUNDED_STACK, ..workload };
         let expected = ProgramSpec::new(&Sources::Embedded, &strategy, &of_quick, device.builtins()).unwrap();
         assert_eq!(quick, expected);
-        // A file of another length is another scene, even if its time is the same.
+        // A file whose length has changed counts as another scene, even if its modification time is the same.
         let changed = scene.metadata().unwrap().modified().unwrap();
         std::fs::write(&scene, "as it is now").unwrap();
         std::fs::File::options().append(true).open(&scene).unwrap().set_modified(changed).unwrap();

@@ -1,4 +1,5 @@
-//! The first picture on a GPU whose driver has not compiled the fastest strategy's program yet.
+//! Chooses the strategy for the first picture on a GPU whose driver has not compiled the fastest strategy's program
+//! yet.
 //!
 //! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
 //! program casts a picture in milliseconds. So the first picture is cast with [`QUICK`], while a background process
@@ -17,10 +18,10 @@ pub const QUICK: &str = "bvh";
 const QUICK_LOCAL: [u32; 2] = [8, 8];
 /// With more rays than this, casting with a slower strategy may take longer than compiling a faster one.
 const MOST_RAYS: u64 = 200_000_000;
-/// With more triangles than this, a second tree takes too long to build.
+/// With more triangles than this, a second tree (for [`QUICK`]) takes too long to build.
 const MOST_TRIANGLES: usize = 1_000_000;
 
-/// A program that a background process compiles, and what it is for.
+/// A program that a background process compiles, with its strategy and workload.
 pub struct Later {
     pub strategy: Strategy,
     pub workload: Workload,
@@ -57,9 +58,9 @@ pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampl
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
-/// Returns the strategy and the local size with which to cast a picture: the given fastest ones, or [`QUICK`]'s if the
-/// fastest strategy's program must still be compiled. In the second case, the fastest strategy's program is returned
-/// too.
+/// Returns the strategy and the local size with which to cast a picture: those of `fastest`, or those of [`QUICK`] if
+/// [`may_cast`] holds and the fastest strategy's program must still be compiled. In the second case, also returns the
+/// fastest strategy's program.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,
@@ -75,8 +76,8 @@ pub fn choose(
     }
 }
 
-/// Returns a strategy's program if it must still be compiled. If the strategy cannot be prepared, the session says why
-/// when it prepares it.
+/// Returns a strategy's program if it must still be compiled. Returns `None` also if the strategy cannot be prepared:
+/// the session then reports the reason when it prepares the strategy.
 fn not_built(
     session: &mut Session,
     (strategy, local_size): (Strategy, [u32; 2]),

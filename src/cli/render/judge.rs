@@ -13,7 +13,7 @@ use crate::verify::{Verdict, verify};
 use std::path::Path;
 
 /// Returns an error if a value of the picture is infinite or not a number, even without `--verify`. `fate` is the part
-/// of the message that says where the picture is.
+/// of the message that says whether and where the picture was saved.
 pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];

@@ -26,7 +26,8 @@ const LONGEST: Duration = Duration::from_secs(120);
 struct Order {
     /// The device's identity.
     device: String,
-    /// The lane operations for which the program was made. They may be an assumption.
+    /// The lane operations for which the program was made. They are assumed from the device's extensions if raycl has
+    /// not tested them yet.
     lanes: LaneOperations,
     program: Option<Source>,
     /// True if the driver must compile the program. If the driver takes the program from its own cache, it prints no
@@ -98,8 +99,9 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
     !from_cache && !device.has_binaries_at_hand() && cache.keeps()
 }
 
-/// Starts a background process that compiles and stores a program, unless one is already doing so. Returns `false` if
-/// the cache stores nothing. If the process cannot start, the next picture is cast with [`hurry::QUICK`] too.
+/// Starts a background process that compiles and stores a program, unless another process is already doing this work.
+/// Returns `false` if the cache stores nothing. If the process cannot start, the next picture is cast with
+/// [`hurry::QUICK`] too.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.keeps() {
         in_background(cache, spec, device);
@@ -161,7 +163,7 @@ pub fn serve() -> Result<()> {
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, place)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
-    // If the test refutes the assumption, the next start chooses another program.
+    // If the test found other lane operations than assumed, no program is stored: the next start needs another program.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
     let queue = Queue::open(device.platform, device.device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };

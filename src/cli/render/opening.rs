@@ -43,7 +43,7 @@ impl Opened {
 }
 
 /// Returns the parts from the durations of loading the scene, of starting the driver, and of building the program after
-/// the driver has started. A part without a time of its own has a negative duration, which counts as 0.
+/// the driver has started. A part that ended before an earlier part has a negative duration, which counts as 0.
 fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3] {
     let waited_ms = start_ms + build_ms - load_ms.max(start_ms);
     [("load", load_ms), ("discover", start_ms - load_ms), ("build", waited_ms)]
@@ -79,7 +79,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let (show, show_later) = show.unwrap_or_default();
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
-        // Moving pictures have their own formats.
+        // For moving pictures, `Sink::check_alpha` makes this check, since they have other formats.
         if loaded.scene.transparent && !args.motion.moves() {
             check_alpha(&target(args))?;
         }

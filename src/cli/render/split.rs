@@ -22,9 +22,9 @@ use std::time::Instant;
 struct Report {
     scene: String,
     triangles: usize,
-    /// Every axis of the strategy, if all devices use the same.
+    /// Every axis of the strategy, if all devices use the same strategy.
     strategy: Option<String>,
-    /// Local size, if all devices use the same.
+    /// Local size, if all devices use the same local size.
     local_size: Option<[u32; 2]>,
     image_size: [u32; 2],
     /// Samples per pixel.

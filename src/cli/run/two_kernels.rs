@@ -8,7 +8,7 @@ use crate::record::Folder;
 use crate::report::Comparison;
 use crate::words::counted;
 
-/// A change counts as "same" if its whole 95% interval is within this fraction.
+/// A change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this fraction.
 const THRESHOLD: f64 = 0.02;
 
 /// Prints how the points of the second folder compare with those of the first. Returns an error with exit code 1 if the

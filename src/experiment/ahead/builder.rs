@@ -85,7 +85,7 @@ mod tests {
     use crate::experiment::supervisor::Death;
     use std::sync::{Arc, Mutex};
 
-    /// Far longer than anything in these tests takes.
+    /// A time limit that is far longer than anything in these tests takes.
     const LIMIT: Duration = Duration::from_secs(120);
 
     /// Starts processes that reply to `Build` with these answers, one after the other. Notes the devices of the

@@ -8,7 +8,7 @@ use crate::program::KeptProgram;
 use crate::record::Record;
 use std::sync::Arc;
 
-/// Far longer than anything in these tests takes.
+/// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
 /// Builders that record the points for which they build programs. A builder that builds for the point `deadly`

@@ -32,13 +32,14 @@ struct Answering {
     outcome: Outcome,
     /// True if every frame is refused.
     refuses: bool,
-    /// The hashes, sent to workers, of pictures that need not be compared again.
+    /// The hashes in the requests to workers: those of pictures that need not be compared again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
     /// The time limit of every wait for a worker.
     limits: Arc<Mutex<Vec<Duration>>>,
     /// The number of workers at the first request.
     at_first: Arc<AtomicUsize>,
-    /// If there is a number, each worker adds 1 at its first request, and waits until the number is 2.
+    /// If this counter exists, each worker adds 1 to it at the worker's first request, and then waits until the counter
+    /// is 2.
     gathering: Option<Arc<AtomicUsize>>,
 }
 
@@ -444,7 +445,8 @@ fn each_of_two_devices_has_its_workers_which_start_together() {
     let mut started = workers.devices.lock().unwrap().clone();
     started.sort_unstable();
     assert_eq!((started, workers.at_first.load(Ordering::Relaxed)), (vec![0, 1], 2));
-    // Of two groups that are distributed, neither ends before both have begun, so each device has one.
+    // The two groups are distributed over the devices. Neither group ends before both have begun, so each device
+    // measures one of them.
     let lines = format!("{lines}\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'");
     let workers = Answering { gathering: Some(Arc::default()), ..Answering::default() };
     let (records, _) = on_devices(&lines, &devices, &workers, |run| Run { spread: true, ..run });

@@ -53,8 +53,9 @@ impl Latency {
         Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())) }
     }
 
-    /// Returns the larger one of the readings before and after a sample that has just ended, in nanoseconds. After short
-    /// samples, nothing is read. Returns `None` if no reading is known.
+    /// Returns the larger of the two readings before and after a sample that has just ended, in nanoseconds. If the
+    /// last reading is more recent than [`READING_EVERY`], no new reading is taken, and the last reading is returned.
+    /// Returns `None` if no reading is known.
     fn around_sample(&mut self) -> Option<f64> {
         let (at, before) = self.last?;
         if at.elapsed() < READING_EVERY {

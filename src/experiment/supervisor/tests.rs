@@ -5,7 +5,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// Far longer than anything in these tests takes.
+/// A time limit that is far longer than anything in these tests takes.
 const LIMIT: Duration = Duration::from_secs(120);
 
 /// Starts workers, and notes their devices, the requests to all of them, and how many were dismissed.
@@ -14,7 +14,7 @@ struct Noting {
     devices: Rc<RefCell<Vec<usize>>>,
     requests: Rc<RefCell<Vec<Request>>>,
     dismissed: Rc<Cell<usize>>,
-    /// What comes instead of the usual replies, from the next request on.
+    /// What workers return instead of the usual replies, from the next request on.
     instead: Rc<RefCell<VecDeque<Wait>>>,
     /// A flag that the next request sets, if there is a flag.
     interrupts: Option<Rc<AtomicBool>>,

@@ -2,9 +2,9 @@
 
 use super::error::Error;
 
-/// How much times differ from run to run, in addition to the differences between launches: standard
-/// deviations of the times' logarithms. The launches of a run are minutes apart at most, but a
-/// machine may be slower for hours, for example because of its neighbours on the same host.
+/// How much times differ from run to run, in addition to the differences between launches: standard deviations of the
+/// times' logarithms. The launches of a run are minutes apart at most, but a machine may be slower for hours, for
+/// example because of other virtual machines on the same host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BetweenRuns {
     /// The standard deviation of a factor that all points of the same kind of device share. This shared factor cancels
@@ -15,11 +15,12 @@ pub struct BetweenRuns {
 }
 
 impl BetweenRuns {
-    /// For points on CPUs, cast by an OpenCL driver or by a caster on the host. Measured with two experiments, each run
-    /// several times on quiet virtual machines of two cores (docs/log.md, 2026-11-23 and 2026-11-25).
+    /// The differences for points on CPUs, which an OpenCL driver or a caster on the host casts. They were measured
+    /// with two experiments. Each experiment was run several times on quiet virtual machines of two cores (docs/log.md,
+    /// 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// For points on other devices. Measured with one experiment, run several times on each of four occasions on GPUs
-    /// (docs/log.md, 2026-11-23 and 2026-11-25), and with records of three days.
+    /// The differences for points on other devices. They were measured with one experiment, which was run several times
+    /// on each of four occasions on GPUs (docs/log.md, 2026-11-23 and 2026-11-25), and with records of three days.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that these differences add to the mean time of `points` points.

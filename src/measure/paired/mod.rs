@@ -57,7 +57,7 @@ pub struct Paired {
     launches: usize,
     /// The points; `None` for a point with too few samples.
     points: Vec<Option<Point>>,
-    /// How much runs differ, for each point; zero if unknown.
+    /// How much the times of each point differ from run to run; zero if unknown.
     between: Vec<BetweenRuns>,
     pooled: Pooled,
 }
@@ -182,7 +182,7 @@ impl Paired {
         Self { launches: launches.len(), points, between, pooled }
     }
 
-    /// Sets how much runs differ, for each point.
+    /// Sets how much the times of each point differ from run to run.
     #[must_use]
     pub fn over_runs(self, between: Vec<BetweenRuns>) -> Self {
         Self { between, ..self }

@@ -81,8 +81,8 @@ fn trigamma(x: f64) -> f64 {
     sum + inverse * (1.0 + 0.5 * inverse + square * (1.0 / 6.0 - square * (1.0 / 30.0 - square / 42.0)))
 }
 
-/// Returns the argument at which trigamma is `value`. The search is between half of the first and half of the second of
-/// [`DEGREES`]; if the argument lies above, returns infinity.
+/// Returns the argument at which trigamma is `value`. The range of the search is from half of the first limit in
+/// [`DEGREES`] to half of the second. Returns infinity if the argument lies above this range.
 fn inverse_trigamma(value: f64) -> f64 {
     let [mut low, mut high] = DEGREES.map(|degrees| 0.5 * degrees);
     if value <= trigamma(high) {

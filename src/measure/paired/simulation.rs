@@ -52,7 +52,7 @@ const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 /// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose work-items
 /// all take their working vectors from one heap (docs/log.md, 2026-11-24).
 const BIMODAL: Machine = Machine { slow_mode: 0.25, ..MACHINE };
-/// The logarithm of the time in the slow mode over that in the fast mode.
+/// The logarithm of the ratio of the slow mode's time to the fast mode's time.
 const SLOW_MODE: f64 = 0.4;
 
 fn is_bimodal(point: usize) -> bool {

@@ -140,7 +140,7 @@ fn interaction(table: &[&[f64]]) -> Prior {
 }
 
 /// Returns the third of the rows, but at least [`LEAST_STEADY`], that change most alike from column to column. Each row
-/// forms a set with its nearest rows; the set whose farthest row is nearest is returned.
+/// forms a set with its nearest rows; the set with the smallest distance to its farthest row is returned.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);

@@ -175,7 +175,8 @@ fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
     let errors = [&one, &two, &three].map(|point| point.median_ms().error);
     assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
     let pair = Standing::mean(&[&one, &three]).unwrap();
-    // The variance of the pair's mean factor is half of a point's; the other point contributes a whole one.
+    // The mean factor of the pair has half the variance of a single point's factor. The other point of the ratio adds
+    // the whole variance of its factor.
     for ratio in [pair.ratio(&one), one.ratio(&pair)] {
         assert!((ratio.error - 0.1 * 1.5_f64.sqrt()).abs() < 1e-9, "{ratio:?}");
     }

@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 /// Lines with more characters than this are broken if possible.
 const WIDEST: usize = 120;
-/// The contents of a bracket that opens at this column or before are continued next to the bracket. The contents of
-/// other brackets are continued on lines that are indented by four more columns.
+/// If a bracket opens at this column or further left, the next lines of its contents are aligned with the bracket. The
+/// next lines of other brackets are indented by four more columns.
 const FURTHEST: usize = 80;
 
 /// Joins a line with the following lines until all round brackets are closed, since a macro earlier in the line has

@@ -84,8 +84,8 @@ const LEVELS: &[&[&str]] = &[
     &["*", "/", "%"],
 ];
 
-/// Parses from left to right. If `live` is false, the value does not matter, as after `0 &&`; divisions are then
-/// not evaluated.
+/// Parses a condition from left to right. `live` is false for an operand whose value does not matter, such as the right
+/// operand of `0 &&`. A division by zero in such an operand is not an error.
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,

@@ -2,9 +2,9 @@
 //! other text stays as written.
 //!
 //! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps everything that helps a reader: comments,
-//! indentation, the file and line of everything, and the lines of a multi-line macro. A constant that had a name keeps
-//! the name as a comment. This preprocessor supports only what raycl's kernels use: all directives of C99 except
-//! `#include`, and macros with a fixed number of arguments. Includes are resolved earlier.
+//! indentation, each line's file and number, and the lines of a multi-line macro. If a constant replaces a macro, the
+//! macro's name follows as a comment. This preprocessor supports only what raycl's kernels use: all directives of C99
+//! except `#include`, and macros with a fixed number of arguments. Includes are resolved earlier.
 
 mod breaking;
 mod canonical;

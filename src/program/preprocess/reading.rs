@@ -97,7 +97,7 @@ fn items(lines: &[Line]) -> Vec<Item<'_>> {
     items
 }
 
-/// Returns by how much a token changes the depth of brackets.
+/// Returns the change of the bracket depth at a token: 1, -1 or 0.
 fn nesting(token: &Token) -> i32 {
     match token.text.as_str() {
         "(" | "{" | "[" => 1,

@@ -73,7 +73,7 @@ fn join(made: &mut Vec<Token>, right: Vec<Token>) -> Result<(), Misuse> {
     Ok(())
 }
 
-/// Returns an argument as a string.
+/// Returns an argument as a C string literal, for the operator `#`.
 fn spelled(argument: &[Token]) -> String {
     let mut text = String::new();
     for token in argument.iter().filter(|token| token.kind != Kind::Comment) {

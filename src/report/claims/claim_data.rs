@@ -1,4 +1,4 @@
-//! The data of one device in one run. The test of a claim searches this data for its points.
+//! The data of one device in one run. The tests of a claim look up the claim's points in this data.
 
 use super::point::{Point, Size};
 use super::sure::Ratio;
@@ -129,8 +129,8 @@ impl<'a> ClaimData<'a> {
     }
 }
 
-/// Formats a point with its time, as one side of a comparison. If the point means the fastest of
-/// several records, the text says so and names this record.
+/// Formats a point with its time, as one side of a comparison. If the point stands for the fastest of
+/// several records ([`Size::Best`]), the text says so and names this record.
 pub(super) fn side(point: &Point, record: &Record) -> String {
     let best = if point.size == Size::Best { "its best, " } else { "" };
     let time = median(record).map_or(String::new(), duration);

@@ -35,8 +35,9 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
     }
 }
 
-/// Tests whether each other point takes at least `by` times as long as the fastest. The line shows the ratio that decides
-/// the test: the smallest of the ratios that have the same verdict as the whole test.
+/// Tests whether every other point takes at least `by` times as long as the point that is claimed to be the fastest.
+/// The line shows the ratio that decides the test: the smallest of the ratios that have the same verdict as the whole
+/// test.
 fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match found.measured(&test.is) {
         Ok(best) => best,

@@ -93,7 +93,7 @@ mod tests {
         claim_in(&Folder::default(), test, records)
     }
 
-    /// Returns the same as [`claim`], but the runs have this folder.
+    /// Returns a claim like [`claim`], but evaluated on runs that have this folder.
     fn claim_in(folder: &Folder, test: &str, records: &[&[Record]]) -> Claim {
         let rest = "place = 'p'\npublished = 'v'\nreading = 'r'\nconfigs = ['figure-6']";
         let text = format!("[[claim]]\nsentence = 'S.'\n{rest}\ntest = [{{ {test} }}]\n");
@@ -179,7 +179,8 @@ mod tests {
         assert_eq!(verdict(serial, &[baseline, records[2].clone()]), Verdict::Unclear);
     }
 
-    /// Returns a test that `naive` is faster at this local size than at all other square ones; `more` has further keys.
+    /// Returns a test that `naive` is faster at this local size than at all other square sizes. `more` contains further
+    /// keys of the test.
     fn fastest(size: &str, more: &str) -> String {
         format!("kind = 'fastest', is = 'naive {size} on teapot', of = ['naive square on teapot'], {more}")
     }

@@ -89,7 +89,8 @@ impl Ratio {
     }
 }
 
-/// Returns the option that allows enough samples of a frame that takes `frame_ms`.
+/// Returns a text with the number of samples that a verdict needs, and the option that sets a time limit long enough
+/// for so many samples of frames that take `frame_ms`.
 fn more_samples(frame_ms: f64) -> String {
     // Warm-up frames take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;

@@ -18,7 +18,7 @@ pub struct Row {
     pub sentence: String,
     /// The section of the paper that contains the sentence, and the figure to which it refers.
     pub place: String,
-    /// The values of the paper's figures.
+    /// The values that the paper published on the claim, or a note that there are none.
     pub published: String,
     /// Our interpretation of the sentence.
     pub reading: String,
@@ -34,7 +34,7 @@ pub struct Row {
 /// A kind of test with its numbers, as documented in `claims.toml`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-#[allow(missing_docs, reason = "the first lines of claims.toml document each")]
+#[allow(missing_docs, reason = "the first lines of claims.toml document each kind")]
 pub enum Test {
     Ratio { of: Vec<Point>, to: Point, at_least: Option<f64>, at_most: Option<f64> },
     Rises { over: Vec<Point>, at_least: f64 },
@@ -53,9 +53,9 @@ pub enum Test {
 pub struct FastestTest {
     /// The point that is claimed to be the fastest.
     pub is: Point,
-    /// The points with which it is compared.
+    /// The points with which that point is compared.
     pub of: Vec<Point>,
-    /// The least ratio of each other point's time to that of the fastest.
+    /// The smallest ratio that the test accepts: every other point's time, divided by the time of `is`.
     pub by: f64,
     /// The points in `of` that are left out of the comparison.
     #[serde(default)]

@@ -3,9 +3,9 @@
 /// The verdict on a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// The measurement agrees.
+    /// The measurement agrees with the claim.
     Held,
-    /// The measurement disagrees.
+    /// The measurement contradicts the claim.
     NotHeld,
     /// The measurement does not decide the claim: an interval contains a bound, there are too few
     /// samples, or a part has no record.

@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn a_kernel_is_compared_with_the_baselines_of_its_own_group() {
         let before = two_groups([[1.0, 10.0], [100.0, 300.0]]);
-        // In the first group the machine has become half as fast. In the second group, the kernel has.
+        // In the first group, the machine became half as fast. In the second group, the kernel became half as fast.
         let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
         let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
         let [first, _, second, _] = all[..] else { panic!("{} pairs", all.len()) };

@@ -1,4 +1,4 @@
-//! Compares two folders of results, point by point: faster, slower, same or unclear.
+//! Compares two folders of results, and judges whether each point is faster, slower, the same or unclear.
 
 mod change;
 mod page;
@@ -59,8 +59,8 @@ fn moved_between(folders: [&Folder; 2], labels: &[String; 2]) -> Option<String> 
         let [first, second] = labels;
         format!(
             "The core-to-core latency was {before} ns in {first} and {after} ns in {second}: the processors were at different \
-             distances from each other. Changes may come from this, above all those of kernels whose work-groups share \
-             data."
+             distances from each other. This difference can change times, above all those of kernels whose work-groups \
+             share data."
         )
     })
 }
@@ -191,7 +191,7 @@ impl Comparison {
         }
     }
 
-    /// Computes every point's change.
+    /// Computes every point's change and verdict, and adds notes on how the changes were computed.
     fn judge(&mut self, bare: bool) {
         let all: Vec<_> = self.pairs.iter().map(Pair::both).collect();
         let changes: Vec<_> = all
@@ -276,8 +276,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns a copy of the folder in which each record has its times relative to those of the records and
-/// anchors that were measured together with it.
+/// Returns a copy of the folder in which each record has a position: its times, relative to the times of the records
+/// and anchors that were measured together with the record.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

@@ -94,7 +94,8 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green, vermilion, blue, grey and two other colours, the same as in the table.
+            // Green for faster, vermilion for slower, blue for same and grey for unclear, as in the table; the other
+            // two verdicts have colours of their own.
             let look = Look::of([2, 1, 0, 6, 4, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })

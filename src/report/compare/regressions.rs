@@ -40,9 +40,9 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         .collect()
 }
 
-/// Returns by which factor the 10% quantile of a point's samples changed, relative to the same
-/// reference time as the change of the median. If a program is slower, all its samples are slower. But
-/// if only the machine ran at a lower speed for most of the run, the fastest samples are as before.
+/// Returns the factor by which the 10% quantile of a point's samples changed, relative to the same
+/// reference time as the change of the median. If a program is slower, all its samples take longer. But
+/// if only the machine was slower for most of the run, the fastest samples take as long as before.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
     let [Some(before), Some(after)] = [before, after] else { return change.middle };

@@ -110,7 +110,7 @@ fn a_machine_of_two_speeds_is_no_regression() {
         after[2].median_ms = Some(7.5);
         of(&folder("old", before.clone()), &folder("new", after))
     };
-    // One sample in five is as fast as before.
+    // In `some`, one sample in five is as fast as before. In `all`, every sample is slower.
     let [some, all] = [1, 0].map(slow_from);
     let change = some.pairs[2].change_percent();
     assert!(change.is_some_and(|percent| percent > 40.0), "{change:?}");
@@ -211,8 +211,8 @@ fn beside_an_anchor_a_slower_machine_is_no_regression_and_a_slower_kernel_is() {
     assert!(one.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::Anchor)))));
 }
 
-/// Returns a folder with the points and anchors of two folders. Those of the second are of another scene; the numbers
-/// of their launches are greater by `launches`.
+/// Returns a folder with the points and anchors of two folders. The second folder's points and anchors get this device,
+/// and the numbers of their launches are increased by `launches`. The second folder's points also get another scene.
 fn and(one: Folder, other: Folder, launches: u32, device: &str) -> Folder {
     let record = |record: &Record| Record {
         scene: "room".into(),
@@ -259,7 +259,7 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
         and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
     };
     let together = run("together", 1.0, 0);
-    // Beside an anchor of the other group, the second run would be slower.
+    // Relative to the other group's anchor, the points of the second run would be slower.
     let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
     for (before, after) in [(&together, &slow), (&fast, &together)] {
         let comparison = of(before, after);
@@ -304,8 +304,8 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
 }
 
-/// In a run, a point's name ends with its folder of kernels. A regression names a pair of points without a folder,
-/// since this would be the first point's folder.
+/// In a run, a point's name ends with the folder of its kernels. The message on a regression names a pair of points
+/// without this folder, because the two points have different folders.
 #[test]
 fn a_regression_does_not_name_the_old_folder_of_kernels() {
     let with = |kernels: &str, ms| Record {
@@ -327,7 +327,7 @@ fn points_are_named_with_their_device_where_there_are_several() {
     };
     let compared = |devices: &[&str]| of(&folder("old", run(devices)), &folder("new", run(devices)));
     let [one, two] = [compared(&["a"]), compared(&["a", "b"])];
-    // The host, which measures the baselines, is no second device.
+    // The host, which measures the baselines, does not count as a second device.
     assert_eq!([one.has_several_devices(), two.has_several_devices()], [false, true]);
     let kernel = &two.pairs[0];
     assert_eq!(kernel.point(true), "teapot 800 x 500, naive 8x8, a");
@@ -478,7 +478,7 @@ fn the_plot_has_the_first_folder_across_and_a_colour_for_each_verdict() {
     assert_eq!(comparison.summary(), "1 faster, 2 slower, 1 same, 0 unclear");
     let svg = comparison.plot().svg;
     assert!(svg.contains("<desc>new: median ms against old: median ms</desc>"), "{svg}");
-    // Green is faster, vermilion slower, blue the same.
+    // Green means faster, vermilion means slower, and blue means the same.
     for (class, name) in [("s2", "faster (1)"), ("s1", "slower (2)"), ("s0", "same (1)")] {
         let entry = svg.split(&format!("class=\"entry {class}\"")).nth(1).unwrap_or_default();
         assert!(entry.split("</g>").next().is_some_and(|entry| entry.contains(name)), "{name}: {svg}");

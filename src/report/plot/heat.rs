@@ -117,7 +117,7 @@ impl HeatMap {
         format!("url(#{id})")
     }
 
-    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of its end.
+    /// Draws the colour scale and the meanings of the codes; returns the y coordinate of their lower end.
     fn draw_legend(&self, svg: &mut Svg, top: f64, worst: f64, hatch: &str) -> f64 {
         draw_scale(svg, [LEFT, top], worst);
         svg.text_in(

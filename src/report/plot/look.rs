@@ -1,5 +1,5 @@
-//! The appearance of series: colours and markers. Markers make more series distinguishable than
-//! colours alone.
+//! The appearance of series: colours and markers. With markers, a reader can tell more series apart than
+//! with colours alone.
 
 use super::palette::SERIES;
 use super::svg::{Svg, number};
@@ -13,7 +13,7 @@ const MARKERS: usize = 6;
 pub struct Look {
     /// The number of the series.
     pub number: usize,
-    /// True for values that the paper published, which have a dashed line and empty markers.
+    /// True if the series has a dashed line and empty markers, as for values that the paper published.
     pub dashed: bool,
 }
 

@@ -16,9 +16,9 @@ pub mod svg;
 /// A finished plot.
 #[derive(Clone, Debug)]
 pub struct Plot {
-    /// Its file name without extension.
+    /// The plot's file name without extension.
     pub name: String,
-    /// The plot's caption, one or two sentences.
+    /// The plot's caption, a few sentences.
     pub caption: String,
     /// The drawing.
     pub svg: String,

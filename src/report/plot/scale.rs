@@ -3,10 +3,10 @@
 /// The kind of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Equal distances are equal differences; the axis begins at 0 unless there are negative
-    /// values.
+    /// Equal distances on the axis mean equal differences between values. The axis begins at 0 unless
+    /// there are negative values.
     Linear,
-    /// Equal distances are equal factors.
+    /// Equal distances on the axis mean equal ratios of values.
     Log,
 }
 
@@ -81,8 +81,8 @@ fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     (first..=last.min(first + 20)).map(|count| count as f64 * step).collect()
 }
 
-/// Returns powers of ten. For short ranges, also returns 2 and 5 times these powers; for long
-/// ranges, returns only every second, third, ... power.
+/// Returns powers of ten. For short ranges, also returns multiples of these powers, such as 2 and 5 times a
+/// power. For long ranges, returns only every second, third, ... power.
 fn log_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
     let decades = (high / low).log10();

@@ -11,7 +11,7 @@ use crate::report::view;
 use crate::report::words::Looks;
 use crate::strategy::PRESETS;
 
-/// The presets of the paper's kernel that differ in the memories of their working vectors and triangles.
+/// The presets that run the paper's kernel and differ in the memories that hold its working vectors and triangles.
 const MEMORY: [&str; 7] = [
     "naive",
     "naive-scratch",

@@ -22,7 +22,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Checks a track of an animation with `frames` frames, and returns it.
+    /// Checks a track of an animation with `frames` frames, and returns the track.
     pub fn of(document: &Document, wire: TrackWire, frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
@@ -75,8 +75,8 @@ impl Track {
         if frame <= self.at[begin] || begin + 1 == self.at.len() {
             return first.clone();
         }
-        // The slopes at these two keyframes also depend on the keyframe before and the keyframe
-        // after the two.
+        // The slopes at these two keyframes also depend on the keyframe before them and on
+        // the keyframe after them.
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)

@@ -71,8 +71,8 @@ pub(super) fn camera(
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// Returns the tangent of half the field of view, and whether the field of view is that of the height; `None` if the
-/// document sets no field of view.
+/// Returns the tangent of half the field of view, and whether it is measured across the height; `None` if the document
+/// sets no field of view.
 fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
     let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {

@@ -388,7 +388,7 @@ fn a_scene_that_is_seen_from_behind_is_noted() {
     );
 }
 
-/// The mesh of another folder may be somebody else's: notes on it would tell what it contains.
+/// A mesh in another folder may belong to somebody else: notes on this mesh would reveal what the file contains.
 #[test]
 fn nothing_is_noted_about_a_mesh_of_another_folder() {
     let folder = tempfile::tempdir().unwrap();

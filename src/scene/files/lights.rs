@@ -36,7 +36,7 @@ impl FileLight {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
 
-    /// Returns the light with a different origin of coordinates.
+    /// Returns the light in coordinates that are measured from `origin`.
     pub(super) fn relative_to(self, origin: DVec3) -> Self {
         match self.source {
             Source::Point(position) => Self { source: Source::Point(position - origin), ..self },

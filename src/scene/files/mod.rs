@@ -103,8 +103,8 @@ fn invisible(mesh: &Mesh) -> Option<String> {
     (!mesh.triangles.iter().any(has_area)).then(note)
 }
 
-/// Removes all notes, and replaces an error by one that does not quote the file. This applies to a file whose text must
-/// not be shown.
+/// Returns the result of reading a file whose text must not be shown: without notes, and with an error that does not
+/// quote the file.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
     let outside =

@@ -1,4 +1,4 @@
-//! PLY, ASCII and binary of both byte orders, read by `ply-rs-bw`.
+//! Reads PLY files, ASCII or binary in either byte order, with the crate `ply-rs-bw`.
 
 mod header;
 
@@ -32,7 +32,7 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the error with its line, if the reader reports one, and without the file's text.
+/// Returns the error without the file's text. If the reader reports the error's line, the message contains the line.
 fn misread(name: &str, error: &ParseError) -> Error {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
@@ -163,7 +163,7 @@ impl Parts {
 struct Vertex {
     position: DVec3,
     normal: Vec3,
-    /// As displayed, 0 to 1.
+    /// The colour as displayed; each channel is from 0 to 1.
     colour: Vec3,
     alpha: f32,
 }

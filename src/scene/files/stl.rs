@@ -17,8 +17,8 @@ use rayon::prelude::*;
 const HEADER_BYTES: usize = 84;
 /// Number of bytes of a triangle: a normal, three corners and two further bytes.
 const TRIANGLE_BYTES: usize = 50;
-/// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file with a zero byte
-/// and without `vertex` there is not text.
+/// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file is not
+/// text if these bytes contain a zero byte and no `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
 /// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
 const COLOUR: &[u8] = b"COLOR=";

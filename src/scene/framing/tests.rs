@@ -192,7 +192,7 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
 #[test]
 fn a_ball_is_around_the_bounding_box() {
     let ball = Ball::around(&block(Vec3::new(2.0, 4.0, 4.0), Vec3::new(1.0, 2.0, 3.0)), DVec3::Y);
-    // Half of the diagonal of 2 x 4 x 4, which is 6.
+    // The radius is half of the diagonal of a box of 2 x 4 x 4; the diagonal is 6.
     assert_eq!(ball.place(), (DVec3::new(1.0, 2.0, 3.0), 3.0));
     assert!(!ball.is_open());
 }

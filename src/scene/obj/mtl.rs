@@ -68,8 +68,8 @@ pub(super) fn load_all<'a>(
 }
 
 impl Reach<'_> {
-    /// Returns the whole text as one name, with its spaces, if there is such a file; otherwise returns each word as a
-    /// name.
+    /// Returns the whole text as one name, with its spaces, if a file of this name exists; otherwise returns each word
+    /// as a name.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
         match self.locate(library) {
             Ok(_) => vec![library],

@@ -172,7 +172,8 @@ fn position<'a>(
     Err(Mistake::new(offset, message))
 }
 
-/// Reads a position of a mesh far from its origin; the first reading was in single precision.
+/// Reads a position in double precision, and subtracts `origin`. The mesh is far from its origin, and its positions
+/// were first read in single precision.
 fn relative<'a>(
     offset: usize,
     tokens: &mut impl Iterator<Item = &'a [u8]>,

@@ -83,8 +83,8 @@ impl Source<'_> {
     }
 }
 
-/// Returns the form that the statement on this line should have. Every error names this form, also an error that must not
-/// quote the line.
+/// Returns the form that the statement on this line should have. Every error names this form, even an error that must
+/// not quote the line.
 fn expected(line: &[u8]) -> &'static str {
     match keyword(line).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",

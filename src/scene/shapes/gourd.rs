@@ -41,7 +41,7 @@ fn scattered(index: u32) -> f32 {
     ((bits ^ (bits >> 16)) >> 8) as f32 / (1 << 24) as f32
 }
 
-/// Returns the outline of a sphere, deformed to a belly and a head with a waist between them.
+/// Returns the outline of a sphere that is deformed into a belly and a head, with a waist between them.
 fn profile(t: f64) -> (f64, f64) {
     let (sin, cos) = (PI * t).sin_cos();
     let bulge = |at: f64, width: f64| (-((t - at) / width).powi(2)).exp();

@@ -14,8 +14,8 @@ const MIN_COLUMN_TRIANGLES: f64 = 40.0;
 /// The fraction of the triangles that form the columns, which are the only round parts.
 const COLUMN_SHARE: f64 = 0.75;
 
-/// Returns a hall of about `triangles` triangles, at least twelve; with fewer than a few hundred there are fewer
-/// columns.
+/// Returns a hall of about `triangles` triangles, at least twelve. With fewer than a few hundred triangles, the hall
+/// has fewer columns.
 pub(super) fn interior(triangles: u32) -> Mesh {
     let triangles = f64::from(triangles);
     let columns = ((COLUMN_SHARE * triangles / MIN_COLUMN_TRIANGLES) as u32).min(MAX_COLUMNS) & !1;

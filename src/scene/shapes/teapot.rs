@@ -5,7 +5,7 @@ use crate::scene::Mesh;
 use glam::DVec3;
 use serde::Deserialize;
 
-/// M. Newell, 1975; the file names the source of the data.
+/// The patches of M. Newell's teapot of 1975; the file names the source of the data.
 const DATA: &str = include_str!("newell_teapot_patches.json");
 
 #[derive(Deserialize)]

@@ -57,8 +57,8 @@ ranges! {
     /// For angles between faces.
     Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
-    /// For fields of view. Up to 0.001 degrees and from 179.99 degrees on, an angle is refused too, since the tangent
-    /// of its half is almost 0 or very large.
+    /// For fields of view. Angles of at most 0.001 degrees or at least 179.99 degrees are refused too, since the
+    /// tangent of half the angle is almost 0 or very large.
     Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }

@@ -40,7 +40,7 @@ impl Planned {
         Self { points: points.filter(|point| seen.insert(point.key.clone())).collect(), hosts }
     }
 
-    /// Returns the points' keys, in their order.
+    /// Returns the points' keys, in the order of the points.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.points.iter().map(|point| point.key.as_str())
     }

@@ -258,7 +258,7 @@ fn adds_up(reason: &str) -> bool {
     }
     let arithmetic = reason.split_once(": ").unwrap().1.replace("16-bit", "");
     let Some((needed, limit)) = arithmetic.split_once(" > ") else {
-        return reason.starts_with("work-group: "); // of a shape that cannot share tiles
+        return reason.starts_with("work-group: "); // a work-group whose shape allows no shared tiles
     };
     let Some((terms, total)) = needed.split_once(" = ") else {
         // The two sides of a work-group, one of which is too long; or a single number.

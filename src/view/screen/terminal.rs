@@ -256,7 +256,7 @@ mod tests {
         // 23 characters of 10 pixels to the right, 2 of 20 pixels up.
         assert_eq!((orbit, pan), ([230.0 / 460.0, -40.0 / 460.0], [0.0; 2]));
         mouse(MouseEventKind::Up(MouseButton::Left), [33, 8]);
-        // A movement without a button, or after it was released, is no drag.
+        // A movement is a drag only while a button is down.
         mouse(MouseEventKind::Moved, [40, 8]);
         assert_eq!(mouse(MouseEventKind::Drag(MouseButton::Left), [50, 9]), (orbit, pan));
         mouse(MouseEventKind::Up(MouseButton::Left), [50, 9]);

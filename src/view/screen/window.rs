@@ -110,8 +110,8 @@ impl Screen for Window {
     }
 }
 
-/// Returns the way between two positions of a drag in a picture of `size`, in heights of the picture. A drag that has
-/// only begun, or has ended, moves nothing.
+/// Returns the movement between two positions of a drag in a picture of `size`, to the right and down, in heights of
+/// the picture. Returns zeros if the drag has only begun or has ended.
 fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 2] {
     let by = match (from, at) {
         (Some(from), Some(at)) => [at[0] - from[0], at[1] - from[1]],
@@ -120,7 +120,7 @@ fn moved(from: Option<[f64; 2]>, at: Option<[f64; 2]>, size: [u32; 2]) -> [f64; 
     by.map(|pixels| pixels / f64::from(size[1]))
 }
 
-/// Returns the parts of a drag by which the eye moves around the scene and aside.
+/// Returns the movement of a drag as `[orbit, pan]`: one of the two is zero, depending on the button.
 fn orbit_and_pan(by: [f64; 2], pans: bool) -> [[f64; 2]; 2] {
     if pans { [[0.0; 2], by] } else { [by, [0.0; 2]] }
 }

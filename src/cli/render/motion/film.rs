@@ -56,7 +56,7 @@ impl Film {
         }
     }
 
-    /// Returns the scene of a frame. Consecutive scenes share their mesh if it is the same.
+    /// Returns the scene of a frame. Consecutive scenes share their mesh if the mesh does not change.
     pub fn scene(&mut self, number: u32) -> Result<Arc<Scene>> {
         match self {
             Self::Turntable { scene, orbit, count } => {

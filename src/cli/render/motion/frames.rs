@@ -37,8 +37,8 @@ impl Frames {
         Err(Error::input(message).with_help(format!("expected frame numbers from 1 to {count}")))
     }
 
-    /// Returns the consecutive frames of one process, about as many as every other process has; `None` if
-    /// this process has none.
+    /// Returns the frames of one shard, which are consecutive. All shards get about the same number of frames. `None`
+    /// if this shard gets no frame.
     pub fn of_shard(self, shard: Shard) -> Option<Self> {
         let before = |number: u32| (u64::from(self.len()) * u64::from(number) / u64::from(shard.of)) as u32;
         let (begin, end) = (before(shard.number - 1), before(shard.number));
@@ -91,9 +91,9 @@ impl Numbered {
         format!("{} to {}", first.display(), last.display())
     }
 
-    /// Returns the missing frames. `key` returns the key of a frame, which identifies its picture. `key` is only called
-    /// for frames whose file has a key. A file that holds a different picture is an error, unless files may be
-    /// replaced.
+    /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame, which
+    /// identifies its picture. `key` is only called for frames whose file has a key. A file with another key causes an
+    /// error; with `--force`, its frame is rendered again.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, PoisonError};
 
-/// The names of moving pictures.
+/// The remedy for a file name that moving pictures cannot have.
 const NAMES: &str =
     "`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture, `-o -` a y4m stream";
 
@@ -71,7 +71,7 @@ impl Sink {
         }
     }
 
-    /// Refuses a stream, which has no alpha channel.
+    /// Returns an error if this output is a y4m stream, which has no alpha channel.
     pub fn check_alpha(&self) -> Result<()> {
         if !matches!(self, Self::Movie(movie) if movie.is_stream()) {
             return Ok(());

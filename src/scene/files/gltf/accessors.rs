@@ -26,8 +26,8 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Returns the components of an element; `None` beyond the end of the buffer. The padding after the last
-    /// element may be missing.
+    /// Returns the components of an element; `None` if the element ends beyond the end of the buffer. The padding
+    /// after the last element may be missing.
     fn element<const N: usize>(&self, number: usize) -> Option<[f64; N]> {
         let size = bytes_of(self.component);
         let start = number.checked_mul(self.stride)?;

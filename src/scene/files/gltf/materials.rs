@@ -24,11 +24,11 @@ pub(super) fn read(root: &Root) -> Materials {
     materials
 }
 
-/// raycl does not blend a surface with its background. Where the file asks for blending, points with at least this
+/// raycl does not blend a surface with what lies behind it. Where the file asks for blending, points with at least this
 /// alpha are opaque, and all other points are holes.
 const BLENDED: f32 = 0.5;
 
-/// Returns the smallest alpha, from 0 to 1, of a texel that is no hole; 0 if there are no holes.
+/// Returns the smallest alpha, from 0 to 1, of a texel that is not in a hole; 0 if there are no holes.
 pub(super) fn least_alpha(wire: &Wire) -> f32 {
     match wire.alpha_mode {
         Checked::Valid(AlphaMode::Mask) if !is_hidden(wire) => cutoff(wire) / factor(wire),

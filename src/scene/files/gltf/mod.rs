@@ -19,7 +19,7 @@ use crate::words::counted_are;
 use nodes::Walk;
 use textures::Files;
 
-/// The message of an error in a file.
+/// A result whose error is a message about a mistake in the file.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// Reads a file named `name`, and the files that it names; `reach` says which files may be read.

@@ -114,7 +114,8 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 
 #[test]
 fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
-    // The second index is 1; the positions' second to fourth numbers are 0, 0, 1.
+    // The sparse accessor's index is the second index of the file: 1. Its value is made of the second to fourth numbers
+    // of the positions: 0, 0, 1.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
@@ -124,7 +125,8 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
 
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
-    // The second index is 1; the corners' sixth to eighth numbers are 0, 0, 127.
+    // The sparse accessor's index is the second index of the file: 1. Its value is made of the sixth to eighth numbers
+    // of the corners: 0, 0, 127.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 5}},"#;
