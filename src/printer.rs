@@ -39,7 +39,7 @@ pub fn line(text: &str) -> Cow<'_, str> {
 }
 
 /// Escapes all control characters except colour codes (`ESC [ 1 ; 31 m`), in text that raycl itself has coloured. Text
-/// from elsewhere must have passed through [`plain`] before it was coloured.
+/// of files, drivers or users must go through [`plain`] before raycl adds colours to it.
 pub fn coloured(text: &str) -> Cow<'_, str> {
     if !text.contains(steers) {
         return Cow::Borrowed(text);

@@ -232,8 +232,8 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts the samples of one round, several samples per frame if the strategy supports that. `rough` is the number
-    /// of rough blocks if only these get the samples.
+    /// Casts these samples of each pixel. If the strategy supports it, one frame casts several samples. `rough` is the
+    /// number of rough blocks if only these blocks get the samples.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,

@@ -20,7 +20,8 @@ impl BetweenRuns {
     /// 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
     /// The differences for points on other devices. They were measured with one experiment, which was run several times
-    /// on each of four occasions on GPUs (docs/log.md, 2026-11-23 and 2026-11-25), and with records of three days.
+    /// on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). The records of earlier runs, which were
+    /// made on three different days, were used too.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that these differences add to the mean time of `points` points.

@@ -109,7 +109,7 @@ fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> Strin
 
 const NO_WINNER: &str = "no winner (too few samples)";
 
-/// Returns the names of some records in their order, without repetitions.
+/// Returns the names of the records in the order of the records, each name once.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in records {

@@ -173,7 +173,7 @@ fn position<'a>(
 }
 
 /// Reads a position in double precision, and subtracts `origin`. The mesh is far from its origin, and its positions
-/// were first read in single precision.
+/// were at first read in single precision.
 fn relative<'a>(
     offset: usize,
     tokens: &mut impl Iterator<Item = &'a [u8]>,
