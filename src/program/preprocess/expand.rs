@@ -15,10 +15,9 @@ type Arguments = (Vec<Vec<Token>>, Token);
 /// Expands every call in a piece of text. With `inline`, the lines of a macro's body become one line.
 pub(super) fn expand(macros: &Macros, text: Vec<Token>, inline: bool) -> Result<Vec<Token>, Misuse> {
     let depth = usize::from(inline);
+    let line = text.first().map_or(0, |token| token.line);
     let mut expander = Expander { macros, input: text.into(), output: Vec::new(), depth };
-    while let Some(token) = expander.input.pop_front() {
-        expander.take(token)?;
-    }
+    macros.nested(line, || expander.run())?;
     Ok(expander.output)
 }
 
@@ -31,6 +30,14 @@ struct Expander<'a> {
 }
 
 impl Expander<'_> {
+    /// Moves all of the input to the output, with its calls expanded.
+    fn run(&mut self) -> Result<(), Misuse> {
+        while let Some(token) = self.input.pop_front() {
+            self.take(token)?;
+        }
+        Ok(())
+    }
+
     /// Adds a token to the output or, if it begins a macro call, puts the call's expansion at the front of the input.
     fn take(&mut self, token: Token) -> Result<(), Misuse> {
         let callable = token.kind == Kind::Name && !token.hidden.contains(&token.text);
@@ -72,6 +79,7 @@ impl Expander<'_> {
         }
         let body = substitute(self.macros, called, parameters, arguments)
             .map_err(|(_, message)| (call.line, format!("{}: {message}", call.text)))?;
+        self.macros.count(body.len()).map_err(|message| (call.line, message))?;
         if !body.iter().any(Token::is_code) {
             self.push(made(Kind::Nothing, ""));
             self.skip_space();
@@ -87,9 +95,20 @@ impl Expander<'_> {
 
     /// Returns the body of a macro without parameters if it consists of numbers and operators only.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
+        let name =
+            hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
+        let constant = self.expanded_constant(called, hidden);
+        if constant.is_none() {
+            self.macros.is_not_constant(name);
+        }
+        constant
+    }
+
+    /// Like `constant`, for a macro without parameters that may be a constant.
+    fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());
-        let expanded = expand(self.macros, body, true).ok().filter(|_| called.parameters.is_none())?;
+        let expanded = expand(self.macros, body, true).ok()?;
         let plain = trimmed(expanded.into_iter().filter(|token| token.kind != Kind::Comment).collect());
         let is_number = |token: &Token| token.kind == Kind::Number;
         let operators = |token: &Token| ![",", ";", "{", "}"].contains(&token.text.as_str());

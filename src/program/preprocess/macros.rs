@@ -1,7 +1,9 @@
 //! Macro definitions: names, parameters and bodies.
 
+use super::expand::Misuse;
 use super::token::{Kind, Token, lex};
-use std::collections::HashMap;
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, HashSet};
 
 /// A macro.
 #[derive(Clone, Debug)]
@@ -13,13 +15,59 @@ pub(super) struct Macro {
     pub body: Vec<Token>,
 }
 
+/// The largest number of tokens that all expansions of a program may make. The program with the most expansions in
+/// `cl/` makes some thousands of tokens.
+const MOST_TOKENS: usize = 500_000;
+/// The largest number of expansions within each other. Each of them needs a part of the thread's stack.
+const MOST_NESTED: usize = 100;
+
 /// The macros that are defined at the current position in the text.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Macros(HashMap<String, Macro>);
+pub(super) struct Macros {
+    defined: HashMap<String, Macro>,
+    /// The names of macros without parameters that are known to expand to more than numbers and operators. Without this
+    /// set, the time for a chain of macros would double with every macro.
+    not_constant: RefCell<HashSet<String>>,
+    /// The number of tokens that expansions have made so far.
+    made: Cell<usize>,
+    /// The number of expansions that have begun and not ended.
+    nested: Cell<usize>,
+}
 
 impl Macros {
     pub fn get(&self, name: &str) -> Option<&Macro> {
-        self.0.get(name)
+        self.defined.get(name)
+    }
+
+    /// Returns `false` if the macro of this name is known to expand to more than numbers and operators.
+    pub fn may_be_constant(&self, name: &str) -> bool {
+        !self.not_constant.borrow().contains(name)
+    }
+
+    /// Stores that the macro of this name expands to more than numbers and operators.
+    pub fn is_not_constant(&self, name: &str) {
+        self.not_constant.borrow_mut().insert(name.to_owned());
+    }
+
+    /// Counts tokens that an expansion makes. Returns an error if expansions make too many tokens: a few lines can define
+    /// macros that double a text any number of times.
+    pub fn count(&self, tokens: usize) -> Result<(), String> {
+        self.made.set(self.made.get() + tokens);
+        let fits = self.made.get() <= MOST_TOKENS;
+        fits.then_some(()).ok_or_else(|| format!("macros expand to more than {MOST_TOKENS} tokens"))
+    }
+
+    /// Calls `expand` for a text in this line; `expand` may call this function again. Returns an error if these calls are
+    /// nested too deeply.
+    pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
+        let depth = self.nested.get();
+        if depth == MOST_NESTED {
+            return Err((line, format!("macro calls are nested in more than {MOST_NESTED} levels")));
+        }
+        self.nested.set(depth + 1);
+        let expanded = expand();
+        self.nested.set(depth);
+        expanded
     }
 
     /// Reads the definition in a compiler's `-D` option: `NAME=VALUE`, or only `NAME`, which means `NAME=1`.
@@ -44,12 +92,14 @@ impl Macros {
             }
             _ => (None, rest),
         };
-        self.0.insert(name.text.clone(), Macro { parameters, body: laid_out(body) });
+        self.not_constant.get_mut().clear();
+        self.defined.insert(name.text.clone(), Macro { parameters, body: laid_out(body) });
         Ok(())
     }
 
     pub fn undefine(&mut self, name: &str) {
-        self.0.remove(name);
+        self.not_constant.get_mut().clear();
+        self.defined.remove(name);
     }
 }
 

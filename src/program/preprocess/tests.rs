@@ -333,3 +333,32 @@ fn a_long_body_is_set_apart_from_its_head_and_a_short_one_is_not() {
 fn a_call_whose_brackets_close_on_a_later_line_is_joined() {
     assert_eq!(text("#define CALL f\nCALL(a,\n    (b),\n    c);\nd;\n"), "f(a, (b), c);\nd;\n");
 }
+
+#[test]
+fn calls_nested_too_deeply_are_refused_with_their_line() {
+    let nested = |levels| format!("#define F(a) a\n\n{}1{}\n", "F(".repeat(levels), ")".repeat(levels));
+    assert_eq!(text(&nested(90)).trim(), "1");
+    let said = mistake(&nested(20_000));
+    assert!(
+        said.contains("line 3: ") && said.contains("macro calls are nested in more than 100 levels"),
+        "{said}"
+    );
+}
+
+#[test]
+fn macros_that_double_a_text_again_and_again_are_refused() {
+    let doubled = |times: usize| {
+        let define = |n| format!("#define D{} D{n} x D{n}\n", n + 1);
+        format!("#define D0 y\n{}\nD{times}\n", (0..times).map(define).collect::<String>())
+    };
+    assert_eq!(text(&doubled(3)).matches('x').count(), 7);
+    let said = mistake(&doubled(40));
+    assert!(said.contains("line 43: macros expand to more than 500000 tokens"), "{said}");
+}
+
+#[test]
+fn a_chain_of_macros_is_as_long_as_a_user_likes() {
+    let link = |n| format!("#define C{n} C{}\n", n + 1);
+    let chain = format!("{}#define C50 f()\nC0;\n", (0..50).map(link).collect::<String>());
+    assert_eq!(text(&chain).trim(), "f();");
+}
