@@ -34,7 +34,7 @@ pub(super) fn holds(line: &[Token], macros: &Macros, compiler: &mut Compiler) ->
     let asked = answer_questions(line, macros, compiler)?;
     let expanded = expand(macros, asked, true).map_err(|(_, message)| message)?;
     let tokens = expanded.into_iter().filter(Token::is_code).collect();
-    let mut parser = Parser { tokens, at: 0, compiler };
+    let mut parser = Parser { tokens, at: 0, depth: 0, compiler };
     let value = parser.choice(true)?;
     match parser.peek() {
         None => Ok(value != 0),
@@ -89,10 +89,27 @@ const LEVELS: &[&[&str]] = &[
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,
+    /// The number of choices and unary operators around the current token.
+    depth: usize,
     compiler: &'a mut Compiler,
 }
 
+/// The largest number of choices and unary operators (such as brackets) within each other. Each of them needs a part of
+/// the thread's stack.
+const MOST_NESTED: usize = 100;
+
 impl Parser<'_> {
+    /// Calls `parse` one level deeper.
+    fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<i64, String>) -> Result<i64, String> {
+        if self.depth == MOST_NESTED {
+            return Err(format!("the condition is nested in more than {MOST_NESTED} levels"));
+        }
+        self.depth += 1;
+        let value = parse(self);
+        self.depth -= 1;
+        value
+    }
+
     fn peek(&self) -> Option<&str> {
         self.tokens.get(self.at).map(|token| token.text.as_str())
     }
@@ -116,9 +133,9 @@ impl Parser<'_> {
         if !self.next_is("?") {
             return Ok(condition);
         }
-        let yes = self.choice(live && condition != 0)?;
+        let yes = self.nested(|inner| inner.choice(live && condition != 0))?;
         self.expect(":")?;
-        let no = self.choice(live && condition == 0)?;
+        let no = self.nested(|inner| inner.choice(live && condition == 0))?;
         Ok(if condition != 0 { yes } else { no })
     }
 
@@ -140,11 +157,11 @@ impl Parser<'_> {
             return self.atom();
         };
         if operator == "(" {
-            let value = self.choice(live)?;
+            let value = self.nested(|inner| inner.choice(live))?;
             self.expect(")")?;
             return Ok(value);
         }
-        let value = self.unary(live)?;
+        let value = self.nested(|inner| inner.unary(live))?;
         Ok(match operator {
             "!" => i64::from(value == 0),
             "-" => value.wrapping_neg(),

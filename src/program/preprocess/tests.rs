@@ -362,3 +362,16 @@ fn a_chain_of_macros_is_as_long_as_a_user_likes() {
     let chain = format!("{}#define C50 f()\nC0;\n", (0..50).map(link).collect::<String>());
     assert_eq!(text(&chain).trim(), "f();");
 }
+
+#[test]
+fn conditions_nested_too_deeply_are_refused_with_their_line() {
+    let inside = |before: &str, after: &str, levels| {
+        format!("\n#if {}1{}\nyes\n#endif\n", before.repeat(levels), after.repeat(levels))
+    };
+    let expected = "line 2: the condition is nested in more than 100 levels";
+    for (before, after) in [("(", ")"), ("!!", ""), ("1 ? 1 : ", ""), ("-(0 + ", ")")] {
+        assert_eq!(text(&inside(before, after, 30)).trim(), "yes", "{before}");
+        let said = mistake(&inside(before, after, 50_000));
+        assert!(said.contains(expected), "{said}");
+    }
+}
