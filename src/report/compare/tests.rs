@@ -72,14 +72,15 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // In one launch (worker process) the point is as fast as before, in another launch it is 20%
-    // slower. The mean change is 10%, and its interval is wide.
+    // The point is 10% slower in one launch (worker process) and 50% slower in another. So even its fastest samples are
+    // slower, but the interval of its mean change is wide.
     let mut after = before.clone();
-    after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.2);
-    after[2].median_ms = Some(5.5);
+    after[2].samples_ms[..5].iter_mut().for_each(|ms| *ms *= 1.1);
+    after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.5);
+    after[2].median_ms = Some(6.5);
     let comparison = of(&folder("old", before), &folder("new", after));
     let found = comparison.pairs[2].change_percent();
-    assert!(found.is_some_and(|percent| percent > 8.0), "{found:?}");
+    assert!(found.is_some_and(|percent| percent > 20.0), "{found:?}");
     assert!(comparison.regressions(5.0).is_empty(), "{:?}", comparison.regressions(5.0));
 }
 
