@@ -182,6 +182,10 @@ fn values_that_leave_single_precision_are_refused_with_their_line() {
         has(&message, said);
         has(&message, &["help:"]);
     }
+}
+
+#[test]
+fn values_of_a_material_file_that_leave_single_precision_are_ignored_with_a_note() {
     let device = crate::binary::device();
     let small = ["--width", "16", "--height", "10", "--device", &device];
     let mesh = "mtllib a.mtl\nusemtl x\nv 0 1 -2\nv -1.9 -1 -2\nv 1.6 -0.5 -2\nf 1 2 3\n";
