@@ -40,8 +40,10 @@ fn plural(what: &str) -> String {
             return format!("{}{joint}{rest}", plural(first));
         }
     }
+    if let Some(before) = what.strip_suffix("vertex") {
+        return format!("{before}vertices");
+    }
     match what {
-        "vertex" => "vertices".to_owned(),
         _ if what.ends_with("sh") || what.ends_with("ch") => format!("{what}es"),
         _ => match what.strip_suffix("ry") {
             Some(stem) => format!("{stem}ries"),

@@ -123,27 +123,40 @@ fn an_obj_without_triangles() {
 fn nan_in_an_obj() {
     let message = mesh_mistake("v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n");
     has(&message, &["mesh.obj:3", "`nan` in a vertex", "expected a finite decimal number"]);
-    let message = mesh_mistake("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 inf 1\nf 1//1 2//1 3//1\n");
-    has(&message, &["mesh.obj:4", "`inf` in a normal", "expected a finite decimal number"]);
+}
+
+#[test]
+fn values_of_an_obj_that_are_not_valid_and_not_needed_are_remarked_on() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 inf 1\nv nan 0 0\nf 1//1 2//1 3//1\n";
+    let place = Place::with(&[("mesh.obj", text)]);
+    let device = crate::binary::device();
+    let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
+    has(
+        &text,
+        &[
+            "mesh.obj: line 4: `inf` in a normal; expected a finite decimal number",
+            "1 such normal is ignored",
+            "mesh.obj: line 5: `nan` in a vertex; expected a finite decimal number",
+            "1 such vertex that no face uses is ignored",
+        ],
+    );
 }
 
 #[test]
 fn a_normal_index_that_does_not_exist() {
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
-    // Incorrect faces that some exporters write and other programs accept cause only a note. A number 0 is an
-    // error, since all numbers start at 1.
+    // Incorrect faces that some exporters write and other programs accept cause only a note.
     let device = crate::binary::device();
-    let place = Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1 2\n"))]);
+    let place =
+        Place::with(&[("mesh.obj", &format!("{corners}f 1//1 2//1 3//2\nf 1//0 2//1 3//1\nf 1 2\n"))]);
     let text = place.output(&["render", "mesh.obj", "--width", "16", "--height", "10", "--device", &device]);
     has(
         &text,
         &[
-            "mesh.obj: line 5: 1 face names normals (vn) that do not exist in the file",
-            "line 6: 1 face of fewer than three corners is left out",
+            "mesh.obj: line 5: 2 faces name normals (vn) that do not exist in the file",
+            "line 7: 1 face of fewer than three corners is left out",
         ],
     );
-    let message = mesh_mistake(&format!("{corners}f 1//1 2//1 3//0\n"));
-    has(&message, &["mesh.obj:5", "normal index `0` in `3//0` does not exist", "expected 1 to 1"]);
     let message = scene_mistake(&TRIANGLE.replace(
         "faces = [[0, 1, 2]]",
         "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 1]]",

@@ -182,12 +182,19 @@ fn values_that_leave_single_precision_are_refused_with_their_line() {
         has(&message, said);
         has(&message, &["help:"]);
     }
+}
+
+#[test]
+fn values_of_a_material_file_that_leave_single_precision_are_ignored_with_a_note() {
+    let device = crate::binary::device();
+    let small = ["--width", "16", "--height", "10", "--device", &device];
     let mesh = "mtllib a.mtl\nusemtl x\nv 0 1 -2\nv -1.9 -1 -2\nv 1.6 -0.5 -2\nf 1 2 3\n";
     for (line, said) in
         [("Kd 3e38", "`3e38` in Kd"), ("Ks 1 2 1e7", "`1e7` in Ks"), ("Ns 1e7", "`1e7` in Ns")]
     {
         let place = Place::with(&[("a.obj", mesh), ("a.mtl", &format!("newmtl x\n{line}\n"))]);
-        has(&place.mistake(&["render", "a.obj"], 2), &["a.mtl:2", said, "from 0 to 1e6", "help:"]);
+        let text = place.output(&[&["render", "a.obj"][..], &small].concat());
+        has(&text, &["a.mtl:2: ", said, "from 0 to 1e6", "1 such line is ignored"]);
     }
 }
 

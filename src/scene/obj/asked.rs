@@ -39,7 +39,7 @@ pub(in crate::scene) enum Wish {
 
 impl Wish {
     /// Returns the feature's name, and how raycl treats the feature.
-    fn words(self) -> (&'static str, &'static str) {
+    pub fn words(self) -> (&'static str, &'static str) {
         match self {
             Self::Texture => ("textures", "only a material's colour may have a texture"),
             Self::TextureOption => ("options of textures", "they are ignored"),

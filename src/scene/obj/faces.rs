@@ -1,5 +1,6 @@
 //! The second pass over an OBJ file: reads faces, cuts them into triangles, and checks every index.
 
+use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
 use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, words};
@@ -38,11 +39,20 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]
 /// The inputs for reading faces.
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
+    /// The normals that are not valid, in order.
+    pub odd_normals: &'a [Odd],
     pub total: Start<'a>,
     /// Indices of materials; 0 is the default material.
     pub materials: &'a HashMap<String, u32>,
     /// True if texture coordinates were read.
     pub mapped: bool,
+}
+
+impl FaceContext<'_> {
+    /// Returns whether the normal of this index is not valid.
+    fn is_odd(&self, normal: u32) -> bool {
+        self.odd_normals.binary_search_by_key(&(normal as usize), |odd| odd.number).is_ok()
+    }
 }
 
 /// The triangles of a piece; missing normals are [`MISSING`].
@@ -89,6 +99,9 @@ type Corner = (u32, u32, u32);
 /// In a [`Corner`]: the index of a normal that the file does not have.
 const LOST: u32 = MISSING - 1;
 
+/// In a [`Corner`]: the index of a normal that is not valid.
+const ODD: u32 = MISSING - 2;
+
 /// Returns whether some corners have a normal and others have none.
 fn some_normals_missing(corners: &[Corner]) -> bool {
     let missing = corners.iter().filter(|corner| corner.1 == MISSING).count();
@@ -106,13 +119,15 @@ impl FaceChunk {
         0
     }
 
-    /// Counts irregularities of a face. If the face refers to a normal that does not exist, all normals
-    /// of the face are dropped.
+    /// Counts irregularities of a face. If the face refers to a normal that does not exist or is not valid, all
+    /// normals of the face are dropped. (Normals that are not valid are counted where they are defined.)
     fn look_at(&mut self, offset: usize, corners: &mut [Corner]) {
         if corners.len() < 3 {
             self.short.at(offset);
-        } else if corners.iter().any(|corner| corner.1 == LOST) {
-            self.lost_normals.at(offset);
+        } else if corners.iter().any(|corner| matches!(corner.1, ODD | LOST)) {
+            if corners.iter().any(|corner| corner.1 == LOST) {
+                self.lost_normals.at(offset);
+            }
             corners.iter_mut().for_each(|corner| corner.1 = MISSING);
         } else if some_normals_missing(corners) {
             self.partial_normals.get_or_insert(offset);
@@ -189,11 +204,12 @@ fn corner(context: &FaceContext, seen: &Start, token: &[u8]) -> Result<Corner, S
     Ok((position, normal, coordinate))
 }
 
-/// Returns a normal's index, or [`LOST`] if the file has no such normal. 0 and text that is not a number are
-/// mistakes.
+/// Returns a normal's index, [`LOST`] if the file has no such normal, or [`ODD`] if the normal is not valid. Text that
+/// is not a number is a mistake.
 fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Result<u32, String> {
     match resolve(part, token, "normal", seen.normals, context.total.normals) {
-        Err(_) if integer(part).is_some_and(|value| value != 0) => Ok(LOST),
+        Err(_) if integer(part).is_some() => Ok(LOST),
+        Ok(index) if context.is_odd(index) => Ok(ODD),
         other => other,
     }
 }

@@ -14,10 +14,12 @@ mod asked;
 mod faces;
 mod mtl;
 mod notes;
+mod odd;
 mod points;
 mod polygon;
 mod text;
 mod textures;
+mod values;
 mod wishes;
 
 use super::files::{MeshFile, colours_note, origin_of, paint};
@@ -53,9 +55,9 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
     let chunks = text::chunks(&text);
-    let (points, origin) = read_points(&source, &chunks)?;
+    let (points, origin) = read_points(&chunks);
     let mut notes = Vec::new();
-    points::check_flat(&points, &mut notes).map_err(|mistake| source.error(mistake))?;
+    points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
@@ -77,8 +79,16 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         mesh.normals.extend_from_slice(&chunk.normals);
     }
 
+    let (odd_vertices, odd_normals) = (odd::vertices(&points, &starts), odd::normals(&points, &starts));
+    odd::replace(&mut mesh.positions, &odd_vertices);
     let mapped = !coordinates.is_empty();
-    let context = FaceContext { positions: &mesh.positions, total, materials: &materials.by_name, mapped };
+    let context = FaceContext {
+        positions: &mesh.positions,
+        odd_normals: &odd_normals,
+        total,
+        materials: &materials.by_name,
+        mapped,
+    };
     let read = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
     let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
     mesh.triangles = concatenate(&faces);
@@ -92,6 +102,9 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         };
         return Err(source.error(Mistake::new(text.len(), what)));
     }
+    odd::check_vertices(&odd_vertices, &mesh, &source, &mut notes)
+        .map_err(|mistake| source.error(mistake))?;
+    odd::note_normals(&odd_normals, &source, &mut notes);
     faces::note_partial_normals(&faces, &source, &mut notes);
     faces::note_odd_faces(&faces, &source, &mut notes);
     faces::note_unknown_materials(&faces, quotes, &mut notes);
@@ -120,15 +133,18 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
 
 /// Returns the points of all pieces, and the vector that was subtracted from them. If a mesh is far from its
 /// origin, its points are read again in double precision.
-fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DVec3)> {
-    let read =
-        |origin| in_order(source, chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect());
-    let points: Vec<PointChunk> = read(DVec3::ZERO)?;
+fn read_points(chunks: &[Chunk]) -> (Vec<PointChunk>, DVec3) {
+    let read = |origin| {
+        let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect();
+        points::drop_mixed(&mut points);
+        points
+    };
+    let points = read(DVec3::ZERO);
     let bounds = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
     let (low, high) = bounds.unwrap_or((Vec3::ZERO, Vec3::ZERO));
     match origin_of(low.as_dvec3(), high.as_dvec3()) {
-        DVec3::ZERO => Ok((points, DVec3::ZERO)),
-        origin => Ok((read(origin)?, origin)),
+        DVec3::ZERO => (points, DVec3::ZERO),
+        origin => (read(origin), origin),
     }
 }
 

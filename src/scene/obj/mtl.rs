@@ -1,16 +1,16 @@
-//! Reads MTL files. Each line is checked first, so that an error message can name the line; then `tobj` reads the checked
-//! lines.
+//! Reads MTL files. Each line is checked first, so that a note can name the line; then `tobj` reads the checked lines.
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Source, keyword, number, quoted, tokens, words};
+use super::text::{Mistake, Source, keyword, quoted, tokens, words};
 use super::textures::{Map, Maps};
+use super::values::{self, Ignored, Unfit};
 use super::wishes;
 use crate::error::Result;
 use crate::filetype::{FileType, Foreign, MTL};
 use crate::reader::{self, Kind, lies_in};
 use crate::scene::INPUTS;
-use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, Material, PAPER_SHININESS};
+use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub(super) fn load_all<'a>(
     for library in libraries {
         for name in reach.file_names(library) {
             match reach.open(name) {
-                Ok(bytes) => materials.add(reach, name, &bytes)?,
+                Ok(bytes) => materials.add(reach, name, &bytes, notes)?,
                 Err(reason) => {
                     let quoted = || format!(" {}", quoted(name.as_bytes()));
                     let name = if reach.permitted.quotes { quoted() } else { String::new() };
@@ -115,13 +115,14 @@ const OUTSIDE: &str =
     "lies outside the mesh's folder and is not read (outside_materials = true in its [[object]] allows it)";
 
 impl Materials {
-    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8]) -> Result<()> {
+    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8], notes: &mut Vec<String>) -> Result<()> {
         let text = super::text::normalise(bytes);
         let path = reach.folder.join(name);
         let quotes = reach.permitted.quotes && lies_in(&path, reach.folder);
         let name = &path.display().to_string();
         let source = Source { name, text: &text, quotes };
-        let checked = check(&text).map_err(|mistake| source.error(mistake))?;
+        let checked = check(&text);
+        notes.extend(checked.ignored.notes(&source));
         let (list, _) = tobj::load_mtl_buf(&mut checked.plain.as_bytes())
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
         for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
@@ -150,6 +151,8 @@ struct Checked {
     plain: String,
     /// The properties of each material that `tobj` does not read.
     extras: Vec<Extras>,
+    /// Lines with values that raycl cannot use.
+    ignored: Ignored,
 }
 
 /// The properties of a material that are not read by `tobj`.
@@ -179,52 +182,42 @@ impl Extras {
     }
 }
 
+impl Checked {
+    fn read(&mut self, offset: usize, name: &[u8], rest: &[u8]) -> std::result::Result<(), Unfit> {
+        match name {
+            b"newmtl" => {
+                let name = words(rest);
+                self.plain += &format!("newmtl {}\n", if name.is_empty() { NAMELESS } else { &name });
+                self.extras.push(Extras::default());
+            }
+            b"Kd" | b"Ks" => {
+                let name = words(name);
+                let [r, g, b] = values::colour(&name, rest)?;
+                self.plain += &format!("{name} {r} {g} {b}\n");
+            }
+            b"Ns" => self.plain += &format!("Ns {}\n", values::shininess(rest)?),
+            _ => {
+                self.extras.iter_mut().last().into_iter().for_each(|last| last.read(offset, name, rest));
+                values::unused(name, rest)?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Returns the lines that raycl uses, checked and in a form that `tobj` accepts: `tobj` fails on an empty `map_Kd`, a
 /// single grey value, an inline comment or Latin-1 text.
-fn check(text: &[u8]) -> std::result::Result<Checked, Mistake> {
-    let Checked { mut plain, mut extras } = Checked::default();
+fn check(text: &[u8]) -> Checked {
+    let mut checked = Checked::default();
     for chunk in super::text::chunks(text) {
         for (offset, line) in chunk.lines() {
-            match keyword(line) {
-                (b"newmtl", rest) => {
-                    let name = words(rest);
-                    plain.push_str(&format!("newmtl {}\n", if name.is_empty() { NAMELESS } else { &name }));
-                    extras.push(Extras::default());
-                }
-                (name @ (b"Kd" | b"Ks"), rest) => {
-                    let [r, g, b] = colour(name, rest).map_err(|message| Mistake::new(offset, message))?;
-                    plain.push_str(&format!("{} {r} {g} {b}\n", words(name)));
-                }
-                (b"Ns", rest) => {
-                    let token = tokens(rest).next().unwrap_or_default();
-                    let value = value(b"Ns", token).map_err(|message| Mistake::new(offset, message))?;
-                    plain.push_str(&format!("Ns {value}\n"));
-                }
-                (name, rest) => {
-                    extras.iter_mut().last().into_iter().for_each(|last| last.read(offset, name, rest))
-                }
+            let (name, rest) = keyword(line);
+            if let Err(unfit) = checked.read(offset, name, rest) {
+                checked.ignored.add(offset, unfit);
             }
         }
     }
-    Ok(Checked { plain, extras })
-}
-
-/// Parses three values, or one value that sets all three, as MTL allows.
-fn colour(name: &[u8], rest: &[u8]) -> std::result::Result<[f32; 3], String> {
-    let values: Vec<f32> =
-        tokens(rest).take(3).map(|token| value(name, token)).collect::<std::result::Result<_, _>>()?;
-    match values[..] {
-        [grey] => Ok([grey; 3]),
-        [r, g, b] => Ok([r, g, b]),
-        _ => Err(format!("{} with {} numbers; expected one or three", words(name), values.len())),
-    }
-}
-
-fn value(name: &[u8], token: &[u8]) -> std::result::Result<f32, String> {
-    let most = if name == b"Ns" { MAX_SHININESS } else { MAX_REFLECTANCE };
-    number(token)
-        .filter(|value| (0.0..=most).contains(value))
-        .ok_or_else(|| format!("{} in {}; expected a number from 0 to {most:e}", quoted(token), words(name)))
+    checked
 }
 
 /// Converts a material: Kd is k_L, Ks is k_G and Ns is s. Without a Ks there is no highlight.

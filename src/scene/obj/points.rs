@@ -1,7 +1,9 @@
 //! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported statements.
+//! Vertices and normals that are not valid are only recorded here, since the file may not use them ([`super::odd`]).
 
 use super::asked::Asked;
-use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};
+use super::odd::Odd;
+use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
 use crate::scene::files::linear;
@@ -34,8 +36,12 @@ pub(super) struct PointChunk {
     pub brightest: f32,
     /// The smoothing groups in `s` lines, including `off`.
     pub smoothing: BTreeSet<String>,
-    /// Number of vertices with only two coordinates.
-    pub flat: Seen,
+    /// The vertices with only two coordinates.
+    pub flat: Vec<Odd>,
+    /// The vertices that are not valid. Their positions are NaN.
+    pub odd_vertices: Vec<Odd>,
+    /// The normals that are not valid. They are zero.
+    pub odd_normals: Vec<Odd>,
     /// Unsupported statements.
     pub asked: Asked,
 }
@@ -52,42 +58,58 @@ impl PointChunk {
         self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
-    /// Reads a vertex with only two coordinates (z is 0), and counts it. For any other number of
-    /// coordinates, returns the given mistake.
-    fn flat_vertex(
-        &mut self,
-        offset: usize,
-        rest: &[u8],
-        origin: DVec3,
-        mistake: Mistake,
-    ) -> Result<Vec3, Mistake> {
-        if tokens(rest).count() != 2 {
-            return Err(mistake);
+    /// Reads a vertex; `origin` is subtracted from its position.
+    fn vertex(&mut self, rest: &[u8], offset: usize, origin: DVec3) {
+        let mut words = tokens(rest);
+        match coordinates(&mut words, origin) {
+            Some(position) => {
+                self.positions.push(position);
+                self.colour(words);
+            }
+            None => self.odd_vertex(rest, offset, origin),
         }
-        self.flat.at(offset);
-        position(offset, &mut tokens(rest).chain([&b"0"[..]]), origin)
     }
 
-    /// Returns the bounding box of the positions.
+    /// Reads a vertex that does not have three valid coordinates. If the vertex has two valid coordinates, z is 0.
+    fn odd_vertex(&mut self, rest: &[u8], offset: usize, origin: DVec3) {
+        let odd = Odd { number: self.positions.len(), offset };
+        let with_z = || coordinates(&mut tokens(rest).chain([&b"0"[..]]), origin);
+        let flat = (tokens(rest).count() == 2).then(with_z).flatten();
+        let list = if flat.is_some() { &mut self.flat } else { &mut self.odd_vertices };
+        list.push(odd);
+        self.positions.push(flat.unwrap_or(Vec3::NAN));
+    }
+
+    fn normal(&mut self, rest: &[u8], offset: usize) {
+        let normal = vector(offset, "normal", &mut tokens(rest)).unwrap_or_else(|_| {
+            self.odd_normals.push(Odd { number: self.normals.len(), offset });
+            Vec3::ZERO
+        });
+        self.normals.push(normal);
+    }
+
+    /// Records the vertices with two coordinates as vertices that are not valid.
+    fn drop_flat(&mut self) {
+        self.flat.iter().for_each(|flat| self.positions[flat.number] = Vec3::NAN);
+        self.odd_vertices.append(&mut self.flat);
+        self.odd_vertices.sort_unstable_by_key(|odd| odd.number);
+    }
+
+    /// Returns the bounding box of the valid positions.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
-        let first = *self.positions.first()?;
-        Some(self.positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
+        let mut valid = self.positions.iter().filter(|position| !position.is_nan());
+        let first = *valid.next()?;
+        Some(valid.fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
     }
 }
 
 /// Reads a piece; `origin` is subtracted from positions.
-pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> {
+pub(super) fn read(chunk: &Chunk, origin: DVec3) -> PointChunk {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
-            (b"v", rest) => {
-                let mut words = tokens(rest);
-                let position = position(offset, &mut words, origin)
-                    .or_else(|mistake| points.flat_vertex(offset, rest, origin, mistake))?;
-                points.positions.push(position);
-                points.colour(words);
-            }
-            (b"vn", rest) => points.normals.push(vector(offset, "normal", &mut tokens(rest))?),
+            (b"v", rest) => points.vertex(rest, offset, origin),
+            (b"vn", rest) => points.normal(rest, offset),
             (b"f" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
             (b"usemtl", rest) => points.last_material = Some(words(rest)),
@@ -97,7 +119,7 @@ pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> 
             (word, rest) => wishes::of_line(&mut points.asked, word, rest),
         }
     }
-    Ok(points)
+    points
 }
 
 /// Returns the linear colours of the file's vertices. Some programs write colours from 0 to 255, and all colours
@@ -115,16 +137,20 @@ pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
 }
 
 /// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. If other
-/// vertices have more coordinates, the first vertex with two coordinates is a mistake.
-pub(super) fn check_flat(chunks: &[PointChunk], notes: &mut Vec<String>) -> Result<(), Mistake> {
-    let flat = chunks.iter().map(|chunk| chunk.flat).fold(Seen::default(), Seen::joined);
-    let total: usize = chunks.iter().map(|chunk| chunk.positions.len()).sum();
-    if 0 < flat.count && flat.count < total {
-        return Err(Mistake::new(flat.first, "a vertex with 2 numbers; expected three: x y z"));
+/// valid vertices have more coordinates, vertices with two coordinates are not valid.
+pub(super) fn drop_mixed(chunks: &mut [PointChunk]) {
+    let flat: usize = chunks.iter().map(|chunk| chunk.flat.len()).sum();
+    let valid: usize = chunks.iter().map(|chunk| chunk.positions.len() - chunk.odd_vertices.len()).sum();
+    if 0 < flat && flat < valid {
+        chunks.iter_mut().for_each(PointChunk::drop_flat);
     }
-    let note = || format!("{} with two numbers each: z is 0", counted(flat.count, "vertex"));
-    notes.extend((flat.count > 0).then(note));
-    Ok(())
+}
+
+/// Adds a note on vertices with only two coordinates.
+pub(super) fn note_flat(chunks: &[PointChunk], notes: &mut Vec<String>) {
+    let flat = chunks.iter().map(|chunk| chunk.flat.len()).sum();
+    let note = || format!("{} with two numbers each: z is 0", counted(flat, "vertex"));
+    notes.extend((flat > 0).then(note));
 }
 
 /// Reads the texture coordinates of a piece: two numbers each. The second number may be missing, and a
@@ -151,15 +177,27 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Reads a position; `origin` is subtracted from it.
-fn position<'a>(
-    offset: usize,
-    tokens: &mut impl Iterator<Item = &'a [u8]>,
-    origin: DVec3,
-) -> Result<Vec3, Mistake> {
-    if origin != DVec3::ZERO {
-        return relative(offset, tokens, origin);
+/// Reads a position, and subtracts `origin` from it. Returns `None` if the position is not valid.
+fn coordinates<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, origin: DVec3) -> Option<Vec3> {
+    match origin {
+        DVec3::ZERO => position(0, tokens).ok(),
+        _ => relative(tokens, origin),
     }
+}
+
+/// Returns the mistake in a vertex that is not valid.
+pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8]) -> Mistake {
+    let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");
+    position(offset, &mut tokens(rest)).map_or_else(|mistake| mistake, flat)
+}
+
+/// Returns the mistake in a normal that is not valid.
+pub(super) fn mistake_in_normal(offset: usize, rest: &[u8]) -> Mistake {
+    let none = |_| Mistake::new(offset, "a normal is not valid");
+    vector(offset, "normal", &mut tokens(rest)).map_or_else(|mistake| mistake, none)
+}
+
+fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<Vec3, Mistake> {
     let position = vector(offset, "vertex", tokens)?;
     if position.abs().max_element() <= MAX_COORDINATE {
         return Ok(position);
@@ -173,21 +211,15 @@ fn position<'a>(
 }
 
 /// Reads a position in double precision, and subtracts `origin`. The mesh is far from its origin, and its positions
-/// were at first read in single precision.
-fn relative<'a>(
-    offset: usize,
-    tokens: &mut impl Iterator<Item = &'a [u8]>,
-    origin: DVec3,
-) -> Result<Vec3, Mistake> {
+/// were at first read in single precision. A position is valid if it was valid then.
+fn relative<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, origin: DVec3) -> Option<Vec3> {
     let mut values = [0.0; 3];
     for value in &mut values {
-        let token = tokens.next().unwrap_or_default();
-        let what = || {
-            Mistake::new(offset, format!("{} in a vertex; expected a finite decimal number", quoted(token)))
-        };
-        *value = decimal(token).ok_or_else(what)?;
+        *value = decimal(tokens.next()?)?;
     }
-    Ok((DVec3::from_array(values) - origin).as_vec3())
+    let position = DVec3::from_array(values);
+    let valid = position.as_vec3().abs().max_element() <= MAX_COORDINATE;
+    valid.then(|| (position - origin).as_vec3())
 }
 
 /// Reads the first three numbers; a weight or a colour may follow.
@@ -199,7 +231,8 @@ fn vector<'a>(
     let mut values = [0.0; 3];
     for (count, value) in values.iter_mut().enumerate() {
         let token = tokens.next().ok_or_else(|| {
-            Mistake::new(offset, format!("a {what} with {count} numbers; expected three: x y z"))
+            let numbers = counted(count, "number");
+            Mistake::new(offset, format!("a {what} with {numbers}; expected three: x y z"))
         })?;
         *value = number(token).ok_or_else(|| {
             let expected = "expected a finite decimal number";

@@ -1,6 +1,7 @@
 //! Tests with irregular and invalid files; `tobj` is the reference for valid files.
 
 mod materials;
+mod odd;
 
 use super::*;
 use crate::filetype::Opened;
@@ -34,10 +35,12 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
     let cases = [
         (String::new(), "test.obj:1: no triangles"),
         (format!("{CORNERS}l 1 2 3\n"), "test.obj:5: no triangles: 3 vertices"),
-        ("v nan 0 0\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
-        ("\nv 0 1e400 0\n".to_owned(), "test.obj:2: `1e400`"),
-        ("v 0 0 0\nv 0 0\n".to_owned(), "test.obj:2: a vertex with 2 numbers; expected three"),
-        ("v 1e38 0 0\n".to_owned(), "test.obj:1: vertex (1e38"),
+        ("v nan 0 0\nf 1 1 1\n".to_owned(), "test.obj:1: `nan` in a vertex; expected a finite"),
+        ("\nv 0 1e400 0\nf 1 1 1\n".to_owned(), "test.obj:2: `1e400`"),
+        ("v 0 0 0\nv 0 0\nf 1 1 2\n".to_owned(), "test.obj:2: a vertex with 2 numbers; expected three"),
+        ("v 1\nf 1 1 1\n".to_owned(), "test.obj:1: a vertex with 1 number; expected three"),
+        ("v 1e38 0 0\nf 1 1 1\n".to_owned(), "test.obj:1: vertex (1e38"),
+        ("v nan 0 0\nv 0 0 0\n".to_owned(), "test.obj:3: no triangles: 2 vertices"),
         (format!("{CORNERS}f 0 1 2\n"), "test.obj:4: vertex index `0`"),
         (
             format!("{CORNERS}f 1 2 4\n"),
@@ -45,7 +48,8 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
         ),
         (format!("{CORNERS}f -4 -2 -1\n"), "expected -3 to -1"),
         (format!("{CORNERS}f 1 2 99999999999999999999999\n"), "expected 1 to 3"),
-        (format!("{CORNERS}f 1//0 2//0 3//0\n"), "the file has no normal at all"),
+        (format!("{CORNERS}f 1//x 2//0 3//0\n"), "`x` in `1//x` is not an index"),
+        (format!("{CORNERS}f 1 2 \\"), "test.obj:4: `\\` in `\\` is not an index"),
         (format!("{CORNERS}f 1 2\n"), "test.obj:5: no triangles: 3 vertices"),
         (format!("{CORNERS}f 1 4\nf 1 2 3\n"), "test.obj:4: vertex index `4`"),
         (format!("{CORNERS}f 1 2 3.5\n"), "`3.5` in `3.5` is not an index"),
@@ -82,12 +86,12 @@ fn odd_but_clear_files_are_read() {
 
 #[test]
 fn a_mistake_after_continued_lines_has_its_own_line() {
-    assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\n").contains("test.obj:4: `x`"));
+    assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\nf 1 1 2\n").contains("test.obj:4: `x`"));
 }
 
 #[test]
 fn normals_that_the_file_lacks_are_made_and_told() {
-    for face in ["f 1//1 2//2 3//3", "f 1//1 2//1 3//-1", "f 1//2 2 3"] {
+    for face in ["f 1//1 2//2 3//3", "f 1//1 2//1 3//-1", "f 1//2 2 3", "f 1//0 2//0 3//0"] {
         let file = read(&format!("{CORNERS}{face}\n{face}\nf 1 2 3\n")).unwrap();
         assert_eq!(file.mesh.corner_normals(&file.mesh.triangles[0]), [glam::Vec3::Z; 3]);
         let [note] = &file.notes[..] else { panic!("{:?}", file.notes) };
@@ -140,11 +144,16 @@ fn normals_at_some_corners_only_are_generated_at_all() {
 
 /// Returns the notes for an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.
 fn notes_of(obj: &str, mtl: &str) -> Vec<String> {
+    with_materials(obj, mtl).notes
+}
+
+/// Reads an OBJ file that contains `obj` and then one triangle, with the material file `mtl`.
+fn with_materials(obj: &str, mtl: &str) -> MeshFile {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
     let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
     let text = format!("mtllib m.mtl\n{CORNERS}{obj}\nf 1 2 3\n");
-    parse("test.obj", reach, text.as_bytes()).unwrap().notes
+    parse("test.obj", reach, text.as_bytes()).unwrap()
 }
 
 #[test]

@@ -59,6 +59,19 @@ impl Source<'_> {
         1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
     }
 
+    /// Returns a mistake's line and message for a note. If the text may not be quoted, the form that the line should
+    /// have replaces the message.
+    pub fn told(&self, mistake: &Mistake) -> String {
+        let line = self.line(mistake.offset);
+        match self.quotes {
+            true => format!("line {line}: {}", mistake.message),
+            false => format!(
+                "line {line}: the line is not valid; expected {}",
+                expected(&self.text[mistake.offset..])
+            ),
+        }
+    }
+
     /// Returns the error with its file and line, and the line itself if it may be quoted.
     pub fn error(&self, mistake: Mistake) -> Error {
         let before = &self.text[..mistake.offset.min(self.text.len())];
@@ -91,8 +104,6 @@ fn expected(line: &[u8]) -> &'static str {
         b"vn" => "`vn x y z`: three finite numbers",
         b"f" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
         b"newmtl" => "`newmtl NAME`",
-        b"Kd" | b"Ks" => "one or three numbers from 0 to 1e6",
-        b"Ns" => "a number from 0 to 1e6",
         _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
     }
 }
@@ -206,7 +217,13 @@ pub(super) fn words(bytes: &[u8]) -> String {
 
 /// Returns a token for messages: printable, and shortened if it is long.
 pub(in crate::scene) fn quoted(token: &[u8]) -> String {
-    let mut shown: String = words(token).chars().take(40).flat_map(char::escape_default).collect();
+    let mut shown = String::new();
+    for char in words(token).chars().take(40) {
+        match char {
+            '\\' | '\'' | '"' => shown.push(char),
+            _ => shown.extend(char.escape_default()),
+        }
+    }
     if token.len() > 40 {
         shown.push_str("...");
     }
@@ -275,9 +292,6 @@ mod tests {
             ("vn x", "`vn x y z`: three finite numbers"),
             ("f x", "`f 1 2 3`: the numbers of three or more vertices that the file has"),
             ("newmtl", "`newmtl NAME`"),
-            ("Kd x", "one or three numbers from 0 to 1e6"),
-            ("Ks x", "one or three numbers from 0 to 1e6"),
-            ("Ns x", "a number from 0 to 1e6"),
             ("", "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`"),
         ] {
             let text = format!("# one\n{line}\n");
@@ -290,6 +304,12 @@ mod tests {
             let Error::Input(told) = told else { panic!("not an input error") };
             assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
         }
+    }
+
+    #[test]
+    fn only_characters_that_cannot_be_printed_are_escaped() {
+        assert_eq!(quoted(b"C:\\a'b\"c"), "`C:\\a'b\"c`");
+        assert_eq!(quoted(b"a\x1b[31m"), "`a\\u{1b}[31m`");
     }
 
     #[test]

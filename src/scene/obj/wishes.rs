@@ -54,6 +54,18 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
+/// Returns the unsupported feature that a keyword asks for by numbers, and the most numbers that the keyword has.
+pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
+    match &keyword.to_ascii_lowercase()[..] {
+        b"d" | b"tr" => Some((Wish::Transparency, 1)),
+        b"tf" => Some((Wish::Transparency, 3)),
+        b"ke" => Some((Wish::Emission, 3)),
+        b"ka" => Some((Wish::Ambient, 3)),
+        b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" => Some((Wish::Physical, 1)),
+        _ => None,
+    }
+}
+
 /// Counts a material's illumination model if raycl does not support it. Model 2 is supported; model 1 (no highlight) is
 /// supported if the material has no highlight.
 pub(super) fn of_model(asked: &mut Asked, model: Option<&[u8]>, has_highlight: bool) {

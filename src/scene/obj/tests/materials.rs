@@ -1,6 +1,7 @@
 //! Tests of material files: the folders from which they are read, and the materials that they define.
 
 use super::*;
+use crate::scene::material::PAPER_SHININESS;
 
 /// Makes a folder with a mesh that names a material file by `library`, and a material file outside of it.
 /// Returns whether the outer file was read, and the notes.
@@ -117,24 +118,70 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
 }
 
 #[test]
-fn a_material_has_its_three_channels_or_is_refused() {
+fn a_material_has_its_three_channels_or_the_default() {
     let folder = tempfile::tempdir().unwrap();
     let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
     let read = |line: &str| {
         std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{line}\n")).unwrap();
         let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
-        parse("test.obj", reach(), text.as_bytes()).map(|file| *file.mesh.material(&file.mesh.triangles[0]))
+        let file = parse("test.obj", reach(), text.as_bytes()).unwrap();
+        (*file.mesh.material(&file.mesh.triangles[0]), file.notes)
     };
-    assert_eq!(read("Kd 0.25 0.5 0.75").unwrap().lambertian, Vec3::new(0.25, 0.5, 0.75));
-    assert_eq!(read("Ks 0.25 0.5 0.75").unwrap().glossy, Vec3::new(0.25, 0.5, 0.75));
-    for (line, expected) in [
-        ("Kd 1 2", "m.mtl:2: Kd with 2 numbers; expected one or three"),
-        ("Ks x", "m.mtl:2: `x` in Ks; expected a number from 0 to 1e6"),
-        ("Ns -1", "m.mtl:2: `-1` in Ns; expected a number from 0 to 1e6"),
+    assert_eq!(read("Kd 0.25 0.5 0.75").0.lambertian, Vec3::new(0.25, 0.5, 0.75));
+    assert_eq!(read("Ks 0.25 0.5 0.75").0.glossy, Vec3::new(0.25, 0.5, 0.75));
+    let (colour, shininess) = ("one or three numbers from 0 to 1e6", "a number from 0 to 1e6");
+    let grey = "without Kd, k_L is 0.8 (grey), or 1 if there is a texture";
+    let (dull, usual) = ("without Ks, there is no highlight", format!("without Ns, s is {PAPER_SHININESS}"));
+    for (line, found, expected, instead) in [
+        ("Kd 1 2", "Kd with 2 numbers", colour, grey),
+        ("Kd", "Kd with 0 numbers", colour, grey),
+        ("Kd 0.5 -1 0", "`-1` in Kd", colour, grey),
+        ("Kd nan nan nan", "`nan` in Kd", colour, grey),
+        ("Kd 3e38", "`3e38` in Kd", colour, grey),
+        (
+            "Kd spectral a.rfl 1",
+            "`Kd spectral` is a form of colours that raycl does not support",
+            colour,
+            grey,
+        ),
+        ("Kd xyz .1 .2 .3", "`Kd xyz` is a form of colours that raycl does not support", colour, grey),
+        ("Ks x", "`x` in Ks", colour, dull),
+        ("Ks 1\nNs -1", "`-1` in Ns", shininess, &usual),
+        ("Ks 1\nNs 1e39", "`1e39` in Ns", shininess, &usual),
+        ("Ks 1\nNs", "Ns with 0 numbers", shininess, &usual),
     ] {
-        let error = read(line).unwrap_err().to_string();
-        assert!(error.ends_with(expected), "{line}: {error}");
+        let (material, notes) = read(line);
+        let number = 1 + line.lines().count();
+        let end = format!("m.mtl:{number}: {found}; expected {expected}: 1 such line is ignored; {instead}");
+        assert!(notes.len() == 1 && notes[0].ends_with(&end), "{line}: {notes:?}");
+        let glossy = Vec3::splat(if line.starts_with("Ks 1") { 1.0 } else { 0.0 });
+        assert_eq!((material.lambertian, material.glossy), (Vec3::splat(0.8), glossy), "{line}");
+        assert!(glossy == Vec3::ZERO || material.shininess == PAPER_SHININESS, "{line}");
     }
+}
+
+#[test]
+fn lines_with_unusable_values_are_counted_by_kind_and_the_others_are_used() {
+    let mtl = "newmtl a\nKd 0.5\nKd x\nKe nan 0 0\nd inf\nTf spectral a.rfl\nKd xyz 1 1 1\nd -halo 0.5\nTr 0 x\nnewmtl b\nKd -1\nKd y\n";
+    let notes = notes_of("", mtl);
+    let kinds = [
+        ("m.mtl:3: `x` in Kd; ", "3 such lines are ignored; "),
+        (
+            "m.mtl:4: `nan` in Ke; expected a finite number: ",
+            "1 such line is ignored; raycl does not support emitted light: ",
+        ),
+        (
+            "m.mtl:5: `inf` in d; expected a finite number: ",
+            "1 such line is ignored; raycl does not support transparency: ",
+        ),
+        ("m.mtl:7: `Kd xyz` is a form", "1 such line is ignored; "),
+    ];
+    assert_eq!(notes.len(), kinds.len(), "{notes:?}");
+    for (note, (start, end)) in notes.iter().zip(kinds) {
+        assert!(note.contains(start) && note.contains(end), "{note}");
+    }
+    let file = with_materials("usemtl a", mtl);
+    assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::splat(0.5));
 }
 
 /// A material file outside the mesh's folder may be somebody else's, so its text is not quoted.
@@ -149,12 +196,13 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
     let told = |library: &str, quotes: bool| {
         let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes } };
         let text = format!("mtllib {library}\n{CORNERS}f 1 2 3\n");
-        parse("test.obj", reach, text.as_bytes()).err().unwrap().to_string()
+        parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
     assert!(told("a.mtl", true).contains("secret"));
     for (library, quotes) in [("../a.mtl", true), ("a.mtl", false), ("../a.mtl", false)] {
-        let error = told(library, quotes);
-        assert!(error.ends_with("a.mtl:2: expected one or three numbers from 0 to 1e6"), "{error}");
+        let note = told(library, quotes);
+        let start = "a.mtl:2: a value of Kd is not valid; expected one or three numbers from 0 to 1e6: ";
+        assert!(note.contains(start) && !note.contains("secret"), "{note}");
     }
 }
 

@@ -1,0 +1,79 @@
+//! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for points
+//! that were not measured, and other leftovers that no face uses. A vertex that is not valid is a mistake only if a face
+//! uses the vertex. A normal that is not valid counts as missing.
+
+use super::faces::Start;
+use super::points::{PointChunk, mistake_in_normal, mistake_in_vertex};
+use super::text::{Mistake, Source, keyword};
+use crate::scene::Mesh;
+use crate::words::counted_are;
+use glam::Vec3;
+
+/// A vertex or a normal that is not valid.
+#[derive(Clone, Copy)]
+pub(super) struct Odd {
+    /// Its number, from 0, in its piece of the file or in the file.
+    pub number: usize,
+    /// The offset of its line in the text.
+    pub offset: usize,
+}
+
+/// Returns the vertices of all pieces that are not valid, numbered from the beginning of the file.
+pub(super) fn vertices(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
+    let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_vertices, start.positions);
+    points.iter().zip(starts).flat_map(numbered).collect()
+}
+
+/// Returns the normals of all pieces that are not valid, numbered from the beginning of the file.
+pub(super) fn normals(points: &[PointChunk], starts: &[Start]) -> Vec<Odd> {
+    let numbered = |(chunk, start): (&PointChunk, &Start)| after(&chunk.odd_normals, start.normals);
+    points.iter().zip(starts).flat_map(numbered).collect()
+}
+
+fn after(list: &[Odd], start: usize) -> Vec<Odd> {
+    list.iter().map(|odd| Odd { number: start + odd.number, ..*odd }).collect()
+}
+
+/// Moves vertices that are not valid to the place of a valid vertex, where they do not enlarge the mesh.
+pub(super) fn replace(positions: &mut [Vec3], odd: &[Odd]) {
+    if odd.is_empty() {
+        return;
+    }
+    let instead = positions.iter().copied().find(|position| !position.is_nan()).unwrap_or_default();
+    odd.iter().for_each(|odd| positions[odd.number] = instead);
+}
+
+/// Refuses vertices that are not valid if a triangle uses them, and otherwise adds a note on them.
+pub(super) fn check_vertices(
+    odd: &[Odd],
+    mesh: &Mesh,
+    source: &Source,
+    notes: &mut Vec<String>,
+) -> Result<(), Mistake> {
+    let Some(first) = odd.first() else { return Ok(()) };
+    let mistake = |odd: &Odd| mistake_in_vertex(odd.offset, rest_of_line(source, odd.offset));
+    let used = mesh.positions_of_triangles();
+    if let Some(odd) = odd.iter().find(|odd| used[odd.number]) {
+        return Err(mistake(odd));
+    }
+    let ignored = counted_are(odd.len(), "such vertex that no face uses");
+    notes.push(format!("{}: {ignored} ignored", source.told(&mistake(first))));
+    Ok(())
+}
+
+/// Adds a note on normals that are not valid.
+pub(super) fn note_normals(odd: &[Odd], source: &Source, notes: &mut Vec<String>) {
+    let Some(first) = odd.first() else { return };
+    let mistake = mistake_in_normal(first.offset, rest_of_line(source, first.offset));
+    notes.push(format!(
+        "{}: {} ignored; normals of faces that name such a normal are computed from the faces' shape",
+        source.told(&mistake),
+        counted_are(odd.len(), "such normal")
+    ));
+}
+
+/// Returns the line that begins at `offset`, without its first word.
+fn rest_of_line<'a>(source: &Source<'a>, offset: usize) -> &'a [u8] {
+    let line = source.text[offset..].split(|&byte| byte == b'\n').next().unwrap_or_default();
+    keyword(line.trim_ascii()).1
+}

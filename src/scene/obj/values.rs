@@ -1,0 +1,95 @@
+//! Parses the numbers of material files. A line with a number that raycl cannot use is ignored, and a note is added.
+
+use super::text::{Seen, Source, number, quoted, tokens, words};
+use super::wishes;
+use crate::scene::material::{DEFAULT_LAMBERTIAN, MAX_REFLECTANCE, MAX_SHININESS, PAPER_SHININESS};
+use crate::words::{counted, counted_are};
+
+/// The reason to ignore a line.
+pub(super) struct Unfit {
+    /// The keyword, and the form of the colour if raycl does not support this form. There is one note per kind.
+    kind: String,
+    /// The line's value; quotes the file.
+    found: String,
+    /// The form that raycl accepts.
+    expected: String,
+    /// The effect of ignoring the line.
+    instead: String,
+}
+
+/// The ignored lines of a material file: one entry per kind, with the reason of its first line.
+#[derive(Default)]
+pub(super) struct Ignored(Vec<(Unfit, Seen)>);
+
+impl Ignored {
+    /// Counts the line at `offset`.
+    pub fn add(&mut self, offset: usize, unfit: Unfit) {
+        match self.0.iter_mut().find(|(known, _)| known.kind == unfit.kind) {
+            Some((_, lines)) => lines.at(offset),
+            None => self.0.push((unfit, Seen { count: 1, first: offset })),
+        }
+    }
+
+    /// Returns a note for each kind.
+    pub fn notes(&self, source: &Source) -> impl Iterator<Item = String> {
+        self.0.iter().map(|(Unfit { kind, found, expected, instead }, lines)| {
+            let found = if source.quotes { found.clone() } else { format!("a value of {kind} is not valid") };
+            let (line, ignored) = (source.line(lines.first), counted_are(lines.count, "such line"));
+            format!("{}:{line}: {found}; expected {expected}: {ignored} ignored; {instead}", source.name)
+        })
+    }
+}
+
+/// Parses the three values of `Kd` or `Ks`, or one value that sets all three, as MTL allows.
+pub(super) fn colour(key: &str, rest: &[u8]) -> Result<[f32; 3], Unfit> {
+    let unfit = |kind: String, found: String| {
+        let expected = format!("one or three numbers from 0 to {MAX_REFLECTANCE:e}");
+        let instead = match key {
+            "Kd" => format!("without Kd, k_L is {DEFAULT_LAMBERTIAN} (grey), or 1 if there is a texture"),
+            _ => format!("without {key}, there is no highlight"),
+        };
+        Unfit { kind, found, expected, instead }
+    };
+    // MTL also allows `Kd spectral FILE FACTOR` and `Kd xyz X Y Z`.
+    if let Some(form @ (b"spectral" | b"xyz")) = tokens(rest).next() {
+        let form = format!("{key} {}", words(form));
+        let found = format!("`{form}` is a form of colours that raycl does not support");
+        return Err(unfit(form, found));
+    }
+    let values = tokens(rest).take(3).map(|token| {
+        let value = number(token).filter(|value| (0.0..=MAX_REFLECTANCE).contains(value));
+        value.ok_or_else(|| unfit(key.to_owned(), format!("{} in {key}", quoted(token))))
+    });
+    match values.collect::<Result<Vec<f32>, _>>()?[..] {
+        [grey] => Ok([grey; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        ref values => Err(unfit(key.to_owned(), format!("{key} with {}", counted(values.len(), "number")))),
+    }
+}
+
+/// Parses the value of `Ns`.
+pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
+    let token = tokens(rest).next();
+    let value = token.and_then(number).filter(|value| (0.0..=MAX_SHININESS).contains(value));
+    value.ok_or_else(|| Unfit {
+        kind: "Ns".to_owned(),
+        found: token.map_or("Ns with 0 numbers".to_owned(), |token| format!("{} in Ns", quoted(token))),
+        expected: format!("a number from 0 to {MAX_SHININESS:e}"),
+        instead: format!("without Ns, s is {PAPER_SHININESS}"),
+    })
+}
+
+/// Checks the numbers of a feature that raycl does not support: raycl uses none of them, so each finite number is valid.
+pub(super) fn unused(key: &[u8], rest: &[u8]) -> Result<(), Unfit> {
+    let Some((wish, most)) = wishes::of_numbers(key) else { return Ok(()) };
+    let options: [&[u8]; 3] = [b"-halo", b"spectral", b"xyz"];
+    let mut values = tokens(rest).take(most).take_while(|token| !options.contains(token));
+    let Some(token) = values.find(|token| number(token).is_none()) else { return Ok(()) };
+    let (what, instead) = wish.words();
+    Err(Unfit {
+        kind: words(key),
+        found: format!("{} in {}", quoted(token), words(key)),
+        expected: "a finite number".to_owned(),
+        instead: format!("raycl does not support {what}: {instead}"),
+    })
+}
