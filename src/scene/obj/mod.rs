@@ -72,13 +72,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
             .with_help("split the mesh into several files"));
     }
     let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
-    mesh.positions.reserve_exact(total.positions);
-    mesh.normals.reserve_exact(total.normals);
-    for chunk in &points {
-        mesh.positions.extend_from_slice(&chunk.positions);
-        mesh.normals.extend_from_slice(&chunk.normals);
-    }
-
+    add_points(&mut mesh, &points, total);
     let (odd_vertices, odd_normals) = (odd::vertices(&points, &starts), odd::normals(&points, &starts));
     odd::replace(&mut mesh.positions, &odd_vertices);
     let mapped = !coordinates.is_empty();
@@ -93,14 +87,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
     mesh.triangles = concatenate(&faces);
     if mesh.triangles.is_empty() {
-        let what = match bytes.trim_ascii() {
-            [] => "no triangles: the file is empty".to_owned(),
-            _ => format!(
-                "no triangles: {} and no face (`f`) with at least three corners",
-                counted(total.positions, "vertex")
-            ),
-        };
-        return Err(source.error(Mistake::new(text.len(), what)));
+        return Err(source.error(without_triangles(&text, total.positions)));
     }
     odd::check_vertices(&odd_vertices, &mesh, &source, &mut notes)
         .map_err(|mistake| source.error(mistake))?;
@@ -117,6 +104,26 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     }
     paint_vertices(&mut mesh, &points, &mut notes);
     Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+}
+
+/// Adds the positions and normals of all pieces to a mesh; `total` has their numbers.
+fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
+    mesh.positions.reserve_exact(total.positions);
+    mesh.normals.reserve_exact(total.normals);
+    for chunk in points {
+        mesh.positions.extend_from_slice(&chunk.positions);
+        mesh.normals.extend_from_slice(&chunk.normals);
+    }
+}
+
+/// Returns the mistake of a file without triangles, with this number of vertices.
+fn without_triangles(text: &[u8], vertices: usize) -> Mistake {
+    let vertices = counted(vertices, "vertex");
+    let what = match text.trim_ascii() {
+        [] => "no triangles: the file is empty".to_owned(),
+        _ => format!("no triangles: {vertices} and no face (`f`) with at least three corners"),
+    };
+    Mistake::new(text.len(), what)
 }
 
 /// Colours triangles by their vertices, if any vertex has a colour.
