@@ -11,6 +11,7 @@ use std::path::Path;
 
 use crate::filetype::{Damaged, STANDARD_INPUT};
 use crate::printer::{self, plain};
+use crate::reader::NotUtf8;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
@@ -167,10 +168,22 @@ impl Error {
         self
     }
 
+    /// Returns an error for a file whose text is not UTF-8, with the first such line; `None` if `error` has another
+    /// cause.
+    pub fn not_utf8(path: &Path, error: &std::io::Error) -> Option<Self> {
+        let line = NotUtf8::line_of(error)?;
+        let message = format!("{}:{line}: not UTF-8 text", path.display());
+        Some(Self::input(message).with_help("save the file as UTF-8"))
+    }
+
     /// Returns an error for a file that cannot be read. If the file is missing and its folder has a file with a
     /// similar name, the remedy names that file. If the file is compressed (.gz) and cannot be
-    /// decompressed, the remedy says that it may be damaged. Otherwise, the remedy is `otherwise`.
+    /// decompressed, the remedy says that it may be damaged. If the file's text is not UTF-8, the
+    /// message gives the line. Otherwise, the remedy is `otherwise`.
     pub fn unreadable(what: &str, path: &Path, error: &std::io::Error, otherwise: &str) -> Self {
+        if let Some(not_utf8) = Self::not_utf8(path, error) {
+            return not_utf8;
+        }
         let is_missing = error.kind() == std::io::ErrorKind::NotFound && path.as_os_str() != STANDARD_INPUT;
         let meant = is_missing.then(|| nearest_file(path)).flatten();
         let remedy = match meant {
@@ -229,6 +242,20 @@ mod tests {
         assert_eq!(remedy(&missing, ErrorKind::PermissionDenied), "other");
         // The name for standard input has one character, so every file name of one character would be similar.
         assert_eq!(remedy(Path::new(STANDARD_INPUT), ErrorKind::NotFound), "other");
+    }
+
+    #[test]
+    fn a_text_that_is_not_utf_8_is_refused_with_its_line() {
+        let refused = crate::reader::utf8(b"a\nb\xe9\n".to_vec()).unwrap_err();
+        for error in [
+            Error::not_utf8(Path::new("a.toml"), &refused).unwrap(),
+            Error::unreadable("experiment", Path::new("a.toml"), &refused, "other"),
+        ] {
+            assert_eq!(error.to_string(), "a.toml:2: not UTF-8 text");
+            assert_eq!(error.remedy(), "save the file as UTF-8");
+        }
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        assert!(Error::not_utf8(Path::new("a.toml"), &missing).is_none());
     }
 
     /// Returns the error as it is printed without a terminal, for the range of `text` that equals `mark`.

@@ -1,19 +1,31 @@
 //! Prints text that may come from anybody (names, contents of files, drivers' messages) to terminals and Markdown. All
 //! text that raycl did not write itself must pass through this module. Control characters could move a terminal's
-//! cursor, rename its window or forge lines of a log; they are printed as escapes such as `\u001b`, which are also
-//! valid JSON.
+//! cursor, rename its window or forge lines of a log, and invisible characters could hide a mistake. Both are printed
+//! as escapes such as `\u001b`, which are also valid JSON.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Returns whether a character could control a terminal: whether it is a control character (other than a line
-/// break or a tab), or changes the direction of text.
-fn steers(c: char) -> bool {
-    c.is_control() && c != '\n' && c != '\t' || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+/// Returns whether a character could control a terminal or mislead a reader: whether it is a control character (other
+/// than a line break or a tab), breaks lines, changes the direction of text, or is invisible.
+pub fn steers(c: char) -> bool {
+    c.is_control() && c != '\n' && c != '\t' || formats(c)
 }
 
-/// Returns the text with control characters replaced by escapes such as `\u001b`.
+/// Returns whether a character only formats text: Unicode's separators of lines and paragraphs, its format characters
+/// (general category Cf), and letters without a shape.
+fn formats(c: char) -> bool {
+    matches!(
+        c,
+        '\u{ad}' | '\u{34f}' | '\u{600}'..='\u{605}' | '\u{61c}' | '\u{6dd}' | '\u{70f}' | '\u{115f}'..='\u{1160}'
+            | '\u{180b}'..='\u{180f}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}'
+            | '\u{3164}' | '\u{feff}' | '\u{ffa0}' | '\u{fff9}'..='\u{fffb}' | '\u{1d173}'..='\u{1d17a}'
+            | '\u{e0000}'..='\u{e007f}'
+    )
+}
+
+/// Returns the text with control characters and invisible characters replaced by escapes such as `\u001b`.
 pub fn plain(text: &str) -> Cow<'_, str> {
     escaped(text, steers)
 }
@@ -25,8 +37,10 @@ fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
     let mut shown = String::with_capacity(text.len() + 8);
     for c in text.chars() {
         match refused(c) {
-            // Writing to a String cannot fail.
-            true => drop(write!(shown, "\\u{:04x}", u32::from(c))),
+            true => c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| {
+                // Writing to a String cannot fail.
+                let _ = write!(shown, "\\u{unit:04x}");
+            }),
             false => shown.push(c),
         }
     }
@@ -96,10 +110,19 @@ mod tests {
     }
 
     #[test]
+    fn characters_that_break_lines_or_are_invisible_are_shown() {
+        let hidden = "a\u{2028}b\u{2029}c\u{feff}d\u{200b}e\u{ad}f\u{e0041}";
+        let shown = "a\\u2028b\\u2029c\\ufeffd\\u200be\\u00adf\\udb40\\udc41";
+        assert_eq!(plain(hidden), shown);
+        assert_eq!((line(hidden).as_ref(), coloured(hidden).as_ref()), (shown, shown));
+    }
+
+    #[test]
     fn escapes_within_json_are_json() {
-        let text = serde_json::to_string("a\u{1b}\u{9b}\u{7f}\u{202e}").unwrap_or_default();
+        let hidden = "a\u{1b}\u{9b}\u{7f}\u{202e}\u{2028}\u{e0041}";
+        let text = serde_json::to_string(hidden).unwrap_or_default();
         let read: String = serde_json::from_str(&plain(&text)).unwrap_or_default();
-        assert_eq!(read, "a\u{1b}\u{9b}\u{7f}\u{202e}");
+        assert_eq!(read, hidden);
     }
 
     #[test]

@@ -91,7 +91,26 @@ pub fn text(path: &Path, kind: Kind) -> Result<String> {
 ///
 /// Fails if the bytes are not UTF-8.
 pub fn utf8(bytes: Vec<u8>) -> Result<String> {
-    String::from_utf8(bytes).map_err(|_| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + valid.iter().filter(|&&byte| byte == b'\n').count();
+        Error::new(ErrorKind::InvalidData, NotUtf8 { line })
+    })
+}
+
+/// The error of a text that is not UTF-8.
+#[derive(Debug, thiserror::Error)]
+#[error("its line {line} is not UTF-8 text")]
+pub struct NotUtf8 {
+    /// The first line, counted from 1, that is not UTF-8.
+    pub line: usize,
+}
+
+impl NotUtf8 {
+    /// Returns the line if text that is not UTF-8 caused an error.
+    pub fn line_of(error: &Error) -> Option<usize> {
+        error.get_ref()?.downcast_ref::<Self>().map(|error| error.line)
+    }
 }
 
 /// Reads the rest of a file whose first bytes, `head`, have already been read, and returns all of its bytes.

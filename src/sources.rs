@@ -60,7 +60,7 @@ impl Sources {
     fn join(&self, name: &str, chain: &mut Chain, text: &mut String) -> Result<()> {
         chain.enter(name, text.len())?;
         text.push_str(&format!("#line 1 \"{name}\"\n"));
-        for (number, line) in lines(name, &self.read(name)?)?.into_iter().enumerate() {
+        for (number, line) in lines(&self.path_of(name), &self.read(name)?)?.into_iter().enumerate() {
             match line.includes {
                 Some(inner) => {
                     self.join(inner, chain, text)?;
@@ -156,8 +156,11 @@ fn read_inside(path: &Path, folder: &Path) -> Result<String> {
             format!("{} lies outside the kernels' folder, so raycl does not read it", path.display());
         return Err(Error::input(message).with_help(LAYOUT));
     }
-    reader::text(path, Kind::Kernel)
-        .map_err(|error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT))
+    reader::text(path, Kind::Kernel).map_err(|error| {
+        Error::not_utf8(path, &error).unwrap_or_else(|| {
+            Error::input(format!("cannot read {}: {error}", path.display())).with_help(LAYOUT)
+        })
+    })
 }
 
 /// Collects the `.cl` files of a folder and its subfolders, named relative to `root`.

@@ -1,6 +1,7 @@
 //! Errors of the `toml` crate, with their location and the most similar valid name.
 
 use crate::error::{Error, nearest};
+use std::ops::Range;
 
 /// Returns the part of serde's message that states which value was expected. This part contains no text of the
 /// document. `None` if the message has no such part.
@@ -8,13 +9,42 @@ pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];
     let told = told.iter().any(|start| message.starts_with(start));
-    told.then(|| message.rsplit_once(", expected ")).flatten().map(|(_, expected)| expected.trim_end())
+    told.then(|| message.rsplit_once(", expected "))
+        .flatten()
+        .map(|(_, expected)| type_in_words(expected.trim_end()))
+}
+
+/// A mistake in a document, in words for a user.
+pub struct Told {
+    /// The mistake, with the wrong value and the expected one.
+    pub message: String,
+    /// The text for the mark under the mistake.
+    label: String,
+    /// The remedy, if the mistake has its own.
+    remedy: Option<String>,
+}
+
+impl Told {
+    /// Returns the remedy, which is `otherwise` unless a name was misspelt.
+    pub fn remedy<'a>(&'a self, otherwise: &'a str) -> &'a str {
+        self.remedy.as_deref().unwrap_or(otherwise)
+    }
+
+    /// Returns the error for the mistake at `span` of a text.
+    pub fn in_file(self, name: &str, text: &str, span: Range<usize>, otherwise: &str) -> Error {
+        let remedy = self.remedy(otherwise).to_owned();
+        Error::in_file(name, text, span, self.message, self.label).with_help(remedy)
+    }
 }
 
 /// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
 /// remedy unless a name was misspelt.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
-    let span = error.span().unwrap_or(0..0);
+    told(error).in_file(name, text, error.span().unwrap_or(0..0), help)
+}
+
+/// Returns the mistake in words for a user.
+pub fn told(error: &toml::de::Error) -> Told {
     let message = error.message().trim_end().to_owned();
     // serde's message for a key is: unknown field `a`, expected one of `b`, `c`. serde's message for a value begins
     // with: unknown variant `a`, expected ...
@@ -26,11 +56,13 @@ pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -
         ([key, known @ ..], Some((_, one, all))) => {
             let meant = nearest(key, known.iter().copied());
             let suggestion = meant.map(|name| format!("; did you mean `{name}`?")).unwrap_or_default();
-            let label = format!("not a {one} here");
-            Error::in_file(name, text, span, format!("unknown {one} `{key}`{suggestion}"), label)
-                .with_help(format!("the valid {all} here are {}", known.join(", ")))
+            Told {
+                message: format!("unknown {one} `{key}`{suggestion}"),
+                label: format!("not a {one} here"),
+                remedy: Some(format!("the valid {all} here are {}", known.join(", "))),
+            }
         }
-        _ => Error::in_file(name, text, span, in_plain_words(&message), "here").with_help(help),
+        _ => Told { message: in_plain_words(&message), label: "here".to_owned(), remedy: None },
     }
 }
 
@@ -40,7 +72,24 @@ fn in_plain_words(message: &str) -> String {
     // serde writes the name of a Rust type after these words.
     match message.split_once("expected struct ") {
         Some((before, _)) => format!("{before}expected a table"),
-        None => message,
+        None => match message.rsplit_once(", expected ") {
+            Some((before, expected)) => format!("{before}, expected {}", type_in_words(expected)),
+            None => message,
+        },
+    }
+}
+
+/// Returns the meaning of the name of a Rust type; any other text stays as it is.
+fn type_in_words(name: &str) -> &str {
+    match name {
+        "f32" | "f64" => "a number",
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" => "a whole number from 0 to 4294967295",
+        "u64" | "usize" => "a whole number of at least 0",
+        "i64" => "a whole number",
+        "a sequence" => "a list",
+        other => other,
     }
 }
 
@@ -52,9 +101,11 @@ mod tests {
     fn messages_name_no_types_of_rust() {
         let plain = in_plain_words("invalid type: integer `3`, expected struct SkyWire");
         assert_eq!(plain, "wrong type: integer `3`, expected a table");
+        let list = in_plain_words("invalid type: integer `3`, expected a sequence");
+        assert_eq!(list, "wrong type: integer `3`, expected a list");
         assert_eq!(
             in_plain_words("invalid type: string \"a\", expected f64"),
-            "wrong type: string \"a\", expected f64"
+            "wrong type: string \"a\", expected a number"
         );
     }
 }

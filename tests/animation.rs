@@ -303,7 +303,7 @@ fn wrong_values_have_their_place_and_what_was_expected() {
         (track("path = \"shadow_bias\"\nvalues = [nan, nan]"), "is not a finite number", "scene.toml:19"),
         (
             track("path = \"shadow_bias\"\nvalues = [1e308, -1e308]"),
-            "is not a finite number",
+            "1e308 does not fit into single precision",
             "scene.toml:19",
         ),
         (track("paths = \"a\""), "did you mean `path`", "scene.toml:18"),

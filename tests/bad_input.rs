@@ -188,6 +188,8 @@ fn unknown_names_are_answered_with_the_nearest() {
     has(&message, &["'lokal' is not a value of the axis 'vectors'", "did you mean 'local'"]);
     has(&argument_mistake(&["--set", "wdith=4"]), &["'wdith' is neither", "did you mean 'width'"]);
     has(&argument_mistake(&["--set", "camera.positoin=1"]), &["`positoin`", "did you mean `position`"]);
+    let message = argument_mistake(&["--set", "light.0.power=-3"]);
+    has(&message, &["--set light.0.power=-3: -3 is not a number from 0 to 1e28", "help:"]);
     let message = argument_mistake(&["--device", "portabel"]);
     has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "Available:"]);
     let message = config_mistake("[\"naive\"]", "[\"navie\"]");

@@ -146,7 +146,7 @@ fn kernels_that_include_themselves_or_lie_elsewhere_are_refused() {
         ("#include </etc/passwd>\n", "does not support this form of #include"),
         ("/**/ #include \"/etc/passwd\"\n", "does not support this form of #include"),
         ("#\\\ninclude \"/etc/passwd\"\n", "does not support this form of #include"),
-        ("/* a comment\n", "the last comment has no end"),
+        ("/* a comment\n", "cl/cast/shade.cl, line 1: this comment has no end"),
     ] {
         let message = refused(text);
         has(&message, &[said, "help:"]);
@@ -225,7 +225,12 @@ fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
         .expect("JSON");
     let text = format!("{record}\nrubbish \u{1b}]0;x\u{7}\n{record}\n");
     std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
-    place.raycl(&["report", "out"]).assert().success();
+    let reported = place.raycl(&["report", "out"]).output().expect("raycl starts");
+    let notes = String::from_utf8_lossy(&reported.stderr);
+    has(&notes, &["note: out: 1 damaged line is left out of records.jsonl; the first is line 2."]);
+    assert!(reported.status.success() && !notes.contains('\u{1b}'), "{notes}");
+    let quiet = place.raycl(&["report", "out", "--quiet"]).output().expect("raycl starts");
+    assert_eq!(String::from_utf8_lossy(&quiet.stderr), "");
     has(
         &place.text("out/summary.md"),
         &["1 damaged line is left out of records.jsonl; the first is line 2."],

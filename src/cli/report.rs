@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 use crate::output::{Choice, OutFolder};
+use crate::printer::plain;
 use crate::record::Folder;
 use crate::report;
 use std::path::PathBuf;
@@ -36,6 +37,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;
     out.check([report::PAGE])?;
     let folders = args.folders.iter().map(|path| Folder::read(path)).collect::<Result<Vec<_>>>()?;
+    folders.iter().for_each(|folder| tell_damage(folder, args.quiet));
     let written = report::write(&folders, &mut out)?;
     if let ([folder], None) = (&folders[..], &args.out) {
         let of_config = |key| folder.config(key).unwrap_or_default();
@@ -53,4 +55,10 @@ pub fn run(args: Args) -> Result<()> {
     super::print(format!("Report:  {}", written.page.display()))?;
     super::print(format!("Plots:   {} ({count}, each as SVG and PNG)", plots.display()))?;
     super::print(format!("Exports: {} (T4, Kernel Tuner, CSV)", written.exports.display()))
+}
+
+/// Prints how many damaged lines of the folder's journals are left out.
+fn tell_damage(folder: &Folder, quiet: bool) {
+    let notes = folder.damage.iter().filter(|_| !quiet);
+    notes.for_each(|note| crate::printer::tell(format!("note: {}: {}", folder.path.display(), plain(note))));
 }

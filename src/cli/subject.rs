@@ -9,7 +9,7 @@ use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::filetype::STANDARD_INPUT;
 use crate::launch::{Prepared, Refused, Session};
-use crate::scene::{Loaded, Scene, Shot, load_scene_for};
+use crate::scene::{Loaded, Scene, Setting, Shot, load_scene_for};
 use crate::strategy::{Strategy, Task};
 use look::Look;
 use std::path::PathBuf;
@@ -97,14 +97,18 @@ impl Subject {
 
     /// Returns the values of the scene that options and `--set` change. A value of `--set` is read
     /// as TOML if it is valid TOML, and otherwise as text.
-    fn overrides(&self) -> Result<Vec<(String, toml::Value)>> {
+    fn overrides(&self) -> Result<Vec<Setting>> {
         let of_scene = || self.set.iter().filter(|(key, _)| !is_axis(key));
         of_scene().try_for_each(|(key, _)| refuse_misspelt_axis(key))?;
         let value = |text: &str| {
             let parsed: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
             parsed.and_then(|mut table| table.remove("value")).unwrap_or_else(|| text.into())
         };
-        let set = of_scene().map(|(key, text)| (key.clone(), value(text)));
+        let set = of_scene().map(|(key, text)| Setting {
+            path: key.clone(),
+            value: value(text),
+            origin: format!("--set {key}={text}"),
+        });
         Ok(self.look.values().into_iter().chain(set).collect())
     }
 }

@@ -9,6 +9,7 @@ use super::types::SceneChoice;
 use super::wire::{Experiment, SceneEntry, SceneValues};
 use crate::error::{Error, Result, nearest_file};
 use crate::filetype::{Opened, Wanted};
+use crate::scene::Setting;
 
 /// Returns every scene of the config once, unchanged files first.
 pub fn expand(document: &Document, wire: &Experiment, config: &Path) -> Result<Vec<SceneChoice>> {
@@ -66,7 +67,7 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
             return Err(document.error(key.span(), message, "expected at least one value"));
         }
         let vary =
-            |choice: &SceneChoice| values.iter().map(|value| with(choice, key.get_ref(), value)).collect();
+            |choice: &SceneChoice| values.iter().map(|value| with(choice, document, key, value)).collect();
         choices = choices.iter().flat_map(|choice| -> Vec<_> { vary(choice) }).collect();
     }
     Ok(choices)
@@ -74,10 +75,12 @@ fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec
 
 /// Returns a copy of the choice with one more changed value. The copy's suffix names the value by the last part of the
 /// value's key.
-fn with(choice: &SceneChoice, key: &str, value: &Value) -> SceneChoice {
+fn with(choice: &SceneChoice, document: &Document, key: &Spanned<String>, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
+    let (place, key) = (document.place_of(key.span()), key.get_ref());
     let short = key.rsplit('.').next().unwrap_or(key);
     choice.suffix.push_str(&format!("+{short}={value}"));
-    choice.overrides.push((key.to_owned(), value.clone()));
+    let origin = format!("{place}: {key} = {value}");
+    choice.overrides.push(Setting { path: key.clone(), value: value.clone(), origin });
     choice
 }

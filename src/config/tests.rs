@@ -285,8 +285,11 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     let labels: Vec<_> = experiment.scenes.iter().map(|scene| scene.label()).collect();
     assert_eq!(labels, ["teapot", "gourd+power=5+triangles=1000", "gourd+power=5+triangles=2000"]);
     let keys: Vec<_> =
-        experiment.scenes[2].overrides.iter().map(|(key, value)| format!("{key} {value}")).collect();
+        experiment.scenes[2].overrides.iter().map(|set| format!("{} {}", set.path, set.value)).collect();
     assert_eq!(keys, ["light.0.power 5", "object.0.triangles 2000"]);
+    let origin = &experiment.scenes[2].overrides[1].origin;
+    let line = GOOD.lines().count() + 3;
+    assert!(origin.ends_with(&format!(":{line}: object.0.triangles = 2000")), "{origin}");
     // `[[scene]]` entries are enough without `scenes`, and a repeated entry adds no scene.
     let only = GOOD.replace("scenes = ", "# ") + entry + entry;
     assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);

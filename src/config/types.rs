@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::device::{DeviceKind, DeviceLimits};
 use crate::error::Result;
-use crate::scene::{Loaded, load_scene_named_in};
+use crate::scene::{Loaded, Setting, load_scene_named_in};
 use crate::strategy::Strategy;
 
 /// A question, and the scenes, devices, image sizes and strategies whose combinations are measured to answer it.
@@ -48,8 +48,8 @@ pub struct SceneChoice {
     pub path: PathBuf,
     /// The folder of the config that names the file.
     pub named_in: PathBuf,
-    /// Dotted keys in the scene file, and their new values.
-    pub overrides: Vec<(String, toml::Value)>,
+    /// The values to set in the scene file, with their places in the config.
+    pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
 }

@@ -1,10 +1,15 @@
-//! Prepares a file's text to be quoted in messages: long lines are shortened, and control characters
-//! are replaced.
+//! Prepares a file's text to be quoted in messages: long lines are shortened, and control characters and invisible
+//! characters are replaced.
 
+use crate::printer;
+
+/// The character with which some editors begin a file.
+const BYTE_ORDER_MARK: char = '\u{feff}';
 /// Largest number of bytes of a line or a message that is shown in full.
 pub(super) const SHOWN_LINE_BYTES: usize = 400;
 
-/// Returns the text with control characters replaced, and with its middle omitted if it is too long.
+/// Returns the text with control characters and invisible characters replaced, and with its middle omitted if the text
+/// is too long.
 pub fn shortened(text: impl Into<String>) -> String {
     let text = printable(text.into());
     if text.len() <= SHOWN_LINE_BYTES {
@@ -44,15 +49,18 @@ pub(super) fn cut_long_lines(text: String, place: usize) -> (String, usize) {
     (kept, cut)
 }
 
-/// Returns the text with control characters, except tabs and line ends, replaced by question marks. The positions of
-/// all other bytes stay the same.
+/// Returns the text with control characters and invisible characters, except tabs and line ends, replaced by question
+/// marks. The positions of all other bytes stay the same. A byte order mark at the start is no mistake and stays.
 pub(super) fn printable(text: String) -> String {
-    let steers = |c: char| c.is_control() && c != '\n' && c != '\t' && c != '\r';
+    let steers = |c: char| printer::steers(c) && c != '\r';
     if !text.contains(steers) {
         return text;
     }
-    let shown = |c: char| if steers(c) { "?".repeat(c.len_utf8()) } else { c.to_string() };
-    text.chars().map(shown).collect()
+    let shown = |(at, c): (usize, char)| match steers(c) && (at, c) != (0, BYTE_ORDER_MARK) {
+        true => "?".repeat(c.len_utf8()),
+        false => c.to_string(),
+    };
+    text.char_indices().map(shown).collect()
 }
 
 #[cfg(test)]
@@ -87,6 +95,11 @@ mod tests {
         assert_eq!(cut_long_lines(text, 507), (cut, 296));
         let most = format!("{}\n", "x".repeat(400));
         assert_eq!(cut_long_lines(most.clone(), 3), (most, 0));
+    }
+
+    #[test]
+    fn invisible_characters_are_shown_and_a_byte_order_mark_at_the_start_is_left() {
+        assert_eq!(printable("\u{feff}a\u{feff}b\u{2028}c\u{202e}".to_owned()), "\u{feff}a???b???c???");
     }
 
     #[test]

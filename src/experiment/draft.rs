@@ -51,7 +51,11 @@ impl Drafter<'_> {
             triangles: Some(at.scene.mesh.triangles.len() as u64),
             lights: Some(at.scene.lights.len() as u64),
             scene_file: Some(chosen.path.display().to_string()),
-            scene_values: chosen.overrides.iter().map(|(key, value)| format!("{key} = {value}")).collect(),
+            scene_values: chosen
+                .overrides
+                .iter()
+                .map(|set| format!("{} = {}", set.path, set.value))
+                .collect(),
             scene_notes: at.notes.clone(),
             seed: Some(experiment.timing.seed),
             revision: option_env!("RAYCL_GIT_REVISION").map(str::to_owned),

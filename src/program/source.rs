@@ -42,7 +42,9 @@ impl Joiner<'_> {
             self.files.push(name.to_owned());
         }
         let mut branches = Branches::default();
-        for (number, line) in lines(name, &self.sources.read(name)?)?.into_iter().enumerate() {
+        for (number, line) in
+            lines(&self.sources.path_of(name), &self.sources.read(name)?)?.into_iter().enumerate()
+        {
             branches.pass(&line.directive, self.defines);
             match line.includes {
                 Some(inner) if branches.may_be_live() => {

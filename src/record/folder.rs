@@ -43,6 +43,8 @@ pub struct Folder {
     pub anchors: Vec<AnchorSample>,
     /// Notes to be shown with the results, for example on records that are not shown.
     pub notes: Vec<String>,
+    /// The notes that count the damaged lines of journals; they are also in `notes`.
+    pub damage: Vec<String>,
 }
 
 impl Folder {
@@ -97,9 +99,10 @@ impl Folder {
                 .chain(notes)
                 .chain(dirty)
                 .chain(torn)
-                .chain(damage)
+                .chain(damage.iter().cloned())
                 .chain(unknown)
                 .collect(),
+            damage,
         })
     }
 
@@ -383,6 +386,7 @@ mod tests {
             let expected = format!("1 damaged line is left out of {name}; the first is line 2.");
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
+        assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
     }
 
     #[test]

@@ -184,9 +184,8 @@ fn lights(
     };
     if lights.is_empty() && wire.sky.is_none() {
         notes.push(format!(
-            "{}:{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
-            document.name,
-            document.text.lines().count()
+            "{}: no light: every surface is black; add [[light]] with position = [1, 3, 1] and power = 10",
+            document.last_line()
         ));
     }
     lights

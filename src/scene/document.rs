@@ -1,10 +1,11 @@
 //! The text of a scene file, with the locations of mistakes.
 
+use super::setting::{Changed, Origin, Setting};
 use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
-use crate::reader::Kind;
-use crate::toml_error::{expectation, toml_error};
+use crate::reader::{self, Kind, NotUtf8};
+use crate::toml_error::{expectation, told};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -13,6 +14,8 @@ use toml::{Table, Value};
 
 /// The remedy for a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
+/// The expectation in messages that must not quote a scene.
+const PERMITTED: &str = "a key or value that a scene may have there";
 /// The remedy for a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
@@ -20,7 +23,7 @@ const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply,
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
-    /// The TOML text, including overrides.
+    /// The TOML text, with all settings.
     pub text: String,
     /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
@@ -30,6 +33,8 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
+    /// The values that were set in the file's text, if any.
+    changed: Option<Changed>,
     /// The path and the open file of a mesh that is given without a scene file. The file stays open until the mesh is
     /// read, because a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
@@ -40,7 +45,7 @@ const BARE_CREASE_DEGREES: u32 = 40;
 
 impl Document {
     /// Reads a scene file, or makes the document of a mesh that is given without a scene file.
-    pub fn read(path: &Path, overrides: &[(String, Value)], quotes: bool) -> Result<Self> {
+    pub fn read(path: &Path, settings: &[Setting], quotes: bool) -> Result<Self> {
         INPUTS.add(path);
         let opened = Opened::at(path).map_err(|error| Error::unreadable("scene", path, &error, ANY_SCENE))?;
         if let Some(refusal) = opened.filetype.refusal(&path.display().to_string(), Wanted::Scene) {
@@ -58,10 +63,11 @@ impl Document {
             stem: stem(path),
             bare,
             quotes,
+            changed: None,
             held: RefCell::new(held),
         };
-        if !overrides.is_empty() {
-            document.set(overrides)?;
+        if !settings.is_empty() {
+            document.set(settings)?;
         }
         Ok(document)
     }
@@ -95,15 +101,50 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values and formats the text again, so that messages show the text that was parsed.
-    fn set(&mut self, values: &[(String, Value)]) -> Result<()> {
+    /// Sets values and formats the text again. Messages show the file's own text, or name the setting.
+    fn set(&mut self, settings: &[Setting]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
-        overrides::apply(&mut table, values)?;
-        self.text = toml::to_string(&table).map_err(|error| {
+        overrides::apply(&mut table, settings)?;
+        let text = toml::to_string(&table).map_err(|error| {
             Error::input(format!("{}, with the changed values: {error}", self.name)).with_help(KEYS)
         })?;
-        self.name.push_str(" with overrides");
+        let original = std::mem::replace(&mut self.text, text);
+        self.changed = Some(Changed { settings: settings.to_vec(), original });
         Ok(())
+    }
+
+    /// Returns the text of the file, without settings.
+    fn original(&self) -> &str {
+        self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
+    }
+
+    /// Returns the origin of a part of the text: a setting, or a part of the file.
+    fn origin(&self, span: &Range<usize>) -> Origin<'_> {
+        match &self.changed {
+            Some(changed) => changed.origin(&self.text, span),
+            None => Origin::File(span.clone()),
+        }
+    }
+
+    /// Returns the place of a part of the text: `FILE:LINE`, or the setting from which the part comes.
+    pub fn place_of(&self, span: &Range<usize>) -> String {
+        match self.origin(span) {
+            Origin::Setting(setting) => shortened(&*setting.origin),
+            Origin::File(span) => format!("{}:{}", self.name, line_of(self.original(), span.start)),
+            Origin::Unknown => self.name.clone(),
+        }
+    }
+
+    /// Returns `FILE:LINE` of the file's last line.
+    pub fn last_line(&self) -> String {
+        format!("{}:{}", self.name, self.original().lines().count())
+    }
+
+    /// Adds the settings to the remedy of a mistake that lies in no setting.
+    fn with_settings(&self, error: Error) -> Error {
+        let Some(changed) = &self.changed else { return error };
+        let remedy = format!("{}; {}", error.remedy(), changed.told());
+        error.with_help(remedy)
     }
 
     /// Returns the document of one frame, with this text. If this document has opened the file of a mesh and not read
@@ -112,6 +153,7 @@ impl Document {
         Self {
             name: format!("{} at frame {frame}", self.name),
             text,
+            changed: None,
             folder: self.folder.clone(),
             stem: self.stem.clone(),
             held: RefCell::new(self.held.take()),
@@ -121,13 +163,27 @@ impl Document {
 
     /// Returns the error for a text that is not a scene.
     pub fn misread(&self, error: &toml::de::Error) -> Error {
-        if self.quotes {
-            return toml_error(&self.name, &self.text, error, KEYS);
-        }
-        let line = line_of(&self.text, error.span().map_or(0, |span| span.start));
-        let expected = expectation(error).unwrap_or("a key or value that a scene may have there");
-        let found = if error.message().starts_with("unknown field") { ", but found another key" } else { "" };
-        Error::withheld(&self.name, line, &format!("{expected}{found}"))
+        let told = told(error);
+        let expected = || {
+            let expected = expectation(error).unwrap_or(PERMITTED);
+            let is_key = error.message().starts_with("unknown field");
+            format!("{expected}{}", if is_key { ", but found another key" } else { "" })
+        };
+        let found = match self.origin(&error.span().unwrap_or(0..0)) {
+            // The setting is the user's own text, so the message may quote its value.
+            Origin::Setting(setting) => return setting.error(&told.message).with_help(told.remedy(KEYS)),
+            Origin::File(span) if self.quotes => told.in_file(&self.name, self.original(), span, KEYS),
+            Origin::File(span) => {
+                Error::withheld(&self.name, line_of(self.original(), span.start), &expected())
+            }
+            Origin::Unknown if self.quotes => {
+                Error::input(format!("{}: {}", self.name, told.message)).with_help(told.remedy(KEYS))
+            }
+            Origin::Unknown => {
+                Error::input(format!("{}: expected {}", self.name, expected())).with_help(KEYS)
+            }
+        };
+        self.with_settings(found)
     }
 
     /// Adds a location in this document to an error that has none.
@@ -137,17 +193,24 @@ impl Document {
 
     /// Returns an error with a location in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
-        if !self.quotes {
-            let line = line_of(&self.text, span.start);
-            // Labels contain only raycl's own words.
-            let label = if label == "here" { String::new() } else { format!(" ({label})") };
-            return Error::withheld(
-                &self.name,
-                line,
-                &format!("a key or value that a scene may have there{label}"),
-            );
-        }
-        Error::in_file(&self.name, self.text.as_str(), span, message, label).with_help(KEYS)
+        // Labels contain only raycl's own words.
+        let why = if label == "here" { String::new() } else { format!(" ({label})") };
+        let expected = format!("{PERMITTED}{why}");
+        let message = match self.quotes {
+            true => message.into(),
+            false => format!("expected {expected}"),
+        };
+        let found = match self.origin(&span) {
+            Origin::Setting(setting) => return setting.error(message).with_help(KEYS),
+            Origin::File(span) if self.quotes => {
+                Error::in_file(&self.name, self.original(), span, message, label).with_help(KEYS)
+            }
+            Origin::File(span) => {
+                Error::withheld(&self.name, line_of(self.original(), span.start), &expected)
+            }
+            Origin::Unknown => Error::input(format!("{}: {message}", self.name)).with_help(KEYS),
+        };
+        self.with_settings(found)
     }
 }
 
@@ -175,9 +238,8 @@ fn read_text(path: &Path, opened: Opened) -> Result<String> {
         return Err(Error::input(format!("{} is empty", path.display()))
             .with_help("a scene needs at least one [[object]]; docs/scenes.md contains an example"));
     }
-    String::from_utf8(bytes).map_err(|error| {
-        let line =
-            1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+    reader::utf8(bytes).map_err(|error| {
+        let line = NotUtf8::line_of(&error).unwrap_or(1);
         Error::input(format!(
             "{}:{line}: not UTF-8 text; a scene must be a TOML file or a mesh",
             path.display()

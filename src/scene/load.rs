@@ -4,6 +4,7 @@ use super::animation::Animation;
 use super::assemble::{Assembled, assemble};
 use super::document::Document;
 use super::kept::Kept;
+use super::setting::Setting;
 use super::wire::SceneWire;
 use super::{Orbit, Scene, facing};
 use crate::error::{Result, shortened};
@@ -67,7 +68,8 @@ pub fn load_scene(path: &Path) -> Result<Loaded> {
 ///
 /// Fails like [`load_scene`], and if a path does not exist.
 pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
-    load(path, overrides, Shot::SQUARE, true)
+    let settings: Vec<_> = overrides.iter().map(|(path, value)| Setting::new(path, value.clone())).collect();
+    load(path, &settings, Shot::SQUARE, true)
 }
 
 /// Loads a scene like [`load_scene_with`], for the pictures that `shot` describes: a mesh without a scene file is
@@ -76,8 +78,8 @@ pub fn load_scene_with(path: &Path, overrides: &[(String, Value)]) -> Result<Loa
 /// # Errors
 ///
 /// Fails like [`load_scene_with`].
-pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) -> Result<Loaded> {
-    load(path, overrides, shot, true)
+pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<Loaded> {
+    load(path, settings, shot, true)
 }
 
 /// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the
@@ -86,12 +88,12 @@ pub fn load_scene_for(path: &Path, overrides: &[(String, Value)], shot: Shot) ->
 /// # Errors
 ///
 /// Fails like [`load_scene_with`].
-pub fn load_scene_named_in(folder: &Path, path: &Path, overrides: &[(String, Value)]) -> Result<Loaded> {
-    load(path, overrides, Shot::SQUARE, lies_in(path, folder))
+pub fn load_scene_named_in(folder: &Path, path: &Path, settings: &[Setting]) -> Result<Loaded> {
+    load(path, settings, Shot::SQUARE, lies_in(path, folder))
 }
 
-fn load(path: &Path, overrides: &[(String, Value)], shot: Shot, quotes: bool) -> Result<Loaded> {
-    let document = Document::read(path, overrides, quotes)?;
+fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<Loaded> {
+    let document = Document::read(path, settings, quotes)?;
     let mut wire: SceneWire = toml::from_str(&document.text).map_err(|error| {
         experiment_instead(path, &document.text)
             .or_else(|| document.not_toml(path, &error))

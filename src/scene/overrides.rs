@@ -1,6 +1,7 @@
 //! `--set camera.position=[0,0,1]`: changes values in a document before it is parsed.
 
-use crate::error::{Error, Result};
+use super::setting::Setting;
+use crate::error::Result;
 use crate::words::counted;
 use toml::{Table, Value};
 
@@ -15,13 +16,13 @@ const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov
 /// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after the last
 /// element adds an element: in a scene without lights, `light.0.power` adds a light. If an angle of the camera is set,
 /// the whole scene is shown, so the camera's own position, direction and field of view are removed.
-pub(super) fn apply(document: &mut Table, overrides: &[(String, Value)]) -> Result<()> {
-    for (path, value) in overrides {
+pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
+    for setting in settings {
+        let Setting { path, value, .. } = setting;
         if path.strip_prefix("camera.").is_some_and(|key| ANGLES.contains(&key)) {
             unplace_camera(document);
         }
-        set(document, path, value)
-            .map_err(|reason| Error::input(format!("override `{path}`: {reason}")).with_help(PATHS))?;
+        set(document, path, value).map_err(|reason| setting.error(reason).with_help(PATHS))?;
     }
     Ok(())
 }
@@ -123,7 +124,7 @@ mod tests {
 
     fn set(path: &str, value: i64) -> Result<String> {
         let mut document: Table = "[camera]\nz_near = 0.1\n[[light]]\npower = 1".parse().unwrap();
-        apply(&mut document, &[(path.to_owned(), Value::Integer(value))])?;
+        apply(&mut document, &[Setting::new(path, Value::Integer(value))])?;
         Ok(toml::to_string(&document).unwrap())
     }
 
@@ -143,7 +144,7 @@ mod tests {
             let mut document: Table = own.parse().unwrap();
             let values = [(angle, 90)].into_iter().chain(after.iter().copied());
             let values: Vec<_> =
-                values.map(|(path, value)| (path.to_owned(), Value::Integer(value))).collect();
+                values.map(|(path, value)| Setting::new(path, Value::Integer(value))).collect();
             apply(&mut document, &values).unwrap();
             let Some(Value::Table(camera)) = document.remove("camera") else { panic!("no camera") };
             camera.into_iter().map(|(key, _)| key).collect::<Vec<_>>()
@@ -159,7 +160,7 @@ mod tests {
             [[animation.track]]\npath = 'camera.azimuth_degrees'\n\
             [[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
         let mut document: Table = text.parse().unwrap();
-        apply(&mut document, &[("camera.azimuth_degrees".to_owned(), Value::Integer(90))]).unwrap();
+        apply(&mut document, &[Setting::new("camera.azimuth_degrees", Value::Integer(90))]).unwrap();
         let tracks = document["animation"]["track"].as_array().unwrap();
         let paths: Vec<_> = tracks.iter().filter_map(|track| track["path"].as_str()).collect();
         assert_eq!(paths, ["camera.z_near", "light.0.power"]);
@@ -169,7 +170,7 @@ mod tests {
     fn a_path_through_a_number_or_out_of_an_array_is_refused() {
         for path in ["camera.z_near.x", "light.2.power", "light.first.power", "camera..x"] {
             let message = set(path, 1).unwrap_err().to_string();
-            assert!(message.starts_with(&format!("override `{path}`: ")), "{message}");
+            assert!(message.starts_with(&format!("{path} = 1: ")), "{message}");
         }
         let message = set("light.2.power", 1).unwrap_err().to_string();
         let expected = "`light` has 1 element; expected an index from 0 to 1 (1 adds an element), not `2`";

@@ -27,14 +27,18 @@ enum Within {
 /// Directives by which a compiler reads another file.
 const READING: [&str; 3] = ["include", "import", "embed"];
 
-/// Splits a file into lines; `name` is its name for messages. Refuses an `#include` in any form other than a line
+/// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a line
 /// `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file of the
 /// machine. Refuses a comment without an end, which would hide the next file.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
-    let mut lines = Vec::new();
+    let (mut lines, mut opened) = (Vec::new(), 1);
     for (number, text) in (1..).zip(text.lines()) {
         let spliced = text.ends_with('\\');
+        // A comment that is open at the line's end began on this line, unless an earlier comment was not closed.
+        if within != Within::BlockComment || text.contains("*/") {
+            opened = number;
+        }
         within.add_code(text.strip_suffix('\\').unwrap_or(text), &mut begun);
         if !spliced && within != Within::BlockComment {
             within = Within::Code;
@@ -53,7 +57,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
         continues = continued;
     }
     if within == Within::BlockComment {
-        return Err(Error::input(format!("cl/{name}: the last comment has no end"))
+        return Err(Error::input(format!("{name}, line {opened}: this comment has no end"))
             .with_help("close the comment with */ in the same file"));
     }
     if continues {
@@ -81,7 +85,7 @@ fn included(line: &str) -> Option<&str> {
 }
 
 fn other_form(name: &str, number: usize) -> Error {
-    Error::input(format!("cl/{name}, line {number}: raycl does not support this form of #include"))
+    Error::input(format!("{name}, line {number}: raycl does not support this form of #include"))
         .with_help("write #include \"FOLDER/FILE.cl\" at the start of the line; paths are relative to cl/")
 }
 
@@ -207,8 +211,22 @@ mod tests {
             let told = error.to_string().contains("does not support this form of #include");
             assert!(told && error.exit_code() == 2, "{text}: {error}");
         }
-        let error = lines("a.cl", "x\n/* y\n// */ /* z").unwrap_err();
-        assert_eq!(error.to_string(), "cl/a.cl: the last comment has no end");
+        let error = lines("cl/a.cl", "x\n# include \"b.cl\"").unwrap_err();
+        assert!(error.to_string().starts_with("cl/a.cl, line 2: raycl does not"), "{error}");
+    }
+
+    #[test]
+    fn a_comment_without_an_end_has_the_line_of_its_start() {
+        for (text, line) in [
+            ("x\n/* y\n// */ /* z", 3),
+            ("x\n/* y\nz\n\n", 2),
+            ("/* x\n*/\n/* y\n/* z\n", 3),
+            ("/* x */ /* y\n", 1),
+        ] {
+            let error = lines("a.cl", text).unwrap_err();
+            assert_eq!(error.to_string(), format!("a.cl, line {line}: this comment has no end"));
+            assert_eq!(error.remedy(), "close the comment with */ in the same file");
+        }
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Options for the view of a mesh or a scene; each one sets a value of the scene.
 
+use crate::scene::Setting;
 use toml::Value;
 
 /// The heading of these options in the help. Every option names the heading itself, since a heading of the whole
@@ -36,17 +37,26 @@ pub struct Look {
 
 impl Look {
     /// Returns the values of the scene that the options set.
-    pub fn values(&self) -> Vec<(String, Value)> {
-        let number = |value: Option<f64>| value.map(Value::Float);
+    pub fn values(&self) -> Vec<Setting> {
+        let number = |option: &str, value: Option<f64>| {
+            value.map(|value| (format!("--{option} {value}"), Value::Float(value)))
+        };
+        let up = self.up.as_deref().map(|up| (format!("--up {up}"), axis(up)));
+        let background = self.background.as_ref();
+        let background = background.map(|colour| (format!("--background {colour}"), Value::from(&**colour)));
+        let two_sided = self.two_sided.then(|| ("--two-sided".to_owned(), Value::Boolean(true)));
         let values = [
-            ("camera.up", self.up.as_deref().map(axis)),
-            ("camera.azimuth_degrees", number(self.azimuth)),
-            ("camera.elevation_degrees", number(self.elevation)),
-            ("background", self.background.clone().map(Value::String)),
-            ("crease", number(self.crease)),
-            ("two_sided", self.two_sided.then_some(Value::Boolean(true))),
+            ("camera.up", up),
+            ("camera.azimuth_degrees", number("azimuth", self.azimuth)),
+            ("camera.elevation_degrees", number("elevation", self.elevation)),
+            ("background", background),
+            ("crease", number("crease", self.crease)),
+            ("two_sided", two_sided),
         ];
-        values.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect()
+        let setting = |(path, set): (&str, Option<_>)| {
+            set.map(|(origin, value)| Setting { path: path.to_owned(), value, origin })
+        };
+        values.into_iter().filter_map(setting).collect()
     }
 }
 
@@ -73,7 +83,9 @@ mod tests {
         ] {
             let look = Look { up: Some(name.to_owned()), ..Look::default() };
             let up = Value::Array(up.map(Value::Integer).to_vec());
-            assert_eq!(look.values(), [("camera.up".to_owned(), up)], "{name}");
+            let origin = format!("--up {name}");
+            let [set] = &look.values()[..] else { panic!("{name} sets one value") };
+            assert_eq!((set.path.as_str(), &set.value, &set.origin), ("camera.up", &up, &origin));
         }
     }
 }

@@ -90,8 +90,31 @@ struct Branch {
     decided: bool,
     /// True if the text around the `#if` is compiled.
     around: bool,
-    /// The line of the `#if` in the whole text.
-    line: u32,
+    /// The place of the `#if`.
+    place: Place,
+}
+
+/// A place in a file.
+#[derive(Clone, Debug)]
+struct Place {
+    file: Rc<str>,
+    /// The line's number in the file.
+    line: i64,
+}
+
+/// The remedy for a line that may ask for a value: an `#error` or a condition.
+const VALUES: &str = "if the line asks for a value, set this value with --local-size or an axis; otherwise correct \
+    the line in the folder of --cl-dir";
+/// The remedy for any other line.
+const CORRECT: &str = "correct the line in the folder of --cl-dir";
+/// The remedy for an `#if` without `#endif`.
+const CLOSE: &str = "close the #if with #endif in the same file, in the folder of --cl-dir";
+
+impl Place {
+    fn mistake(&self, message: impl std::fmt::Display) -> Error {
+        let file = if self.file.is_empty() { "the text" } else { &self.file };
+        Error::input(format!("{file}, line {}: {message}", self.line))
+    }
 }
 
 struct Preprocessor {
@@ -125,13 +148,13 @@ impl Preprocessor {
         self.branches.last().is_none_or(|branch| branch.live)
     }
 
+    /// Returns the place of a line of the whole text, if this line belongs to the current file.
+    fn place_of(&self, line: u32) -> Place {
+        Place { file: Rc::clone(&self.file), line: i64::from(line) + self.offset }
+    }
+
     fn mistake(&self, line: u32, message: impl std::fmt::Display) -> Error {
-        let place = i64::from(line) + self.offset;
-        let file = if self.file.is_empty() { "the text" } else { &self.file };
-        Error::input(format!("{file}, line {place}: {message}")).with_help(
-            "if the line asks for a value, set this value with --local-size or an axis; otherwise correct the line in \
-             the folder of --cl-dir",
-        )
+        self.place_of(line).mistake(message).with_help(CORRECT)
     }
 
     fn line(&mut self, line: &[Token]) -> Result<()> {
@@ -177,7 +200,7 @@ impl Preprocessor {
             "undef" => code.first().into_iter().for_each(|name| self.macros.undefine(&name.text)),
             "error" => {
                 let text: String = rest.iter().map(|token| token.text.as_str()).collect();
-                return Err(self.mistake(number, format!("#error {}", text.trim())));
+                return Err(self.mistake(number, format!("#error {}", text.trim())).with_help(VALUES));
             }
             other => return Err(self.mistake(number, format!("#{other} is not understood here"))),
         }
@@ -210,13 +233,13 @@ impl Preprocessor {
             ("ifdef" | "ifndef", None) => Err(format!("#{name} needs a name")),
             _ => condition::holds(code, &self.macros, &mut self.compiler),
         };
-        decided.map_err(|message| self.mistake(line, message))
+        decided.map_err(|message| self.mistake(line, message).with_help(VALUES))
     }
 
     fn open(&mut self, name: &str, code: &[Token], line: u32) -> Result<()> {
         let around = self.is_live();
         let live = around && self.decide(name, code, line)?;
-        self.branches.push(Branch { live, decided: live, around, line });
+        self.branches.push(Branch { live, decided: live, around, place: self.place_of(line) });
         Ok(())
     }
 
@@ -237,7 +260,7 @@ impl Preprocessor {
     fn finish(mut self) -> Result<Preprocessed> {
         self.flush()?;
         if let Some(branch) = self.branches.last() {
-            return Err(self.mistake(branch.line, "this #if has no #endif"));
+            return Err(branch.place.mistake("this #if has no #endif").with_help(CLOSE));
         }
         let asked = self.compiler.asked.into_iter().collect();
         Ok(Preprocessed { lines: self.layout.lines(), asked, files: self.files })

@@ -117,6 +117,25 @@ fn what_is_not_closed_or_not_opened_is_told() {
 }
 
 #[test]
+fn an_if_without_endif_has_its_own_file_and_line_and_remedy() {
+    let source = "#line 1 \"a.cl\"\nx\n#line 1 \"b.cl\"\n\n#if 0\n#line 1 \"c.cl\"\ny\n#line 3 \"a.cl\"\nz\n";
+    let error = run(source, "").unwrap_err();
+    assert_eq!(error.to_string(), "b.cl, line 2: this #if has no #endif");
+    assert_eq!(error.remedy(), "close the #if with #endif in the same file, in the folder of --cl-dir");
+}
+
+#[test]
+fn only_lines_that_may_ask_for_a_value_are_told_to_set_it() {
+    for (source, asks) in
+        [("#error A\n", true), ("#if 1 / A\n#endif\n", true), ("#else\n", false), ("#nonsense\n", false)]
+    {
+        let remedy = run(source, "").unwrap_err().remedy().to_owned();
+        assert_eq!(remedy.contains("asks for a value"), asks, "{source}: {remedy}");
+        assert!(remedy.contains("the folder of --cl-dir"), "{source}: {remedy}");
+    }
+}
+
+#[test]
 fn an_error_that_is_reached_has_its_file_and_line() {
     let source = "#line 1 \"a.cl\"\nx\n#if 0\n#line 1 \"b.cl\"\ny\n#line 4 \"a.cl\"\n#endif\n#ifndef WIDTH\n#error \"WIDTH: rays\"\n#endif\n";
     assert_eq!(mistake(source), "a.cl, line 6: #error \"WIDTH: rays\"");

@@ -1,7 +1,7 @@
 //! Makes one `[[object]]`: a mesh file, a generated shape or inline triangles; then transforms it and sets
 //! its materials.
 
-use crate::error::{Error, Result, line_of, nearest, nearest_file};
+use crate::error::{Error, Result, nearest, nearest_file};
 use crate::filetype::{MeshFormat, Opened, Wanted};
 use crate::memory::Available;
 use crate::reader::lies_in;
@@ -123,8 +123,7 @@ fn read_file(
 
 /// Refuses a file that is not a mesh, with a short message and the line that names the file.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
-    let line = line_of(&document.text, file.span().start);
-    let name = format!("{}:{line}: {}", document.name, path.display());
+    let name = format!("{}: {}", document.place_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 

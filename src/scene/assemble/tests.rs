@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use crate::scene::{Shot, load_scene_for, load_scene_with};
+use crate::scene::{Setting, Shot, load_scene_for, load_scene_with};
 use glam::Vec3;
 use std::path::Path;
 use toml::Value;
@@ -192,14 +192,14 @@ fn a_dressed_mesh_stands_on_a_ground_unless_its_background_is_given() {
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
         .unwrap();
     let shot = Shot { dressed: true, ..Shot::SQUARE };
-    let load = |values: &[(String, Value)]| {
+    let load = |values: &[Setting]| {
         let loaded = load_scene_for(&path, values, shot).unwrap();
         assert!(loaded.dressed);
         (loaded.object_starts, loaded.scene.mesh.triangles.len())
     };
     // The ground is a square of two triangles, surrounded by three square frames of eight triangles each.
     assert_eq!(load(&[]), (vec![0, 4], 4 + 2 + 3 * 8));
-    assert_eq!(load(&[("background".to_owned(), Value::Float(0.5))]), (vec![0], 4));
+    assert_eq!(load(&[Setting::new("background", Value::Float(0.5))]), (vec![0], 4));
 }
 
 #[test]

@@ -68,6 +68,11 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
 }
 
 #[test]
+fn a_long_line_of_blanks_is_an_empty_file_that_is_named_once() {
+    assert_eq!(message(&" ".repeat(1_000)), "test.obj:1: no triangles: the file is empty");
+}
+
+#[test]
 fn odd_but_clear_files_are_read() {
     let same = [
         "\u{feff}v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n".as_bytes().to_vec(),

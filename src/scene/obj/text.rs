@@ -84,9 +84,11 @@ impl Source<'_> {
         let message = format!("{}:{line_number}: {}", self.name, mistake.message);
         let rest = &self.text[before.len()..];
         let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        let begin = before.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at + 1);
+        let whole_line = before.len() - begin + length;
         // An error's offsets are correct for the file only if the file is UTF-8 text.
         match std::str::from_utf8(self.text) {
-            Ok(text) if text.len() <= SHOWN_FILE_BYTES && length <= SHOWN_LINE_BYTES => {
+            Ok(text) if text.len() <= SHOWN_FILE_BYTES && whole_line <= SHOWN_LINE_BYTES => {
                 let span = before.len()..before.len() + length;
                 Error::in_file(self.name, text, span, message, "here")
             }

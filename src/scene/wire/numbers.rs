@@ -97,7 +97,27 @@ impl<'de> Deserialize<'de> for Vector {
 
 fn checked<R: Range, E: serde::de::Error>(value: f64) -> Result<f32, E> {
     let narrow = value as f32;
-    if R::contains(narrow) { Ok(narrow) } else { Err(E::custom(format!("{value} is not {}", R::EXPECTED))) }
+    if R::contains(narrow) { Ok(narrow) } else { Err(E::custom(refusal::<R>(value))) }
+}
+
+/// Returns the message for a number out of its range.
+fn refusal<R: Range>(value: f64) -> String {
+    let (narrow, shown, expected) = (value as f32, short(value), R::EXPECTED);
+    if value.is_finite() && narrow.is_infinite() {
+        return format!(
+            "{shown} does not fit into single precision, whose range is about -3.4e38 to 3.4e38; expected {expected}"
+        );
+    }
+    if value != 0.0 && narrow == 0.0 {
+        return format!("{shown} rounds to 0 in single precision; expected {expected}");
+    }
+    format!("{shown} is not {expected}")
+}
+
+/// Returns a number as decimal text; with an exponent if the text would otherwise have many zeros.
+fn short(value: f64) -> String {
+    let has_many_zeros = value != 0.0 && value.is_finite() && !(1e-5..1e16).contains(&value.abs());
+    if has_many_zeros { format!("{value:e}") } else { value.to_string() }
 }
 
 struct NumberVisitor<R>(PhantomData<R>);
@@ -152,5 +172,33 @@ impl<'de, R: Range> Visitor<'de> for TripleVisitor<R> {
             values.push(value);
         }
         <[f32; 3]>::try_from(values).map_err(|values| A::Error::invalid_length(values.len(), &self))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_beyond_single_precision_are_told_with_the_range_that_fits() {
+        let fits = "does not fit into single precision, whose range is about -3.4e38 to 3.4e38; expected";
+        assert_eq!(refusal::<NonNegative>(1e39), format!("1e39 {fits} a finite number of at least 0"));
+        assert_eq!(refusal::<Power>(-2e300), format!("-2e300 {fits} a number from 0 to 1e28"));
+        assert_eq!(
+            refusal::<Positive>(1e-50),
+            "1e-50 rounds to 0 in single precision; expected a finite number of more than 0"
+        );
+    }
+
+    #[test]
+    fn other_numbers_out_of_range_are_told_as_they_are() {
+        for (value, shown) in [(-1.5, "-1.5"), (f64::NAN, "NaN"), (f64::INFINITY, "inf"), (-1e20, "-1e20")] {
+            assert_eq!(refusal::<Power>(value), format!("{shown} is not a number from 0 to 1e28"));
+        }
+        assert_eq!(
+            ["0", "1234567.5", "1e16"],
+            [0.0, 1_234_567.5, 1e16].map(short).each_ref().map(|s| s.as_str())
+        );
+        assert_eq!(refusal::<NonZero>(0.0), "0 is not a finite number other than 0");
     }
 }

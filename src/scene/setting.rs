@@ -1,0 +1,248 @@
+//! Values that options or a config set in a scene, and the places of mistakes in a scene with such values.
+
+use crate::error::{Error, shortened};
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Value};
+
+/// A value to set in a scene. Two settings are equal if they set the same value.
+#[derive(Clone, Debug)]
+pub struct Setting {
+    /// The value's dotted path in the scene file: `light.0.power`.
+    pub path: String,
+    /// The new value.
+    pub value: Value,
+    /// The setting as the user wrote it, for messages: an option with its value, or a place in a config with the path
+    /// and the value.
+    pub origin: String,
+}
+
+impl PartialEq for Setting {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.path, &self.value) == (&other.path, &other.value)
+    }
+}
+
+impl Setting {
+    /// Returns a setting that messages show as `path = value`.
+    pub fn new(path: &str, value: Value) -> Self {
+        Self { path: path.to_owned(), origin: format!("{path} = {value}"), value }
+    }
+
+    /// Returns the error for a mistake in this setting.
+    pub(super) fn error(&self, message: impl std::fmt::Display) -> Error {
+        Error::input(format!("{}: {message}", shortened(&*self.origin)))
+    }
+
+    fn keys(&self) -> Vec<&str> {
+        self.path.split('.').collect()
+    }
+}
+
+/// The origin of a part of a document.
+pub(super) enum Origin<'a> {
+    /// A setting, from which the whole part comes.
+    Setting(&'a Setting),
+    /// This range of the file's text.
+    File(Range<usize>),
+    /// The origin cannot be determined; the mistake may lie in what is missing.
+    Unknown,
+}
+
+/// The settings of a document, and the text of its file.
+pub(super) struct Changed {
+    pub settings: Vec<Setting>,
+    pub original: String,
+}
+
+impl Changed {
+    /// Returns the origin of the range `span` of `text`, the document with all settings.
+    pub fn origin(&self, text: &str, span: &Range<usize>) -> Origin<'_> {
+        let table = DeTable::parse(text).ok();
+        let Some(place) = table.and_then(|table| Place::find(table.get_ref(), span)) else {
+            return Origin::Unknown;
+        };
+        let path: Vec<&str> = place.path.iter().map(String::as_str).collect();
+        let mut latest = self.settings.iter().rev();
+        if let Some(setting) = latest.clone().find(|setting| path.starts_with(&setting.keys())) {
+            return Origin::Setting(setting);
+        }
+        let original = DeTable::parse(&self.original).ok();
+        if let Some(span) = original.and_then(|table| span_in(table.get_ref(), &path, place.is_key)) {
+            return Origin::File(span);
+        }
+        // The file lacks the path, so a setting has made all that lies there.
+        latest.find(|setting| setting.keys().starts_with(&path)).map_or(Origin::Unknown, Origin::Setting)
+    }
+
+    /// Returns a sentence that names all settings, for the remedy of a mistake that is in no setting.
+    pub fn told(&self) -> String {
+        let origins: Vec<_> = self.settings.iter().map(|setting| shortened(&*setting.origin)).collect();
+        format!("values of the scene were changed: {}", origins.join("; "))
+    }
+}
+
+/// A key or a value of a document.
+struct Place {
+    /// The keys and indices that lead to the place.
+    path: Vec<String>,
+    is_key: bool,
+}
+
+impl Place {
+    /// Returns the smallest key or value that contains the range.
+    fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Self> {
+        let mut search = Search { span, path: Vec::new(), found: None };
+        if !span.is_empty() {
+            search.table(table);
+        }
+        search.found.map(|(_, place)| place)
+    }
+}
+
+/// A search for the smallest key or value that contains a range.
+struct Search<'a> {
+    span: &'a Range<usize>,
+    path: Vec<String>,
+    /// The best place so far, and its length in bytes.
+    found: Option<(usize, Place)>,
+}
+
+impl Search<'_> {
+    fn table(&mut self, table: &DeTable<'_>) {
+        for (key, value) in table {
+            self.path.push(key.get_ref().to_string());
+            self.meet(&key.span(), true);
+            self.value(value);
+            self.path.pop();
+        }
+    }
+
+    fn value(&mut self, value: &Spanned<DeValue<'_>>) {
+        self.meet(&value.span(), false);
+        match value.get_ref() {
+            DeValue::Table(table) => self.table(table),
+            DeValue::Array(array) => {
+                for (index, item) in array.iter().enumerate() {
+                    self.path.push(index.to_string());
+                    self.value(item);
+                    self.path.pop();
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn meet(&mut self, range: &Range<usize>, is_key: bool) {
+        let contains = range.start <= self.span.start && self.span.end <= range.end;
+        if contains && self.found.as_ref().is_none_or(|(length, _)| range.len() < *length) {
+            self.found = Some((range.len(), Place { path: self.path.clone(), is_key }));
+        }
+    }
+}
+
+/// Returns the range of the key or the value at a path; `None` if the path does not exist.
+fn span_in(table: &DeTable<'_>, path: &[&str], is_key: bool) -> Option<Range<usize>> {
+    let (first, rest) = path.split_first()?;
+    let (key, value) = table.iter().find(|(key, _)| key.get_ref() == first)?;
+    match rest {
+        [] if is_key => Some(key.span()),
+        _ => span_in_value(value, rest, is_key),
+    }
+}
+
+fn span_in_value(value: &Spanned<DeValue<'_>>, path: &[&str], is_key: bool) -> Option<Range<usize>> {
+    let Some((first, rest)) = path.split_first() else { return Some(value.span()) };
+    match value.get_ref() {
+        DeValue::Table(table) => span_in(table, path, is_key),
+        DeValue::Array(array) => span_in_value(array.get(first.parse::<usize>().ok()?)?, rest, is_key),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::load_scene_named_in;
+
+    const SCENE: &str =
+        "# The scene.\n\n[[object]]\nshape = \"sphere\"\n\n[[light]]\nposition = [0, 9, 0]\npower = 9\n";
+
+    /// Returns the message of the error for a scene with these values, and the line and the text that the error marks.
+    fn told(scene: &str, values: &[(&str, Value)], quotes: bool) -> (String, Option<(usize, String)>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, scene).unwrap();
+        let set = |(path, value): &(&str, Value)| Setting {
+            path: (*path).to_owned(),
+            value: value.clone(),
+            origin: format!("--set {path}={value}"),
+        };
+        let settings: Vec<_> = values.iter().map(set).collect();
+        let of = if quotes { folder.path() } else { std::path::Path::new("/elsewhere") };
+        let Error::Input(error) = load_scene_named_in(of, &path, &settings).unwrap_err() else {
+            panic!("not an input error")
+        };
+        let marked = error.span.map(|span| {
+            let text = error.source_code.as_ref().unwrap().inner();
+            let line = crate::error::line_of(text, span.offset());
+            (line, text[span.offset()..span.offset() + span.len()].to_owned())
+        });
+        (error.message.replace(&format!("{}/", folder.path().display()), ""), marked)
+    }
+
+    #[test]
+    fn a_mistake_in_a_setting_names_the_setting_even_if_the_scenes_text_is_withheld() {
+        for (path, value, expected) in [
+            ("light.0.power", Value::from(-3), "-3 is not a number from 0 to 1e28"),
+            (
+                "object.0.triangles",
+                Value::from(-1),
+                "invalid value: integer `-1`, expected a whole number from 0 to 4294967295",
+            ),
+            ("object.0.triangle", Value::from(50), "unknown key `triangle`; did you mean `triangles`?"),
+            ("camera.z_near", Value::from(-1), "-1 is not a finite number of at least 0"),
+            ("object.1.colour.red", Value::from(1), "unknown key `colour`"),
+            ("light.0.position.1", Value::from("x"), "wrong type: string \"x\", expected a finite number"),
+        ] {
+            for quotes in [true, false] {
+                let (message, marked) = told(SCENE, &[(path, value.clone())], quotes);
+                assert!(message.starts_with(&format!("--set {path}={value}: {expected}")), "{message}");
+                assert_eq!(marked, None, "{path}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_setting_that_made_the_value_is_named() {
+        let power = |value: i64| ("light.0.power", Value::from(value));
+        let message = told(SCENE, &[power(1), ("crease", Value::from(1)), power(-2)], true).0;
+        assert!(message.starts_with("--set light.0.power=-2: "), "{message}");
+        let unset = told(SCENE, &[("name.x", Value::from(1)), power(-2)], true).0;
+        assert!(unset.starts_with("--set light.0.power=-2: "), "{unset}");
+        let no_element = told(SCENE, &[("light.7.power", Value::from(1))], true).0;
+        assert!(no_element.starts_with("--set light.7.power=1: `light` has 1 element"), "{no_element}");
+    }
+
+    #[test]
+    fn a_mistake_in_the_file_has_the_files_own_line() {
+        let wrong = SCENE.replace("power = 9", "power = -9");
+        let crease = [("crease", Value::from(1))];
+        let (message, marked) = told(&wrong, &crease, true);
+        assert_eq!((message.as_str(), marked), ("-9 is not a number from 0 to 1e28", Some((8, "-9".into()))));
+        let (message, _) = told(&wrong, &crease, false);
+        assert_eq!(message, "a.toml:8: expected a key or value that a scene may have there");
+        let unknown = SCENE.replace("shape", "shap");
+        assert_eq!(told(&unknown, &crease, true).1, Some((4, "shap".into())));
+    }
+
+    #[test]
+    fn a_mistake_between_a_setting_and_the_file_names_the_line_of_the_file() {
+        let scene = format!("{SCENE}\n[camera]\nposition = [0, 0, 5]\nlook_at = [0, 0, 1]\n");
+        let at = Value::Array([0, 0, 1].map(Value::from).to_vec());
+        let (message, marked) = told(&scene, &[("camera.position", at)], true);
+        assert!(message.contains("looks at the same point"), "{message}");
+        assert_eq!(marked, Some((12, "[0, 0, 1]".into())));
+    }
+}
