@@ -20,12 +20,12 @@ mod text;
 mod textures;
 mod wishes;
 
-use super::files::{MeshFile, colours_note, origin_of, paint};
+use super::files::{MeshFile, Placement, colours_note, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
 use faces::{FaceChunk, FaceContext};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use points::PointChunk;
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
@@ -53,7 +53,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
     let chunks = text::chunks(&text);
-    let (points, origin) = read_points(&source, &chunks)?;
+    let (points, placement) = read_points(&source, &chunks)?;
     let mut notes = Vec::new();
     points::check_flat(&points, &mut notes).map_err(|mistake| source.error(mistake))?;
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
@@ -103,7 +103,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         textures::apply(&mut mesh, &materials.maps, &places, reach, &mut notes);
     }
     paint_vertices(&mut mesh, &points, &mut notes);
-    Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+    Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
 
 /// Colours triangles by their vertices, if any vertex has a colour.
@@ -118,18 +118,25 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     notes.push(colours_note(coloured));
 }
 
-/// Returns the points of all pieces, and the vector that was subtracted from them. If a mesh is far from its
-/// origin, its points are read again in double precision.
-fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, DVec3)> {
-    let read =
-        |origin| in_order(source, chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect());
-    let points: Vec<PointChunk> = read(DVec3::ZERO)?;
-    let bounds = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
-    let (low, high) = bounds.unwrap_or((Vec3::ZERO, Vec3::ZERO));
-    match origin_of(low.as_dvec3(), high.as_dvec3()) {
-        DVec3::ZERO => Ok((points, DVec3::ZERO)),
-        origin => Ok((read(origin)?, origin)),
-    }
+/// Returns the points of all pieces, and their placement. If a mesh is far from its origin, or is extremely small or
+/// large, its bounds and points are read again in double precision.
+fn read_points(source: &Source, chunks: &[Chunk]) -> Result<(Vec<PointChunk>, Placement)> {
+    let read = |place: &Placement| {
+        in_order(source, chunks.par_iter().map(|chunk| points::read(chunk, place)).collect())
+    };
+    let points: Vec<PointChunk> = read(&Placement::IDENTITY)?;
+    let rounded = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+    let (low, high) = rounded.unwrap_or((Vec3::ZERO, Vec3::ZERO));
+    let placement = match Placement::of_rounded(low, high) {
+        Some(placement) => placement,
+        None => {
+            let exact: Vec<_> = in_order(source, chunks.par_iter().map(points::exact_bounds).collect())?;
+            let exact = exact.into_iter().flatten().reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+            exact.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
+        }
+    };
+    let points = if placement == Placement::IDENTITY { points } else { read(&placement)? };
+    Ok((points, placement))
 }
 
 /// Returns the texture coordinates of each piece; they are only read if a material has a texture.

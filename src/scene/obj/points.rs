@@ -4,7 +4,7 @@ use super::asked::Asked;
 use super::text::{Chunk, Mistake, Seen, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
-use crate::scene::files::linear;
+use crate::scene::files::{Placement, linear};
 use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
@@ -58,14 +58,14 @@ impl PointChunk {
         &mut self,
         offset: usize,
         rest: &[u8],
-        origin: DVec3,
+        placement: &Placement,
         mistake: Mistake,
     ) -> Result<Vec3, Mistake> {
         if tokens(rest).count() != 2 {
             return Err(mistake);
         }
         self.flat.at(offset);
-        position(offset, &mut tokens(rest).chain([&b"0"[..]]), origin)
+        position(offset, &mut tokens(rest).chain([&b"0"[..]]), placement)
     }
 
     /// Returns the bounding box of the positions.
@@ -75,15 +75,15 @@ impl PointChunk {
     }
 }
 
-/// Reads a piece; `origin` is subtracted from positions.
-pub(super) fn read(chunk: &Chunk, origin: DVec3) -> Result<PointChunk, Mistake> {
+/// Reads a piece; `placement` changes its positions.
+pub(super) fn read(chunk: &Chunk, placement: &Placement) -> Result<PointChunk, Mistake> {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
             (b"v", rest) => {
                 let mut words = tokens(rest);
-                let position = position(offset, &mut words, origin)
-                    .or_else(|mistake| points.flat_vertex(offset, rest, origin, mistake))?;
+                let position = position(offset, &mut words, placement)
+                    .or_else(|mistake| points.flat_vertex(offset, rest, placement, mistake))?;
                 points.positions.push(position);
                 points.colour(words);
             }
@@ -151,14 +151,28 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Reads a position; `origin` is subtracted from it.
+/// Returns the bounding box of a piece's positions, in double precision. The piece was read before, so every position
+/// has two or three numbers, and z is 0 if it is missing.
+pub(super) fn exact_bounds(chunk: &Chunk) -> Result<Option<(DVec3, DVec3)>, Mistake> {
+    let mut bounds = None;
+    for (offset, line) in chunk.lines() {
+        let (b"v", rest) = keyword(line) else { continue };
+        let at = exact(offset, &mut tokens(rest).chain([&b"0"[..]]))?;
+        let (low, high) = bounds.unwrap_or((at, at));
+        bounds = Some((at.min(low), at.max(high)));
+    }
+    Ok(bounds)
+}
+
+/// Reads a position, which `placement` changes. If there is a change, the mesh was at first read in single precision
+/// and without it.
 fn position<'a>(
     offset: usize,
     tokens: &mut impl Iterator<Item = &'a [u8]>,
-    origin: DVec3,
+    placement: &Placement,
 ) -> Result<Vec3, Mistake> {
-    if origin != DVec3::ZERO {
-        return relative(offset, tokens, origin);
+    if *placement != Placement::IDENTITY {
+        return Ok(placement.place(exact(offset, tokens)?).as_vec3());
     }
     let position = vector(offset, "vertex", tokens)?;
     if position.abs().max_element() <= MAX_COORDINATE {
@@ -172,13 +186,8 @@ fn position<'a>(
     Err(Mistake::new(offset, message))
 }
 
-/// Reads a position in double precision, and subtracts `origin`. The mesh is far from its origin, and its positions
-/// were at first read in single precision.
-fn relative<'a>(
-    offset: usize,
-    tokens: &mut impl Iterator<Item = &'a [u8]>,
-    origin: DVec3,
-) -> Result<Vec3, Mistake> {
+/// Reads a position in double precision.
+fn exact<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Result<DVec3, Mistake> {
     let mut values = [0.0; 3];
     for value in &mut values {
         let token = tokens.next().unwrap_or_default();
@@ -187,7 +196,7 @@ fn relative<'a>(
         };
         *value = decimal(token).ok_or_else(what)?;
     }
-    Ok((DVec3::from_array(values) - origin).as_vec3())
+    Ok(DVec3::from_array(values))
 }
 
 /// Reads the first three numbers; a weight or a colour may follow.
