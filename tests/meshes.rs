@@ -169,6 +169,9 @@ fn any_scale_and_place_looks_the_same() {
         (1.0, [500_000.25, 5_400_000.5, 120.125]),
         (1e-2, [500_000.0, 5_400_000.0, 120.0]),
         (1e-4, [3.0, -7.0, 2.0]),
+        (1e-20, [0.0; 3]),
+        (1e-9, [1.0, 2.0, -3.0]),
+        (2e11, [0.0; 3]),
     ] {
         let corners = moved(scale, by);
         std::fs::write(place.path("b.obj"), obj(&corners)).expect("a file");
@@ -178,6 +181,8 @@ fn any_scale_and_place_looks_the_same() {
             let different = differing(&found, &expected);
             assert!(different < 30, "{name}: {different} pixels at {scale}, {by:?}");
             assert_eq!(said.contains("was subtracted from its positions"), by != [0.0; 3], "{said}");
+            let is_extreme = !(1e-6..1e9).contains(&scale);
+            assert_eq!(said.contains("its positions were multiplied by"), is_extreme, "{said}");
         }
     }
     // In a scene file, a mesh far from the origin, such as a map, keeps its coordinates in double precision until

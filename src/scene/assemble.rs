@@ -153,7 +153,7 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
         if document.bare {
             starts.extend(file.more_starts.iter().map(|start| start + first as u32));
             seen.camera_note = file.camera_note;
-            seen.add(file.camera, file.lights, file.origin, notes);
+            seen.add(file.camera, file.lights);
         }
         mesh.append(file.mesh);
     }
@@ -229,20 +229,8 @@ struct Seen {
 }
 
 impl Seen {
-    fn add(
-        &mut self,
-        camera: Option<Camera>,
-        lights: Vec<FileLight>,
-        origin: DVec3,
-        notes: &mut Vec<String>,
-    ) {
+    fn add(&mut self, camera: Option<Camera>, lights: Vec<FileLight>) {
         self.camera = self.camera.or(camera);
         self.lights.extend(lights);
-        if origin != DVec3::ZERO {
-            let [x, y, z] = origin.to_array();
-            notes.push(format!(
-                "the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions"
-            ));
-        }
     }
 }

@@ -62,7 +62,7 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
         translation: vector(wire.translation.map(|v| v.0), Vec3::ZERO),
     };
     // A mesh without a scene file may have been moved to the origin. It is not moved back to its position in its file.
-    let origin = if document.bare { DVec3::ZERO } else { file.origin };
+    let origin = if document.bare { DVec3::ZERO } else { file.placement.origin };
     transform.apply(&mut file.mesh, origin);
     if let Some(material) = &wire.material {
         file.mesh.materials.iter_mut().for_each(|base| *base = paint(base, material));
@@ -107,6 +107,10 @@ fn read_file(
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
     let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
+    match document.bare {
+        true => read.notes.extend(read.placement.notes()),
+        false => read = read.unscaled(),
+    }
     if !document.bare && (read.camera.is_some() || !read.lights.is_empty()) {
         read.notes.push("its cameras and lights are not used; the scene's are used instead".to_owned());
     }

@@ -224,6 +224,70 @@ fn a_mesh_far_from_the_origin_is_moved_there_alone_and_stays_in_its_place_in_a_s
 }
 
 #[test]
+fn a_mesh_of_extreme_size_is_scaled_alone_whatever_its_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let stl = "solid a\nfacet\nvertex 0 0 0\nvertex E 0 0\nvertex 0 E 0\nendfacet\nendsolid\n";
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\nE 0 0\n0 E 0\n3 0 1 2\n";
+    let flat = "v 0 0\nv E 0\nv 0 E\nf 1 2 3\n";
+    let files =
+        [("a.obj", "v 0 0 0\nv E 0 0\nv 0 E 0\nf 1 2 3\n"), ("b.obj", flat), ("a.stl", stl), ("a.ply", ply)];
+    for (edge, power, extreme) in [("1e-300", 998, "small"), ("1e-10", 34, "small"), ("1e12", -39, "large")] {
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text.replace('E', edge)).unwrap();
+            let loaded = load_scene_with(&path, &[]).unwrap();
+            let positions = loaded.scene.mesh.positions.iter().map(|position| position.max_element());
+            let expected = (edge.parse::<f64>().unwrap() * 2_f64.powi(power)) as f32;
+            assert_eq!(positions.fold(0.0, f32::max), expected, "{name}, {edge}");
+            let [.., note] = &loaded.notes[..] else { panic!("no note: {name}, {edge}") };
+            let told = format!("{}: the mesh is too {extreme} for single precision: ", path.display());
+            assert!(note.starts_with(&told) && note.contains(&format!("by 2^{power} (")), "{note}");
+        }
+    }
+}
+
+#[test]
+fn a_mesh_of_extreme_size_keeps_its_size_in_a_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    let light = "[[light]]\nposition = [1, 3, 1]\npower = 10\n";
+    std::fs::write(&path, format!("{light}[[object]]\nmesh = \"a.obj\"\n")).unwrap();
+    let read = |edge: &str| {
+        let text = format!("v 0 0 0\nv {edge} 0 0\nv 0 {edge} 0\nf 1 2 3\n");
+        std::fs::write(folder.path().join("a.obj"), text).unwrap();
+        let loaded = load_scene_with(&path, &[]).unwrap();
+        (loaded.scene.mesh.positions[1].x, loaded.notes)
+    };
+    for edge in ["1e-30", "1e-10", "5e11"] {
+        assert_eq!(read(edge).0, edge.parse::<f32>().unwrap());
+        assert!(!read(edge).1.iter().any(|note| note.contains("single precision")), "{:?}", read(edge).1);
+    }
+    let (size, notes) = read("1e-300");
+    assert!(size == 0.0 && notes.iter().any(|note| note.contains("nothing is visible")), "{notes:?}");
+}
+
+#[test]
+fn the_camera_of_a_file_is_scaled_like_its_mesh_unless_it_is_too_far_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let scene = |distance: f64| {
+        let tiny =
+            r#"{"mesh": 0, "scale": [5.820766091346741e-11, 5.820766091346741e-11, 5.820766091346741e-11]}"#;
+        let text =
+            SEEN.replace(r#"{"mesh": 0}"#, tiny).replace("[0, 0, 5]", &format!("[0, 0, {distance:e}]"));
+        std::fs::write(&path, text).unwrap();
+        let scene = load_scene_with(&path, &[]).unwrap().scene;
+        (scene.mesh.positions[1].x.max(scene.mesh.positions[2].x), scene.camera.position, scene.camera.z_near)
+    };
+    // The edges of the mesh are 2^-34, so it is multiplied by 2^35.
+    let scale = 2_f32.powi(35);
+    assert_eq!(scene(2_f64.powi(-31)), (2.0, Vec3::Z * 16.0, 0.1 * scale));
+    assert_eq!(scene(16.0), (2.0, Vec3::Z * 16.0 * scale, 0.1 * scale));
+    assert_eq!(scene(32.0), (2_f32.powi(-34), Vec3::Z * 32.0, 0.1));
+}
+
+#[test]
 fn a_sky_without_a_horizon_has_one_colour() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.gltf");

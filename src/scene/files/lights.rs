@@ -1,5 +1,6 @@
 //! The lights of a mesh file, in the file's units.
 
+use super::origin::{self, Placement};
 use crate::scene::Light;
 use glam::{DVec3, Vec3};
 
@@ -36,12 +37,25 @@ impl FileLight {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
 
-    /// Returns the light in coordinates that are measured from `origin`.
-    pub(super) fn relative_to(self, origin: DVec3) -> Self {
+    /// Returns the light in the coordinates of a mesh that was placed in this way. A point light becomes stronger with
+    /// the square of the scale, and so illuminates the mesh as brightly as before.
+    pub(super) fn placed_by(self, placement: &Placement) -> Self {
         match self.source {
-            Source::Point(position) => Self { source: Source::Point(position - origin), ..self },
+            Source::Point(position) => Self {
+                source: Source::Point(placement.place(position)),
+                strength: self.strength * placement.scale * placement.scale,
+            },
             Source::Direction(_) => self,
         }
+    }
+
+    /// Returns whether the light's position is within the limit of coordinates, and its strength is finite.
+    pub(super) fn is_valid(&self) -> bool {
+        let is_near = match &self.source {
+            Source::Point(position) => origin::is_valid(position),
+            Source::Direction(_) => true,
+        };
+        is_near && self.strength.is_finite()
     }
 
     /// Returns the light's position, and its power up to a factor that all lights share.
@@ -106,12 +120,22 @@ mod tests {
     }
 
     #[test]
-    fn a_point_light_moves_with_the_origin_and_a_directional_one_does_not() {
+    fn a_point_light_moves_with_the_mesh_and_a_directional_one_does_not() {
         let at = |light: FileLight| light.placed(DVec3::ZERO, 1.0).0;
-        let origin = DVec3::new(1.0, 2.0, 3.0);
+        let placement = Placement { origin: DVec3::new(1.0, 2.0, 3.0), scale: 2.0 };
         let point = FileLight::point(DVec3::new(5.0, 5.0, 5.0), DVec3::ONE);
-        assert_eq!(at(point.relative_to(origin)), DVec3::new(4.0, 3.0, 2.0));
+        let placed = point.placed_by(&placement);
+        assert_eq!((at(placed), placed.strength), (DVec3::new(8.0, 6.0, 4.0), DVec3::splat(4.0)));
         let sun = FileLight::direction(DVec3::NEG_Y, DVec3::ONE);
-        assert_eq!(at(sun.relative_to(origin)), at(sun));
+        assert_eq!(at(sun.placed_by(&placement)), at(sun));
+    }
+
+    #[test]
+    fn a_light_that_is_too_far_away_or_too_strong_after_scaling_is_not_valid() {
+        let light = |at: f64, scale: f64| {
+            let placement = Placement { origin: DVec3::ZERO, scale };
+            FileLight::point(DVec3::X * at, DVec3::ONE).placed_by(&placement).is_valid()
+        };
+        assert!(light(1.0, 1e12) && !light(1.1, 1e12) && !light(0.0, 1e200));
     }
 }

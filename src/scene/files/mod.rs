@@ -15,12 +15,11 @@ use crate::filetype::{FileType, MeshFormat, Opened};
 use crate::memory::Available;
 use crate::reader::Kind;
 use crate::words::counted;
-use glam::DVec3;
 use std::path::Path;
 
 pub(in crate::scene) use colours::{linear, note as colours_note, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
-pub(in crate::scene) use origin::origin_of;
+pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
@@ -36,19 +35,30 @@ const THIN: f64 = 1e-6;
 pub(in crate::scene) struct MeshFile {
     /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,
-    /// The vector that was subtracted from every position, in double precision; zero unless the mesh lies far
-    /// from the file's origin.
-    pub origin: DVec3,
+    /// How the positions of the file were changed, in double precision, before they were rounded.
+    pub placement: Placement,
     /// The first triangle of each part after the first, if the file has separate parts.
     pub more_starts: Vec<u32>,
-    /// The first camera of the file, relative to the origin.
+    /// The first camera of the file, placed as the mesh is.
     pub camera: Option<Camera>,
     /// A note for the user that is shown only if the file's camera is used.
     pub camera_note: Option<String>,
-    /// The file's lights, relative to the origin.
+    /// The file's lights, placed as the mesh is.
     pub lights: Vec<FileLight>,
     /// Notes for the user.
     pub notes: Vec<String>,
+}
+
+impl MeshFile {
+    /// Returns the file with a mesh of its own size. In a scene file, other objects have the same unit as the mesh.
+    pub fn unscaled(mut self) -> Self {
+        let scale = std::mem::replace(&mut self.placement.scale, 1.0);
+        if scale != 1.0 {
+            self.mesh.positions.iter_mut().for_each(|p| *p = (p.as_dvec3() / scale).as_vec3());
+            self.notes.extend(invisible(&self.mesh));
+        }
+        self
+    }
 }
 
 /// Returns the format of an open file, from its contents or else from its extension.

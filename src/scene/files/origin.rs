@@ -1,44 +1,155 @@
 //! Moves meshes that are far from the origin, such as maps, since single precision could not distinguish many
-//! of their points.
+//! of their points. Scales meshes of extreme size, since products of their lengths would underflow or overflow
+//! single precision.
 
 use super::mistake;
 use crate::error::Result;
-use crate::scene::MAX_COORDINATE;
 use crate::scene::mesh::Triangle;
+use crate::scene::{Camera, MAX_COORDINATE};
 use glam::{DVec3, Vec3};
 
 /// A mesh counts as far from the origin if its centre is this many radii away; f32 has then lost four of its
 /// 24 bits.
 const FAR_RADII: f64 = 16.0;
+/// A mesh with a smaller radius is scaled. A ray-triangle test multiplies up to four lengths. The edges of a fine mesh
+/// are a thousandth of its radius, and the smallest normal number of single precision is 1.2e-38.
+const SMALLEST_RADIUS: f64 = 1e-6;
+/// A mesh with a larger radius is scaled. raycl's own lights are ten radii away and its sky reaches further, and
+/// coordinates must be within +-1e12.
+const LARGEST_RADIUS: f64 = 1e9;
 
-/// Returns the vector to be subtracted from the positions of a mesh with these bounds: its centre if it is far
-/// away (in whole numbers if the mesh is larger than one unit), else zero.
-pub(in crate::scene) fn origin_of(low: DVec3, high: DVec3) -> DVec3 {
-    let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
-    let far = centre.is_finite() && centre.length() > FAR_RADII * radius;
+/// The change of a mesh's positions before they are rounded to single precision: a vector is subtracted, and the result
+/// is multiplied by a power of two.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::scene) struct Placement {
+    /// The vector that is subtracted; zero unless the mesh lies far from the file's origin.
+    pub origin: DVec3,
+    /// The power of two; 1 unless the mesh is extremely small or large.
+    pub scale: f64,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Placement {
+    /// The placement that changes nothing.
+    pub const IDENTITY: Self = Self { origin: DVec3::ZERO, scale: 1.0 };
+
+    /// Returns the placement of a mesh with these bounds.
+    pub fn of(low: DVec3, high: DVec3) -> Self {
+        let (centre, radius) = ((low + high) / 2.0, length(high - low) / 2.0);
+        Self { origin: origin_of(centre, radius), scale: scale_of(radius) }
+    }
+
+    /// Returns the placement of a mesh with these bounds in single precision; `None` if rounding to single precision
+    /// may have changed the placement, so that the bounds are needed in double precision.
+    pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
+        let (low, high) = (low.as_dvec3(), high.as_dvec3());
+        let is_usual = length(high - low) / 2.0 >= SMALLEST_RADIUS && Self::of(low, high) == Self::IDENTITY;
+        is_usual.then_some(Self::IDENTITY)
+    }
+
+    /// Returns a position of the file as the mesh has it.
+    pub fn place(&self, position: DVec3) -> DVec3 {
+        (position - self.origin) * self.scale
+    }
+
+    /// Returns a camera at this position of the file as the mesh has it.
+    pub fn camera(&self, position: DVec3, camera: &Camera) -> Camera {
+        let z_near = (f64::from(camera.z_near) * self.scale) as f32;
+        Camera { position: self.place(position).as_vec3(), z_near, ..*camera }
+    }
+
+    /// Returns notes for the user of a mesh that stays as it was placed.
+    pub fn notes(&self) -> Vec<String> {
+        // Without an exponent, the smallest numbers would have hundreds of digits.
+        let shown = |value: f64| {
+            if value.abs() < 1e-6 && value != 0.0 { format!("{value:e}") } else { value.to_string() }
+        };
+        let [x, y, z] = self.origin.to_array().map(shown);
+        let moved = || {
+            format!("the mesh lies far from its origin: ({x}, {y}, {z}) was subtracted from its positions")
+        };
+        let scaled = || {
+            let (scale, extreme) = (self.scale, if self.scale > 1.0 { "small" } else { "large" });
+            format!(
+                "the mesh is too {extreme} for single precision: its positions were multiplied by 2^{} ({scale:.1e}); \
+                 lengths, such as those of the layer `depth` and of camera.position, are in the scaled unit",
+                scale.log2()
+            )
+        };
+        let moved = (self.origin != DVec3::ZERO).then(moved);
+        moved.into_iter().chain((self.scale != 1.0).then(scaled)).collect()
+    }
+}
+
+/// Returns the vector to be subtracted from the positions of a mesh with this centre and radius: the centre if it is
+/// far away (in whole numbers if the mesh is larger than one unit), else zero.
+fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
+    let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
     // A small mesh need not contain a point with whole coordinates.
     let rounded = if radius > 1.0 { centre.round() } else { centre };
     if far { rounded } else { DVec3::ZERO }
 }
 
-/// Returns positions in single precision, and the vector that was subtracted from them. Positions that no
-/// triangle uses need not be finite: scanners write NaN for points that they did not measure.
-pub(super) fn settle(name: &str, positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, DVec3)> {
+/// Returns the power of two that makes an extreme radius at least 1 and less than 2. The power is 1 for a radius of
+/// ordinary size, and for one that has no such power: that of a point, and one below the normal numbers.
+fn scale_of(radius: f64) -> f64 {
+    if !radius.is_normal() || (SMALLEST_RADIUS..=LARGEST_RADIUS).contains(&radius) {
+        return 1.0;
+    }
+    2_f64.powi(-radius.log2().floor() as i32)
+}
+
+/// Returns the length of a vector whose squares may underflow.
+fn length(vector: DVec3) -> f64 {
+    let largest = vector.abs().max_element();
+    if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
+}
+
+/// Returns positions in single precision, and their placement. Positions that no triangle uses need not be finite:
+/// scanners write NaN for points that they did not measure.
+pub(super) fn settle(
+    name: &str,
+    positions: &[DVec3],
+    triangles: &[Triangle],
+) -> Result<(Vec<Vec3>, Placement)> {
+    settle_if(name, positions, triangles, |_| true)
+}
+
+/// Settles positions. The mesh is scaled only if `fits` returns true for the placement.
+pub(super) fn settle_if(
+    name: &str,
+    positions: &[DVec3],
+    triangles: &[Triangle],
+    fits: impl Fn(&Placement) -> bool,
+) -> Result<(Vec<Vec3>, Placement)> {
     if !positions.iter().all(is_valid) {
         check(name, positions, triangles)?;
     }
+    let wanted = placement_of(positions);
+    let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
+    // An unused position that is not valid gets a value that does not enlarge the mesh.
+    let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
+    let settled = |position: &DVec3| placement.place(if is_valid(position) { *position } else { instead });
+    Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), placement))
+}
+
+/// Returns the placement of a mesh with these positions, without those that are not valid.
+pub(super) fn placement_of(positions: &[DVec3]) -> Placement {
     let valid = || positions.iter().copied().filter(is_valid);
     let low = valid().fold(DVec3::INFINITY, DVec3::min);
     let high = valid().fold(DVec3::NEG_INFINITY, DVec3::max);
-    let origin = origin_of(low, high);
-    // An unused position that is not valid gets a value that does not enlarge the mesh.
-    let instead = valid().next().unwrap_or(origin);
-    let settled = |position: &DVec3| if is_valid(position) { *position } else { instead } - origin;
-    Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), origin))
+    Placement::of(low, high)
 }
 
-fn is_valid(position: &DVec3) -> bool {
-    position.is_finite() && position.abs().max_element() <= f64::from(MAX_COORDINATE)
+/// Returns whether a position is finite and within the limit of coordinates.
+pub(super) fn is_valid(position: &DVec3) -> bool {
+    // The limit, 1e12, is slightly smaller after it is rounded to single precision, as the position will be.
+    position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
 }
 
 /// Refuses triangles with a position that is not valid.
@@ -57,12 +168,49 @@ mod tests {
     fn a_map_is_settled_with_its_centimetres_and_a_mesh_nearby_keeps_its_bits() {
         let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);
         let corners = [utm, utm + DVec3::new(0.01, 0.0, 0.0), utm + DVec3::new(100.0, 80.0, 5.0)];
-        let (positions, origin) = settle("map", &corners, &[]).expect("finite positions");
-        assert_eq!(origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
+        let (positions, placement) = settle("map", &corners, &[]).expect("finite positions");
+        assert_eq!(placement.scale, 1.0);
+        assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
         assert!((positions[1].x - positions[0].x - 0.01).abs() < 1e-5);
         let near = [DVec3::new(0.1, 5.0, 0.0), DVec3::new(1.0, 6.0, 0.0)];
-        let (positions, origin) = settle("near", &near, &[]).expect("finite positions");
-        assert_eq!((positions[0], origin), (Vec3::new(0.1, 5.0, 0.0), DVec3::ZERO));
+        let (positions, placement) = settle("near", &near, &[]).expect("finite positions");
+        assert_eq!((positions[0], placement), (Vec3::new(0.1, 5.0, 0.0), Placement::IDENTITY));
+    }
+
+    #[test]
+    fn a_mesh_of_extreme_size_is_scaled_by_a_power_of_two_and_a_point_is_not() {
+        let placed = |at: DVec3, edge: f64| {
+            let corners = [at, at + DVec3::X * edge, at + DVec3::Y * edge];
+            let (positions, placement) = settle("a", &corners, &[]).expect("valid positions");
+            ((positions[1] - positions[0]).as_dvec3(), placement)
+        };
+        for edge in [1e-300, 1e-46, 1e-30, 1e-20, 1e-10, 1e-7, 5e11, 1e12] {
+            let (side, placement) = placed(DVec3::ZERO, edge);
+            let radius = side.x * std::f64::consts::FRAC_1_SQRT_2;
+            assert!((0.999..2.001).contains(&radius), "{edge:e}: {radius}");
+            assert!(((edge * placement.scale) / side.x - 1.0).abs() < 1e-7, "{edge:e}");
+            assert_eq!(placement.scale.to_bits() << 12, 0, "{edge:e}: not a power of two");
+        }
+        for edge in [0.0, 5e-324, 2e-6, 1.0, 1e9] {
+            assert_eq!(placed(DVec3::ZERO, edge).1.scale, 1.0, "{edge:e}");
+        }
+        // This mesh is moved and scaled; near 1, single precision could not distinguish its corners.
+        let (side, placement) = placed(DVec3::ONE, 1e-10);
+        assert!((side.x - 1e-10 * placement.scale).abs() < 1e-5 * side.x && side.x > 1.0, "{side}");
+        assert!(placement.origin.distance(DVec3::ONE) < 1e-9);
+        let notes = placement.notes();
+        assert!(
+            notes[0].contains("subtracted")
+                && placed(DVec3::X * 1e-200, 0.0).1.notes()[0].contains("(1e-200, 0, 0)")
+        );
+        assert!(notes[1].contains("by 2^34 (1.7e10)"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_mesh_is_not_scaled_if_something_else_of_its_file_does_not_fit() {
+        let corners = [DVec3::ZERO, DVec3::X * 1e-9];
+        let (positions, placement) = settle_if("a", &corners, &[], |_| false).expect("valid positions");
+        assert_eq!((positions[1], placement), (Vec3::X * 1e-9, Placement::IDENTITY));
     }
 
     #[test]
@@ -71,10 +219,10 @@ mod tests {
             let positions = [DVec3::ONE, DVec3::X * x];
             let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
             assert!(settle("odd", &positions, &[triangle([0, 0, 1])]).is_err(), "{x}");
-            let (settled, origin) =
+            let (settled, placement) =
                 settle("unused", &positions, &[triangle([0; 3])]).expect("valid positions");
             assert_eq!(
-                settled.iter().map(|p| p.as_dvec3() + origin).collect::<Vec<_>>(),
+                settled.iter().map(|p| p.as_dvec3() + placement.origin).collect::<Vec<_>>(),
                 [DVec3::ONE; 2],
                 "{x}"
             );

@@ -2,7 +2,7 @@
 
 mod header;
 
-use super::origin::settle;
+use super::origin::{placement_of, settle};
 use super::{MeshFile, colours, mistake};
 use crate::error::{Error, Result};
 use crate::scene::material::Material;
@@ -90,6 +90,8 @@ impl Parts {
             let normals = if with_normals { corners } else { [MISSING; 3] };
             mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });
         };
+        // Products of the lengths of a tiny outline would underflow.
+        let placement = placement_of(&positions);
         let mut short = 0;
         for (number, face) in self.faces.iter().enumerate() {
             let corners = face
@@ -99,7 +101,8 @@ impl Parts {
                 [a, b, c] => push([a, b, c]),
                 [] | [_] | [_, _] => short += 1,
                 _ => {
-                    let outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
+                    let outline: Vec<DVec3> =
+                        corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
                     let triangles = triangulate(&outline).ok_or_else(|| {
                         mistake(name, format!("face {number} is concave and has too many corners"))
                     })?;
@@ -111,7 +114,7 @@ impl Parts {
             let what = |what| mistake(name, format!("strip {number}: {what}"));
             strip.triangles(positions.len(), &mut push).map_err(what)?;
         }
-        let (settled, origin) = settle(name, &positions, &mesh.triangles)?;
+        let (settled, placement) = settle(name, &positions, &mesh.triangles)?;
         mesh.positions = settled;
         let mut notes = Vec::new();
         let coloured =
@@ -127,7 +130,7 @@ impl Parts {
             notes.push(format!("alpha of {} is not used: every surface is opaque", counted(clear, "vertex")));
         }
         notes.extend(self.notes(header, short));
-        Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+        Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
     }
 
     /// Returns notes on ignored parts of the file.

@@ -33,9 +33,9 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
         false => (ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?, Vec::new()),
     };
     let (positions, triangles) = joined(&corners);
-    let (positions, origin) = settle(name, &positions, &triangles)?;
+    let (positions, placement) = settle(name, &positions, &triangles)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
-    Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+    Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
 
 /// Returns whether this is a binary file: its length matches its count of triangles, or its first bytes are not

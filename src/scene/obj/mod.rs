@@ -22,12 +22,12 @@ mod textures;
 mod values;
 mod wishes;
 
-use super::files::{MeshFile, colours_note, origin_of, paint};
+use super::files::{MeshFile, Placement, colours_note, paint};
 use super::mesh::{Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::words::counted;
 use faces::{FaceChunk, FaceContext};
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use points::PointChunk;
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
@@ -55,7 +55,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
     let chunks = text::chunks(&text);
-    let (points, origin) = read_points(&chunks);
+    let (points, placement) = read_points(&chunks);
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
@@ -103,7 +103,7 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         textures::apply(&mut mesh, &materials.maps, &places, reach, &mut notes);
     }
     paint_vertices(&mut mesh, &points, &mut notes);
-    Ok(MeshFile { mesh, origin, notes, ..MeshFile::default() })
+    Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
 
 /// Adds the positions and normals of all pieces to a mesh; `total` has their numbers.
@@ -138,21 +138,24 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     notes.push(colours_note(coloured));
 }
 
-/// Returns the points of all pieces, and the vector that was subtracted from them. If a mesh is far from its
-/// origin, its points are read again in double precision.
-fn read_points(chunks: &[Chunk]) -> (Vec<PointChunk>, DVec3) {
-    let read = |origin| {
-        let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, origin)).collect();
+/// Returns the points of all pieces, and their placement. If a mesh is far from its origin, or is extremely small or
+/// large, its bounds and points are read again in double precision.
+fn read_points(chunks: &[Chunk]) -> (Vec<PointChunk>, Placement) {
+    let read = |placement: &Placement| {
+        let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, placement)).collect();
         points::drop_mixed(&mut points);
         points
     };
-    let points = read(DVec3::ZERO);
-    let bounds = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
-    let (low, high) = bounds.unwrap_or((Vec3::ZERO, Vec3::ZERO));
-    match origin_of(low.as_dvec3(), high.as_dvec3()) {
-        DVec3::ZERO => (points, DVec3::ZERO),
-        origin => (read(origin), origin),
-    }
+    let points = read(&Placement::IDENTITY);
+    let rounded = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
+    let (low, high) = rounded.unwrap_or((Vec3::ZERO, Vec3::ZERO));
+    let placement = Placement::of_rounded(low, high).unwrap_or_else(|| {
+        let exact = points.par_iter().zip(chunks).filter_map(|(points, chunk)| points.exact_bounds(chunk));
+        let bounds = exact.reduce_with(|(a, b), (c, d)| (a.min(c), b.max(d)));
+        bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
+    });
+    let points = if placement == Placement::IDENTITY { points } else { read(&placement) };
+    (points, placement)
 }
 
 /// Returns the texture coordinates of each piece; they are only read if a material has a texture.

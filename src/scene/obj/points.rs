@@ -6,7 +6,7 @@ use super::odd::Odd;
 use super::text::{Chunk, Mistake, decimal, keyword, number, quoted, tokens, words};
 use super::wishes;
 use crate::scene::MAX_COORDINATE;
-use crate::scene::files::linear;
+use crate::scene::files::{Placement, linear};
 use crate::words::counted;
 use glam::{DVec3, Vec3};
 use std::collections::BTreeSet;
@@ -58,22 +58,22 @@ impl PointChunk {
         self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
-    /// Reads a vertex; `origin` is subtracted from its position.
-    fn vertex(&mut self, rest: &[u8], offset: usize, origin: DVec3) {
+    /// Reads a vertex; `placement` changes its position.
+    fn vertex(&mut self, rest: &[u8], offset: usize, placement: &Placement) {
         let mut words = tokens(rest);
-        match coordinates(&mut words, origin) {
+        match coordinates(&mut words, placement) {
             Some(position) => {
                 self.positions.push(position);
                 self.colour(words);
             }
-            None => self.odd_vertex(rest, offset, origin),
+            None => self.odd_vertex(rest, offset, placement),
         }
     }
 
     /// Reads a vertex that does not have three valid coordinates. If the vertex has two valid coordinates, z is 0.
-    fn odd_vertex(&mut self, rest: &[u8], offset: usize, origin: DVec3) {
+    fn odd_vertex(&mut self, rest: &[u8], offset: usize, placement: &Placement) {
         let odd = Odd { number: self.positions.len(), offset };
-        let with_z = || coordinates(&mut tokens(rest).chain([&b"0"[..]]), origin);
+        let with_z = || coordinates(&mut tokens(rest).chain([&b"0"[..]]), placement);
         let flat = (tokens(rest).count() == 2).then(with_z).flatten();
         let list = if flat.is_some() { &mut self.flat } else { &mut self.odd_vertices };
         list.push(odd);
@@ -101,14 +101,27 @@ impl PointChunk {
         let first = *valid.next()?;
         Some(valid.fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
     }
+
+    /// Returns the bounding box of the valid positions of this piece, in double precision.
+    pub fn exact_bounds(&self, chunk: &Chunk) -> Option<(DVec3, DVec3)> {
+        let is_odd = |offset| self.odd_vertices.binary_search_by_key(&offset, |odd| odd.offset).is_ok();
+        let position = |(offset, line): (usize, &[u8])| match keyword(line) {
+            // A vertex with two coordinates has z = 0.
+            (b"v", rest) if !is_odd(offset) => exact(&mut tokens(rest).chain([&b"0"[..]])),
+            _ => None,
+        };
+        let mut positions = chunk.lines().filter_map(position);
+        let first = positions.next()?;
+        Some(positions.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
+    }
 }
 
-/// Reads a piece; `origin` is subtracted from positions.
-pub(super) fn read(chunk: &Chunk, origin: DVec3) -> PointChunk {
+/// Reads a piece; `placement` changes its positions.
+pub(super) fn read(chunk: &Chunk, placement: &Placement) -> PointChunk {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
-            (b"v", rest) => points.vertex(rest, offset, origin),
+            (b"v", rest) => points.vertex(rest, offset, placement),
             (b"vn", rest) => points.normal(rest, offset),
             (b"f" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
@@ -177,12 +190,12 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Reads a position, and subtracts `origin` from it. Returns `None` if the position is not valid.
-fn coordinates<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, origin: DVec3) -> Option<Vec3> {
-    match origin {
-        DVec3::ZERO => position(0, tokens).ok(),
-        _ => relative(tokens, origin),
+/// Reads a position, which `placement` changes. Returns `None` if the position is not valid.
+fn coordinates<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, placement: &Placement) -> Option<Vec3> {
+    if *placement == Placement::IDENTITY {
+        return position(0, tokens).ok();
     }
+    Some(placement.place(exact(tokens)?).as_vec3())
 }
 
 /// Returns the mistake in a vertex that is not valid.
@@ -210,16 +223,15 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     Err(Mistake::new(offset, message))
 }
 
-/// Reads a position in double precision, and subtracts `origin`. The mesh is far from its origin, and its positions
-/// were at first read in single precision. A position is valid if it was valid then.
-fn relative<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, origin: DVec3) -> Option<Vec3> {
+/// Reads a position in double precision. The mesh was at first read in single precision. A position is valid if it was
+/// valid then.
+fn exact<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
     let mut values = [0.0; 3];
     for value in &mut values {
         *value = decimal(tokens.next()?)?;
     }
     let position = DVec3::from_array(values);
-    let valid = position.as_vec3().abs().max_element() <= MAX_COORDINATE;
-    valid.then(|| (position - origin).as_vec3())
+    (position.as_vec3().abs().max_element() <= MAX_COORDINATE).then_some(position)
 }
 
 /// Reads the first three numbers; a weight or a colour may follow.

@@ -7,13 +7,13 @@ use super::primitives::{Part, Shape};
 use super::textures::ColourMap;
 use super::{MeshFile, Parsed};
 use crate::error::Result;
-use crate::scene::files::{FileLight, colours, origin};
+use crate::scene::files::{FileLight, Placement, colours, origin};
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
 use crate::scene::obj::unmapped;
 use crate::scene::shapes::MAX_TRIANGLES;
-use crate::scene::{Camera, Mapped, Texture, Textures};
+use crate::scene::{Camera, Mapped, Texture, Textures, validate};
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
 use gltf::json::camera::Type;
 use gltf::json::extensions::scene::khr_lights_punctual as punctual;
@@ -222,6 +222,14 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
+    /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. Otherwise, the
+    /// mesh is not scaled: a camera at such a distance, 1e11 radii and more, sees it as less than a pixel.
+    fn seen_fits(&self, placement: &Placement) -> bool {
+        let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
+        camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
+            && self.lights.iter().all(|light| light.placed_by(placement).is_valid())
+    }
+
     /// Returns the mesh in single precision, with the file's camera and lights.
     pub fn settled(
         self,
@@ -229,7 +237,8 @@ impl<'a> Walk<'a> {
         (materials, pictures): (Vec<Material>, Vec<Texture>),
         note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
     ) -> Result<MeshFile> {
-        let (positions, origin) = origin::settle(name, &self.positions, &self.triangles)?;
+        let (positions, placement) =
+            origin::settle_if(name, &self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
         let textures = Textures::of(pictures, self.mapped);
         let mut mesh =
             Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
@@ -242,15 +251,12 @@ impl<'a> Walk<'a> {
         notes.extend((self.left_out.unmapped > 0).then(|| unmapped(self.left_out.unmapped)));
         notes.extend(self.left_out.notes());
         notes.extend(left_out::other_scenes(self.numbers.root));
-        let camera = self
-            .cameras
-            .first()
-            .map(|(position, camera)| Camera { position: (position - origin).as_vec3(), ..*camera });
+        let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
         let cameras = self.cameras.len();
         let camera_note = (cameras > 1).then(|| format!("of {cameras} cameras, the first is used"));
-        let lights = self.lights.into_iter().map(|light| light.relative_to(origin)).collect();
+        let lights = self.lights.into_iter().map(|light| light.placed_by(&placement)).collect();
         let more_starts = self.starts.into_iter().skip(1).collect();
-        Ok(MeshFile { mesh, origin, more_starts, camera, camera_note, lights, notes })
+        Ok(MeshFile { mesh, placement, more_starts, camera, camera_note, lights, notes })
     }
 }
 

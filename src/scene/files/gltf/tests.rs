@@ -137,7 +137,7 @@ fn sparse_elements_are_normalised_like_the_others() {
 #[test]
 fn a_far_node_is_centred() {
     let file = read(&triangle().replace("[0, 0, 5]", "[500000, 5400000, 0]")).unwrap();
-    assert!(file.origin.distance(DVec3::new(500_000.5, 5_400_000.5, 0.0)) < 1e-9);
+    assert!(file.placement.origin.distance(DVec3::new(500_000.5, 5_400_000.5, 0.0)) < 1e-9);
     assert_eq!(corners(&file.mesh)[0], Vec3::new(-0.5, -0.5, 0.0));
 }
 
@@ -249,7 +249,7 @@ fn an_accessor_without_data_is_zero_and_noted() {
     let unused = with(r#"{"POSITION": 0}"#).unwrap();
     assert_eq!(unused.notes, Vec::<String>::new());
     let point = with(r#"{"POSITION": 2}"#).unwrap();
-    assert_eq!((point.mesh.positions, point.origin), (vec![Vec3::ZERO; 3], DVec3::Z * 5.0));
+    assert_eq!((point.mesh.positions, point.placement.origin), (vec![Vec3::ZERO; 3], DVec3::Z * 5.0));
 }
 
 #[test]

@@ -12,7 +12,7 @@ fn a_square_of_a_map_is_two_red_triangles_around_its_middle() {
     let file = parse("a.ply", SQUARE.as_bytes()).unwrap();
     assert_eq!((file.mesh.triangles.len(), file.mesh.materials.len()), (2, 1));
     assert_eq!(file.mesh.materials[0].lambertian, Vec3::X);
-    assert_eq!(file.origin, DVec3::new(500000.5, 5400000.5, 0.0));
+    assert_eq!(file.placement.origin, DVec3::new(500000.5, 5400000.5, 0.0));
     assert_eq!(file.mesh.positions[0], Vec3::new(-0.5, -0.5, 0.0));
     assert!(file.notes.iter().any(|note| note.contains("(edge 1)")), "{:?}", file.notes);
     assert!(file.notes.iter().any(|note| note.contains("4 vertices")), "{:?}", file.notes);
@@ -191,4 +191,21 @@ fn a_message_begins_with_the_files_name() {
     let binary = "ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nend_header\n1234";
     let error = parse("a.ply", binary.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply:"), "{error}");
+}
+
+#[test]
+fn a_tiny_concave_face_is_divided_like_a_large_one() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    // A fan from the first corner would contain a triangle outside this outline, which is concave at the second corner.
+    let corners = |edge: f64| {
+        let text = format!(
+            "{header}{edge:e} 0 0\n{quarter:e} {quarter:e} 0\n0 {edge:e} 0\n0 0 0\n4 0 1 2 3\n",
+            quarter = edge / 4.0
+        );
+        let triangles = parse("a.ply", text.as_bytes()).unwrap().mesh.triangles;
+        triangles.iter().map(|triangle| triangle.positions).collect::<Vec<_>>()
+    };
+    assert_eq!(corners(1e-200), corners(1.0));
+    assert_ne!(corners(1.0)[0], [0, 1, 2]);
 }

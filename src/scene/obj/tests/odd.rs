@@ -57,10 +57,10 @@ fn vertices_that_no_face_uses_are_counted_and_quoted_only_where_that_is_permitte
 fn a_mesh_far_from_its_origin_keeps_its_place_beside_vertices_that_are_not_valid() {
     let corners = "v 500000.25 5400000 7\nv 500001.25 5400000 7\nv 500000.25 5400001 7\n";
     let plain = read(&format!("{corners}f 1 2 3\n")).unwrap();
-    assert_ne!(plain.origin, DVec3::ZERO);
+    assert_ne!(plain.placement, Placement::IDENTITY);
     for (line, _) in BAD {
         let odd = read(&format!("{line}\n{corners}f 2 3 4\n")).unwrap();
-        assert_eq!(odd.origin, plain.origin, "{line}");
+        assert_eq!(odd.placement, plain.placement, "{line}");
         assert_eq!(odd.mesh.positions[1..], plain.mesh.positions, "{line}");
         assert_eq!(odd.mesh.positions[0], plain.mesh.positions[0], "{line}");
         let used = message(&format!("{line}\n{corners}f 1 2 3\n"));
