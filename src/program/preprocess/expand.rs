@@ -77,9 +77,9 @@ impl Expander<'_> {
             self.push(made(Kind::Comment, &format!("/* {} */", call.text)));
             return Ok(());
         }
-        let body = substitute(self.macros, called, parameters, arguments)
-            .map_err(|(_, message)| (call.line, format!("{}: {message}", call.text)))?;
-        self.macros.count(body.len()).map_err(|message| (call.line, message))?;
+        let body = substitute(self.macros, &call.text, called, parameters, arguments)
+            .map_err(|(_, message)| (call.line, message))?;
+        self.macros.count(body.len() + hidden.len()).map_err(|message| (call.line, message))?;
         if !body.iter().any(Token::is_code) {
             self.push(made(Kind::Nothing, ""));
             self.skip_space();

@@ -5,9 +5,10 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the macro's body for a call with these arguments. An error names the line of the argument.
+/// Returns the body of the macro `name` for a call with these arguments. An error names the line of the argument.
 pub(super) fn substitute(
     macros: &Macros,
+    name: &str,
     called: &Macro,
     parameters: &[String],
     arguments: &[Vec<Token>],
@@ -29,7 +30,7 @@ pub(super) fn substitute(
         } else if token.is("##") && next < body.len() {
             let right = argument(&body[next])
                 .map_or_else(|| vec![body[next].clone()], |argument| as_spelled(argument));
-            join(&mut made, right)?;
+            join(&mut made, right).map_err(|(line, message)| (line, format!("{name}: {message}")))?;
             at = next + 1;
         } else if let Some(argument) = argument(token) {
             let joins = body.get(next).is_some_and(|next| next.is("##"));

@@ -358,10 +358,7 @@ fn calls_nested_too_deeply_are_refused_with_their_line() {
     let nested = |levels| format!("#define F(a) a\n\n{}1{}\n", "F(".repeat(levels), ")".repeat(levels));
     assert_eq!(text(&nested(90)).trim(), "1");
     let said = mistake(&nested(20_000));
-    assert!(
-        said.contains("line 3: ") && said.contains("macro calls are nested in more than 100 levels"),
-        "{said}"
-    );
+    assert!(said.contains("line 3: macro calls are nested in more than 100 levels"), "{said}");
 }
 
 #[test]
@@ -376,10 +373,12 @@ fn macros_that_double_a_text_again_and_again_are_refused() {
 }
 
 #[test]
-fn a_chain_of_macros_is_as_long_as_a_user_likes() {
+fn a_chain_of_macros_may_be_long_but_not_endless() {
     let link = |n| format!("#define C{n} C{}\n", n + 1);
     let chain = format!("{}#define C50 f()\nC0;\n", (0..50).map(link).collect::<String>());
     assert_eq!(text(&chain).trim(), "f();");
+    let endless = format!("{}C0;\n", (0..20_000).map(link).collect::<String>());
+    assert!(mistake(&endless).contains("line 20001: macros expand to more than 500000 tokens"));
 }
 
 #[test]
