@@ -73,7 +73,7 @@ fn what_is_too_large_is_refused_with_the_limit() {
 fn text_of_a_mesh_elsewhere_is_not_shown() {
     let [secret, vertex, face] = [
         format!("root:{SECRET}:1:\nnext\n"),
-        format!("v 0 {SECRET} 0\n"),
+        format!("v 0 {SECRET} 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
         format!("v 0 0 0\nf 1 1 {SECRET}\n"),
     ];
     for (text, line) in [

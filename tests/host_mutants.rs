@@ -53,20 +53,26 @@ fn every_row_stands_once_in_its_file_and_names_a_test() {
     }
 }
 
-/// Returns whether a text can be the content of a block that replaces an expression or statements. A variable that
-/// statements define would be unknown after the block.
-fn is_block(text: &str) -> bool {
-    let block = syn::parse_str::<syn::Block>(&format!("{{ {text} }}"));
-    block.is_ok_and(|block| block.stmts.len() > 1 || !matches!(block.stmts[..], [syn::Stmt::Local(_)]))
+fn block(text: &str) -> Option<syn::Block> {
+    syn::parse_str(&format!("{{ {text} }}")).ok()
+}
+
+/// Returns whether a block can replace these statements. A variable that they define would be unknown after the block.
+fn are_statements(text: &str) -> bool {
+    block(text)
+        .is_some_and(|block| !block.stmts.iter().any(|statement| matches!(statement, syn::Stmt::Local(_))))
 }
 
 /// Rows without `apart` are built into one program, in which a condition chooses between both texts.
 #[test]
 fn rows_that_share_a_build_are_expressions_or_statements() {
     for Mutant { file, from, to, .. } in mutants().iter().filter(|row| !row.apart && row.reason.is_none()) {
-        let fits =
-            if from.ends_with(';') { is_block(from) } else { syn::parse_str::<syn::Expr>(from).is_ok() };
-        assert!(fits && is_block(to), "{file}: {from:?}, {to:?}: this row needs `apart = true`");
+        let fits = if from.ends_with(';') {
+            are_statements(from)
+        } else {
+            syn::parse_str::<syn::Expr>(from).is_ok()
+        };
+        assert!(fits && block(to).is_some(), "{file}: {from:?}, {to:?}: this row needs `apart = true`");
     }
 }
 

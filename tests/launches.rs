@@ -99,7 +99,8 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
     // At most as many additional launches follow. They have no first checks, so each of their checks takes a second.
-    assert!((108..=114).contains(&known.additional.as_secs()), "{:?}", known.additional);
+    // Each of the six launches may also take twice as many samples: 30 s more.
+    assert!((288..=294).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.
     let some = expected(&records[..2], &[]);
