@@ -89,13 +89,13 @@ impl OpenGroup {
 
     /// Returns whether the group needs no further launch.
     fn has_enough(&self, run: &Run<'_>, sink: &impl ResultSink) -> bool {
-        are_enough(&self.whole, run.experiment.timing.launches as usize, self.nearest_ns(run, sink))
+        are_enough(&self.whole, run.experiment.timing.launches as usize, self.near_ns(run, sink))
     }
 
-    /// Returns the smallest core-to-core latency of the run in nanoseconds; the latency of each launch is compared with
+    /// Returns the core-to-core latency of near processors in nanoseconds; the latency of each launch is compared with
     /// it. Returns infinity if all samples count.
-    fn nearest_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
-        if leaves_out_far(run, &self.points) { sink.nearest_ns() } else { f64::INFINITY }
+    fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
+        if leaves_out_far(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
 
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
@@ -270,9 +270,9 @@ impl OpenGroup {
     /// Completes the records of the group's points. All points of a group stop together, so they share a stop reason.
     fn finish(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) -> Result<()> {
         let reason = self.reason;
-        let (launches, nearest_ns) = (std::mem::take(&mut self.whole), self.nearest_ns(run, sink));
+        let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
         let completed = |mut pending: PendingPoint| {
-            let far = leave_out_far(&mut pending.taken, &launches, nearest_ns);
+            let far = leave_out_far(&mut pending.taken, &launches, near_ns);
             pending.record.far_samples = far.map(|far| far.samples);
             pending.record.far_launches = far.map(|far| far.launches);
             complete(&mut pending.record, &pending.taken, reason);

@@ -3,7 +3,7 @@
 //! A host moves the processors of a virtual machine from core to core, often for some seconds. While they are on cores
 //! far from each other, kernels whose work-groups share data take up to 1.5 times as long. The core-to-core latency
 //! around a sample shows this, and does not depend on the times of the points. Samples with a much larger latency than
-//! the smallest one of the run do not count. Launches in which too few samples count are replaced by additional
+//! that of near processors in the same run do not count. Launches in which too few samples count are replaced by additional
 //! launches.
 
 use super::Taken;
@@ -11,7 +11,7 @@ use crate::measure::MIN_SAMPLES;
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// If the latency around a sample is more than this many times the smallest latency of the run, the processors were
+/// If the latency around a sample is more than this many times the latency of near processors, the processors were
 /// further apart. Latencies between the same two cores differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
 
@@ -40,14 +40,21 @@ fn fifth_ns<'a>(samples: impl Iterator<Item = &'a Taken>) -> Option<f64> {
     latencies_ns.get(MIN_SAMPLES - 1).or(latencies_ns.last()).copied()
 }
 
-/// Returns whether a latency is unknown, or at most twice `nearest_ns`, the smallest latency of the run.
-pub(super) fn is_near(core_to_core_ns: Option<f64>, nearest_ns: f64) -> bool {
-    core_to_core_ns.is_none_or(|ns| ns <= FAR * nearest_ns)
+/// Returns the latency of near processors: the 10th percentile of all latencies of the run, which are in ascending order;
+/// infinity if there are none. The smallest latency would not do: for moments, two processors of a virtual machine share a
+/// core, and all other samples would then be far.
+pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
+    latencies_ns.get(latencies_ns.len() / 10).copied().unwrap_or(f64::INFINITY)
+}
+
+/// Returns whether a latency is unknown, or at most twice `near_ns`, the latency of near processors.
+pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
+    core_to_core_ns.is_none_or(|ns| ns <= FAR * near_ns)
 }
 
 /// Returns whether a group needs no further launch if `wanted` launches were requested.
-pub(super) fn are_enough(launches: &[Launch], wanted: usize, nearest_ns: f64) -> bool {
-    let near = launches.iter().filter(|launch| is_near(launch.core_to_core_ns, nearest_ns)).count();
+pub(super) fn are_enough(launches: &[Launch], wanted: usize, near_ns: f64) -> bool {
+    let near = launches.iter().filter(|launch| is_near(launch.core_to_core_ns, near_ns)).count();
     near >= wanted || launches.len() >= MOST * wanted
 }
 
@@ -58,8 +65,8 @@ pub(super) fn most_additional(wanted: usize) -> usize {
 
 /// Returns the numbers of the launches that do not count: those for which `is_near` is false. If it is false for all
 /// launches, all of them count.
-fn far_launches(launches: &[Launch], nearest_ns: f64) -> Vec<u32> {
-    let far = launches.iter().filter(|launch| !is_near(launch.core_to_core_ns, nearest_ns));
+fn far_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
+    let far = launches.iter().filter(|launch| !is_near(launch.core_to_core_ns, near_ns));
     let far: Vec<u32> = far.map(|launch| launch.number).collect();
     if far.len() < launches.len() { far } else { Vec::new() }
 }
@@ -73,13 +80,13 @@ pub(super) struct LeftOut {
 
 /// Removes the samples that do not count: those of launches that do not count, and those of other launches for which
 /// `is_near` is false. If it is false for all launches, all samples count. Returns `None` if no latency is known.
-pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], nearest_ns: f64) -> Option<LeftOut> {
+pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
-    let far = far_launches(launches, nearest_ns);
+    let far = far_launches(launches, near_ns);
     taken.retain(|one| !far.contains(&one.launch));
     let all = taken.len();
-    if launches.iter().any(|launch| is_near(launch.core_to_core_ns, nearest_ns)) {
-        taken.retain(|one| is_near(one.core_to_core_ns, nearest_ns));
+    if launches.iter().any(|launch| is_near(launch.core_to_core_ns, near_ns)) {
+        taken.retain(|one| is_near(one.core_to_core_ns, near_ns));
     }
     let left_out = LeftOut { launches: far.len() as u32, samples: (all - taken.len()) as u32 };
     is_known.then_some(left_out)
@@ -106,6 +113,15 @@ mod tests {
             Taken { launch, at_ms: 0.0, core_to_core_ns: known(*ns), times }
         };
         latencies.iter().map(sample).collect()
+    }
+
+    #[test]
+    fn moments_in_which_processors_share_a_core_do_not_decide_which_samples_are_near() {
+        let mut latencies_ns = [vec![14.0; 3], vec![31.0; 40], vec![164.0; 20]].concat();
+        assert_eq!(near_ns(&latencies_ns), 31.0);
+        assert!(is_near(Some(14.0), near_ns(&latencies_ns)) && !is_near(Some(164.0), near_ns(&latencies_ns)));
+        latencies_ns.truncate(4);
+        assert_eq!([near_ns(&latencies_ns), near_ns(&[])], [14.0, f64::INFINITY]);
     }
 
     #[test]

@@ -27,8 +27,8 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;
-    /// Returns the smallest core-to-core latency in the folder, in nanoseconds; infinity if there is none.
-    fn nearest_ns(&self) -> f64;
+    /// Returns the core-to-core latency of near processors in the folder, in nanoseconds; infinity if it is unknown.
+    fn near_ns(&self) -> f64;
 }
 
 /// Stores a run's results as soon as they are known.
@@ -70,8 +70,8 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
-    fn nearest_ns(&self) -> f64 {
-        self.results.nearest_ns()
+    fn near_ns(&self) -> f64 {
+        self.results.near_ns()
     }
 
     /// Writes the record to disk before it informs the observer.
@@ -165,11 +165,11 @@ mod tests {
         for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
             sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
         }
-        assert_eq!(sink.nearest_ns(), 20.0);
+        assert_eq!(sink.near_ns(), 20.0);
         drop(results);
         let mut results = Results::resume(folder.path(), &Environment::default()).unwrap();
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
-        assert_eq!(sink.nearest_ns(), 20.0);
+        assert_eq!(sink.near_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
         assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
     }

@@ -3,6 +3,7 @@
 use super::complete::Taken;
 use super::earlier;
 use super::lock::Lock;
+use super::moved_processors::near_ns;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::peak::{self, Peak};
@@ -28,8 +29,8 @@ pub struct Results {
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
-    /// The smallest core-to-core latency of this session in nanoseconds; infinity if there is none.
-    nearest_ns: f64,
+    /// The core-to-core latencies of all rounds in the folder, in nanoseconds and in ascending order.
+    latencies_ns: Vec<f64>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
@@ -109,7 +110,7 @@ impl Results {
             [RECORDS, SAMPLES, ROUNDS, ANCHORS].map(|name| folder.join(name));
         remove_left_overs(folder);
         keep_environment(folder, environment)?;
-        let results = Self {
+        let mut results = Self {
             folder: folder.to_owned(),
             records: JsonLines::append_to(&records)?,
             samples: JsonLines::append_to(&samples)?,
@@ -117,11 +118,14 @@ impl Results {
             anchors: JsonLines::append_to(&anchors)?,
             controls: None,
             host: None,
-            nearest_ns: f64::INFINITY,
+            latencies_ns: Vec::new(),
             peak: Peak::kept_in(folder)?,
             past: past([&records, &samples, &rounds])?,
             _lock: lock,
         };
+        let latencies_ns = results.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
+        results.latencies_ns = latencies_ns.collect();
+        results.latencies_ns.sort_unstable_by(f64::total_cmp);
         sync_folder(folder).map_err(|error| cannot_make(folder, &error))?;
         Ok(results)
     }
@@ -174,14 +178,14 @@ impl Results {
 
     /// Stores the load of other processes while rounds were timed.
     pub fn load(&mut self, load: &RoundLoad) -> Result<()> {
-        self.nearest_ns = load.core_to_core_ns.map_or(self.nearest_ns, |ns| self.nearest_ns.min(ns));
+        self.latencies_ns.extend(load.core_to_core_ns);
+        self.latencies_ns.sort_unstable_by(f64::total_cmp);
         self.rounds.append(load)
     }
 
-    /// Returns the smallest core-to-core latency in the folder, in nanoseconds; infinity if there is none.
-    pub fn nearest_ns(&self) -> f64 {
-        let past = self.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
-        past.fold(self.nearest_ns, f64::min)
+    /// Returns the core-to-core latency of near processors in this folder, in nanoseconds; infinity if it is unknown.
+    pub fn near_ns(&self) -> f64 {
+        near_ns(&self.latencies_ns)
     }
 
     /// Stores a time of the anchor.

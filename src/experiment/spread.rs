@@ -93,7 +93,7 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).past(key)
     }
 
-    fn nearest_ns(&self) -> f64 {
-        locked(self.0).nearest_ns()
+    fn near_ns(&self) -> f64 {
+        locked(self.0).near_ns()
     }
 }

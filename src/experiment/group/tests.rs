@@ -61,7 +61,7 @@ impl ResultSink for Noting {
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
     }
-    fn nearest_ns(&self) -> f64 {
+    fn near_ns(&self) -> f64 {
         self.latencies_ns.iter().copied().fold(f64::INFINITY, f64::min)
     }
 }

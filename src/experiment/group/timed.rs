@@ -124,7 +124,7 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
         self.sink.sample(&self.points[point].record.key, round, &taken)?;
         self.taken[point].push(taken);
         self.anchor(point, round)?;
-        Ok(is_near(core_to_core_ns, self.sink.nearest_ns()))
+        Ok(is_near(core_to_core_ns, self.sink.near_ns()))
     }
 
     fn ended(&mut self, round: u32) -> Result<()> {
