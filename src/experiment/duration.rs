@@ -31,7 +31,7 @@ pub struct Expected {
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
     /// Longest time that additional launches may take. An additional launch replaces a launch in which the host moved
-    /// this virtual machine's processors further apart.
+    /// this virtual machine's processors.
     pub additional: Duration,
     /// Number of finished points that are not in the plan, for example because the config has changed.
     pub others: usize,

@@ -293,7 +293,7 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether a group leaves out the samples during which processors were further apart. This is true if
+/// Returns whether a group leaves out the samples during which processors were moved. This is true if
 /// processors cast all points of the group, through a caster on the host or an OpenCL driver, and if the run does not
 /// keep these samples.
 pub(super) fn leaves_out_far(run: &Run<'_>, points: &[PendingPoint]) -> bool {

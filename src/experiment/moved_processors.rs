@@ -1,10 +1,10 @@
-//! Finds samples during which the processors of a virtual machine were further apart than in other samples.
+//! Finds samples during which the processors of a virtual machine were not at their usual distance.
 //!
 //! A host moves the processors of a virtual machine from core to core, often for some seconds. While they are on cores
-//! far from each other, kernels whose work-groups share data take up to 1.5 times as long. The core-to-core latency
-//! around a sample shows this, and does not depend on the times of the points. Samples with a much larger latency than
-//! that of near processors in the same run do not count. Launches in which too few samples count are replaced by additional
-//! launches.
+//! far from each other, kernels whose work-groups share data take up to 1.5 times as long. While two of them share a
+//! core, all kernels do. The core-to-core latency around a sample shows both, and does not depend on the times of the
+//! points. Samples with a much larger or smaller latency than that of near processors in the same run do not count.
+//! Launches in which too few samples count are replaced by additional launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -14,48 +14,57 @@ const MOST: usize = 2;
 /// If the latency around a sample is more than this many times the latency of near processors, the processors were
 /// further apart. Latencies between the same two cores differ by a factor of up to 1.7.
 const FAR: f64 = 2.0;
+/// If the latency around a sample is less than this many times the latency of near processors, two processors shared a
+/// core. On the machines of docs/log.md (2026-11-26), it is then 0.45 to 0.5 times that latency.
+const SHARED: f64 = 0.65;
 
 /// A complete launch of a group.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Launch {
     /// The launch's number in the folder of results.
     pub number: u32,
-    /// The smallest latency in nanoseconds that five samples of each point do not exceed; `None` if it is unknown.
-    pub core_to_core_ns: Option<f64>,
+    /// The known latencies of each point's samples, in nanoseconds.
+    latencies_ns: Vec<Vec<f64>>,
 }
 
 impl Launch {
     /// Returns a launch; `points` has the samples of each point, including those of other launches.
     pub fn of<'a>(number: u32, points: impl Iterator<Item = &'a [Taken]>) -> Self {
-        let latencies = points.filter_map(|taken| fifth_ns(taken.iter().filter(|one| one.launch == number)));
-        Self { number, core_to_core_ns: latencies.reduce(f64::max) }
+        let of_launch = |taken: &[Taken]| {
+            let samples = taken.iter().filter(|one| one.launch == number);
+            samples.filter_map(|one| one.core_to_core_ns).collect()
+        };
+        Self { number, latencies_ns: points.map(of_launch).collect() }
+    }
+
+    /// Returns whether five samples of each point count, or all samples of a point with fewer than five of known latency.
+    fn counts(&self, near_ns: f64) -> bool {
+        self.latencies_ns.iter().all(|point| {
+            let near = point.iter().filter(|ns| is_near(Some(**ns), near_ns)).count();
+            near >= point.len().min(MIN_SAMPLES)
+        })
     }
 }
 
-/// Returns the fifth smallest latency of some samples, or the largest if there are fewer than five. Samples of unknown
-/// latency are not used.
-fn fifth_ns<'a>(samples: impl Iterator<Item = &'a Taken>) -> Option<f64> {
-    let mut latencies_ns: Vec<f64> = samples.filter_map(|one| one.core_to_core_ns).collect();
-    latencies_ns.sort_unstable_by(f64::total_cmp);
-    latencies_ns.get(MIN_SAMPLES - 1).or(latencies_ns.last()).copied()
-}
-
-/// Returns the latency of near processors: the 10th percentile of all latencies of the run, which are in ascending order;
+/// Returns the latency of near processors: the 20th percentile of all latencies of the run, which are in ascending order;
 /// infinity if there are none. The smallest latency would not do: for moments, two processors of a virtual machine share a
-/// core, and all other samples would then be far.
+/// core, and all other samples would then be far. The median would not do either: in some runs, processors are far apart
+/// for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
-    latencies_ns.get(latencies_ns.len() / 10).copied().unwrap_or(f64::INFINITY)
+    latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Returns whether a latency is unknown, or at most twice `near_ns`, the latency of near processors.
+/// Returns whether a sample of this latency counts: the latency is unknown, or near to `near_ns`, the latency of near
+/// processors. If that is infinite, no latency of the run is known yet, or all samples count.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
-    core_to_core_ns.is_none_or(|ns| ns <= FAR * near_ns)
+    let near = SHARED * near_ns..=FAR * near_ns;
+    near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
 }
 
 /// Returns whether a group needs no further launch if `wanted` launches were requested.
 pub(super) fn are_enough(launches: &[Launch], wanted: usize, near_ns: f64) -> bool {
-    let near = launches.iter().filter(|launch| is_near(launch.core_to_core_ns, near_ns)).count();
-    near >= wanted || launches.len() >= MOST * wanted
+    let counted = launches.iter().filter(|launch| launch.counts(near_ns)).count();
+    counted >= wanted || launches.len() >= MOST * wanted
 }
 
 /// Returns the largest number of additional launches if `wanted` launches were requested.
@@ -63,10 +72,10 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Returns the numbers of the launches that do not count: those for which `is_near` is false. If it is false for all
+/// Returns the numbers of the launches that do not count: those in which too few samples count. If this is true of all
 /// launches, all of them count.
 fn far_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
-    let far = launches.iter().filter(|launch| !is_near(launch.core_to_core_ns, near_ns));
+    let far = launches.iter().filter(|launch| !launch.counts(near_ns));
     let far: Vec<u32> = far.map(|launch| launch.number).collect();
     if far.len() < launches.len() { far } else { Vec::new() }
 }
@@ -79,13 +88,13 @@ pub(super) struct LeftOut {
 }
 
 /// Removes the samples that do not count: those of launches that do not count, and those of other launches for which
-/// `is_near` is false. If it is false for all launches, all samples count. Returns `None` if no latency is known.
+/// `is_near` is false. If no launch counts, all samples do. Returns `None` if no latency is known.
 pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
     let far = far_launches(launches, near_ns);
     taken.retain(|one| !far.contains(&one.launch));
     let all = taken.len();
-    if launches.iter().any(|launch| is_near(launch.core_to_core_ns, near_ns)) {
+    if launches.iter().any(|launch| launch.counts(near_ns)) {
         taken.retain(|one| is_near(one.core_to_core_ns, near_ns));
     }
     let left_out = LeftOut { launches: far.len() as u32, samples: (all - taken.len()) as u32 };
@@ -97,9 +106,13 @@ mod tests {
     use super::*;
     use crate::launch::FrameTimes;
 
-    /// Returns launches with these latencies; 0 means that a latency is unknown.
+    /// Returns launches of a point with five samples of these latencies; 0 means that a latency is unknown.
     fn launches(latencies: &[f64]) -> Vec<Launch> {
-        (0..).zip(latencies).map(|(number, ns)| Launch { number, core_to_core_ns: known(*ns) }).collect()
+        let launch = |(number, ns): (u32, &f64)| Launch {
+            number,
+            latencies_ns: vec![known(*ns).into_iter().cycle().take(MIN_SAMPLES).collect()],
+        };
+        (0..).zip(latencies).map(launch).collect()
     }
 
     fn known(ns: f64) -> Option<f64> {
@@ -119,23 +132,31 @@ mod tests {
     fn moments_in_which_processors_share_a_core_do_not_decide_which_samples_are_near() {
         let mut latencies_ns = [vec![14.0; 3], vec![31.0; 40], vec![164.0; 20]].concat();
         assert_eq!(near_ns(&latencies_ns), 31.0);
-        assert!(is_near(Some(14.0), near_ns(&latencies_ns)) && !is_near(Some(164.0), near_ns(&latencies_ns)));
+        let mostly_far = [vec![14.0; 3], vec![31.0; 20], vec![164.0; 70]].concat();
+        assert_eq!(near_ns(&mostly_far), 31.0);
         latencies_ns.truncate(4);
         assert_eq!([near_ns(&latencies_ns), near_ns(&[])], [14.0, f64::INFINITY]);
     }
 
     #[test]
-    fn a_launch_has_the_latency_within_which_each_point_has_five_samples() {
-        let of = |points: &[Vec<Taken>]| Launch::of(7, points.iter().map(Vec::as_slice)).core_to_core_ns;
-        let first = samples(7, &[200.0, 21.0, 24.0, 23.0, 190.0, 22.0, 25.0]);
-        let second = samples(7, &[20.0, 20.0, 30.0, 20.0, 20.0, 20.0]);
-        assert_eq!(of(&[first.clone(), second.clone()]), Some(25.0));
-        let third = samples(7, &[20.0, 180.0, 20.0, 20.0, 20.0]);
-        assert_eq!(of(&[first.clone(), second.clone(), third]), Some(180.0));
-        let other = [first, samples(6, &[1.0; 9])].concat();
-        assert_eq!(of(&[other, second]), Some(25.0), "only this launch");
-        assert_eq!(of(&[samples(7, &[20.0, 30.0, 0.0])]), Some(30.0), "fewer than five");
-        assert_eq!(of(&[samples(7, &[0.0; 5])]), None);
+    fn samples_with_processors_further_apart_or_on_one_core_do_not_count() {
+        let count = |ns| is_near(Some(ns), 31.0);
+        assert_eq!([15.5, 20.0, 20.3, 31.0, 62.0, 62.1].map(count), [false, false, true, true, true, false]);
+        assert!(is_near(None, 31.0));
+        assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
+    }
+
+    #[test]
+    fn a_launch_counts_if_five_samples_of_each_point_do() {
+        let counts = |points: &[Vec<Taken>]| Launch::of(7, points.iter().map(Vec::as_slice)).counts(20.0);
+        let first = samples(7, &[200.0, 21.0, 24.0, 9.0, 23.0, 190.0, 22.0, 25.0]);
+        assert!(counts(&[first.clone(), samples(7, &[20.0; 5])]));
+        assert!(!counts(&[first.clone(), samples(7, &[20.0, 180.0, 20.0, 20.0, 20.0])]));
+        assert!(!counts(&[samples(7, &[9.0, 9.0, 20.0, 20.0, 20.0, 20.0])]));
+        assert!(!counts(&[[samples(7, &[180.0; 5]), samples(6, &[20.0; 5])].concat()]), "only this launch");
+        assert!(counts(&[samples(7, &[20.0, 30.0, 0.0])]), "fewer than five");
+        assert!(!counts(&[samples(7, &[20.0, 180.0, 0.0])]));
+        assert!(counts(&[samples(7, &[0.0; 5])]));
     }
 
     #[test]
@@ -169,9 +190,9 @@ mod tests {
 
     #[test]
     fn only_samples_with_near_processors_count() {
-        let taken = [samples(0, &[180.0, 20.0]), samples(1, &[40.0, 41.0, 0.0])];
-        assert_eq!(counted(&taken, &launches(&[180.0, 40.0])), (vec![40.0, 0.0], Some([1, 1])));
-        assert_eq!(counted(&taken, &launches(&[30.0, 40.0])), (vec![20.0, 40.0, 0.0], Some([0, 2])));
+        let taken = [samples(0, &[180.0, 20.0]), samples(1, &[40.0, 41.0, 9.0, 0.0])];
+        assert_eq!(counted(&taken, &launches(&[180.0, 40.0])), (vec![40.0, 0.0], Some([1, 2])));
+        assert_eq!(counted(&taken, &launches(&[30.0, 40.0])), (vec![20.0, 40.0, 0.0], Some([0, 3])));
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub trait Rounds {
     /// point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
     /// Is called after each sample. Returns whether the sample counts. A sample does not count if the processors of a
-    /// virtual machine were further apart than in other samples.
+    /// virtual machine were further apart than in other samples, or shared a core.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {

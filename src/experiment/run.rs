@@ -43,7 +43,7 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked; with `None`, each program is built during
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
-    /// True if samples count even if a virtual machine's processors were further apart than in other samples.
+    /// True if samples count even if a virtual machine's processors were moved.
     pub keeps_far_samples: bool,
 }
 

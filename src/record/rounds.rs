@@ -123,7 +123,7 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns the number of launches that were left out because the processors were further apart. All records of a group
+/// Returns the number of launches that were left out because the processors were further apart, or shared a core. All records of a group
 /// state the same launches.
 fn far_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
@@ -134,7 +134,7 @@ fn far_launches(records: &[Record]) -> u32 {
 }
 
 /// Returns a note on the launches and samples that were left out because this virtual machine's processors were further
-/// apart. If nothing was left out, returns a note if the core-to-core latency changed while these records were
+/// apart, or shared a core. If nothing was left out, returns a note if the core-to-core latency changed while these records were
 /// measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.far_samples).sum::<u32>() as usize;
@@ -149,7 +149,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     if launches + samples > 0 {
         return Some(format!(
             "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
-             samples. Times then differ, above all those of kernels whose work-groups share data."
+             samples, or shared a core. Times then differ."
         ));
     }
     let shown = launches_of(records);

@@ -137,7 +137,7 @@ pub struct Record {
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor are
-    /// left out, and so are launches in which the processors were further apart.
+    /// left out, and so are samples and launches in which the processors were further apart or shared a core.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -248,11 +248,11 @@ pub struct Record {
     #[serde(default)]
     pub preempted_samples: Option<u32>,
     /// Number of samples that were left out because the virtual machine's processors were further apart than in other
-    /// samples of the run; null if it is unknown how far apart the processors were.
+    /// samples of the run, or shared a core; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub far_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out because the processors were further apart; null if
-    /// it is unknown how far apart the processors were.
+    /// Number of launches of the record's group that were left out because the processors were further apart or shared a
+    /// core; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub far_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
