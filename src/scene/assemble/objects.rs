@@ -106,7 +106,7 @@ fn read_file(
     // it.
     let quotes = if document.bare { document.quotes } else { lies_in(&path, &document.folder) };
     let format = files::format(&opened, &path).unwrap_or(MeshFormat::Obj);
-    let mut read = files::read(&path, opened, format, Permitted { beyond, quotes })?;
+    let mut read = files::read(&path, opened, format, Permitted { beyond, quotes, scaled: document.bare })?;
     match document.bare {
         true => read.notes.extend(read.placement.notes()),
         false => read = read.unscaled(),

@@ -48,7 +48,9 @@ impl Placement {
     /// may have changed the placement, so that the bounds are needed in double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
-        let is_usual = length(high - low) / 2.0 >= SMALLEST_RADIUS && Self::of(low, high) == Self::IDENTITY;
+        let radius = length(high - low) / 2.0;
+        let is_usual =
+            radius >= SMALLEST_RADIUS && radius.is_finite() && Self::of(low, high) == Self::IDENTITY;
         is_usual.then_some(Self::IDENTITY)
     }
 

@@ -159,7 +159,10 @@ mod tests {
     fn a_picture_is_decoded_once_however_often_it_is_named() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.png"), png(3, 2)).unwrap();
-        let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+        let reach = Reach {
+            folder: folder.path(),
+            permitted: Permitted { beyond: false, quotes: true, scaled: false },
+        };
         let mut pictures = Pictures::default();
         let [repeat, clamp] = [Wrap::Repeat, Wrap::Clamp].map(|wrap| Usage::colour([wrap; 2]));
         assert_eq!(pictures.file(reach, "a.png", repeat), Ok(0));

@@ -3,7 +3,7 @@
 use super::*;
 use std::path::PathBuf;
 
-const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
+const PERMITTED: Permitted = Permitted { beyond: false, quotes: true, scaled: false };
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/meshes").join(name)

@@ -28,7 +28,7 @@ use crate::error::{Error, Result};
 use crate::words::counted;
 use faces::{FaceChunk, FaceContext};
 use glam::Vec3;
-use points::PointChunk;
+use points::{PointChunk, Reading};
 use rayon::prelude::*;
 use text::{Chunk, Mistake, Source};
 use textures::{Maps, Places};
@@ -47,6 +47,8 @@ pub(in crate::scene) struct Permitted {
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
+    /// True if the mesh may be scaled, since it has no place in a scene.
+    pub scaled: bool,
 }
 
 /// Reads OBJ text named `name`, and the MTL files that it names; `reach` says which files may be read.
@@ -54,15 +56,21 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
-    let chunks = text::chunks(&text);
-    let (points, placement) = read_points(&chunks);
+    read(&source, reach, &Reading::USUAL)
+}
+
+/// Reads a mesh. If it has triangles too large for `reading` and may be scaled, it is read again.
+fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile> {
+    let Source { name, text, quotes } = *source;
+    let chunks = text::chunks(text);
+    let (points, placement) = read_points(&chunks, reading);
     let mut notes = Vec::new();
     points::note_flat(&points, &mut notes);
     let libraries = points.iter().flat_map(|chunk| &chunk.libraries);
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
-        true => read_coordinates(&source, &chunks)?,
+        true => read_coordinates(source, &chunks)?,
         false => Vec::new(),
     };
     let starts = faces::starts(&points, &coordinates);
@@ -83,17 +91,19 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
         materials: &materials.by_name,
         mapped,
     };
-    let read = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
-    let faces: Vec<FaceChunk> = in_order(&source, read.collect())?;
+    let faces = chunks.par_iter().zip(&starts).map(|(chunk, start)| faces::read(&context, chunk, start));
+    let faces: Vec<FaceChunk> = in_order(source, faces.collect())?;
     mesh.triangles = concatenate(&faces);
     if mesh.triangles.is_empty() {
-        return Err(source.error(without_triangles(&text, total.positions)));
+        return Err(source.error(without_triangles(text, total.positions)));
     }
-    odd::check_vertices(&odd_vertices, &mesh, &source, &mut notes)
-        .map_err(|mistake| source.error(mistake))?;
-    odd::note_normals(&odd_normals, &source, &mut notes);
-    faces::note_partial_normals(&faces, &source, &mut notes);
-    faces::note_odd_faces(&faces, &source, &mut notes);
+    if reach.permitted.scaled && !reading.is_large() && odd::use_large(&odd_vertices, &mesh, source) {
+        return read(source, reach, &Reading::LARGE);
+    }
+    odd::check_vertices(&odd_vertices, &mesh, source, &mut notes).map_err(|mistake| source.error(mistake))?;
+    odd::note_normals(&odd_normals, source, &mut notes);
+    faces::note_partial_normals(&faces, source, &mut notes);
+    faces::note_odd_faces(&faces, source, &mut notes);
     faces::note_unknown_materials(&faces, quotes, &mut notes);
     notes::of_statements(&points, &mesh, quotes, &mut notes);
     notes::of_materials(&materials.asked, &mesh, quotes, &mut notes);
@@ -140,21 +150,23 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
 
 /// Returns the points of all pieces, and their placement. If a mesh is far from its origin, or is extremely small or
 /// large, its bounds and points are read again in double precision.
-fn read_points(chunks: &[Chunk]) -> (Vec<PointChunk>, Placement) {
-    let read = |placement: &Placement| {
-        let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, placement)).collect();
+fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placement) {
+    let read = |reading: &Reading| {
+        let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, reading)).collect();
         points::drop_mixed(&mut points);
         points
     };
-    let points = read(&Placement::IDENTITY);
+    let points = read(reading);
     let rounded = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
     let (low, high) = rounded.unwrap_or((Vec3::ZERO, Vec3::ZERO));
     let placement = Placement::of_rounded(low, high).unwrap_or_else(|| {
-        let exact = points.par_iter().zip(chunks).filter_map(|(points, chunk)| points.exact_bounds(chunk));
+        let exact = points.par_iter().zip(chunks);
+        let exact = exact.filter_map(|(points, chunk)| points.exact_bounds(chunk, reading));
         let bounds = exact.reduce_with(|(a, b), (c, d)| (a.min(c), b.max(d)));
         bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
     });
-    let points = if placement == Placement::IDENTITY { points } else { read(&placement) };
+    let points =
+        if placement == Placement::IDENTITY { points } else { read(&Reading { placement, ..*reading }) };
     (points, placement)
 }
 

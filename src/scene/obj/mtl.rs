@@ -239,7 +239,8 @@ mod tests {
     fn read(library: &str, files: &[(&str, &str)], quotes: bool) -> (Vec<String>, Material) {
         let folder = tempfile::tempdir().unwrap();
         files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
-        let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes } };
+        let reach =
+            Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes, scaled: false } };
         let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
         let file = parse("a.obj", reach, text.as_bytes()).unwrap();
         (file.notes, *file.mesh.material(&file.mesh.triangles[0]))

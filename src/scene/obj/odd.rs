@@ -3,7 +3,7 @@
 //! uses the vertex. A normal that is not valid counts as missing.
 
 use super::faces::Start;
-use super::points::{PointChunk, mistake_in_normal, mistake_in_vertex};
+use super::points::{PointChunk, is_large, mistake_in_normal, mistake_in_vertex};
 use super::text::{Mistake, Source, keyword};
 use crate::scene::Mesh;
 use crate::words::counted_are;
@@ -41,6 +41,15 @@ pub(super) fn replace(positions: &mut [Vec3], odd: &[Odd]) {
     }
     let instead = positions.iter().copied().find(|position| !position.is_nan()).unwrap_or_default();
     odd.iter().for_each(|odd| positions[odd.number] = instead);
+}
+
+/// Returns whether a triangle uses a vertex whose coordinates are valid only in a mesh that may be scaled.
+pub(super) fn use_large(odd: &[Odd], mesh: &Mesh, source: &Source) -> bool {
+    let mut large = odd.iter().filter(|odd| is_large(rest_of_line(source, odd.offset))).peekable();
+    large.peek().is_some() && {
+        let used = mesh.positions_of_triangles();
+        large.any(|odd| used[odd.number])
+    }
 }
 
 /// Refuses vertices that are not valid if a triangle uses them, and otherwise adds a note on them.

@@ -17,6 +17,49 @@ pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a channel exceeds this, the file's colours are from 0 to 255. The limit is above 1 because rounded channels may
 /// exceed 1 slightly.
 const MOST_OF_UNIT: f32 = 1.5;
+/// The largest coordinate of a mesh that may be scaled. The distance between two such points is still finite.
+const LARGEST: f64 = 1e300;
+
+/// How positions are read.
+#[derive(Clone, Copy)]
+pub(super) struct Reading {
+    /// How positions are changed before they are rounded to single precision.
+    pub placement: Placement,
+    /// The largest valid coordinate.
+    pub most: f64,
+}
+
+impl Reading {
+    /// Unchanged positions within the range of all meshes.
+    pub const USUAL: Self = Self { placement: Placement::IDENTITY, most: MAX_COORDINATE as f64 };
+    /// Unchanged positions of any size.
+    pub const LARGE: Self = Self { most: LARGEST, ..Self::USUAL };
+
+    /// Returns whether positions of any size are valid.
+    pub fn is_large(&self) -> bool {
+        self.most > Self::USUAL.most
+    }
+
+    /// Reads a position. Returns `None` if it is not valid.
+    fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
+        if self.placement == Placement::IDENTITY && !self.is_large() {
+            return position(0, tokens).ok();
+        }
+        Some(self.placement.place(self.exact(tokens)?).as_vec3())
+    }
+
+    /// Reads a position in double precision, unchanged. Returns `None` if it is not valid.
+    fn exact<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
+        let mut values = [0.0; 3];
+        for value in &mut values {
+            *value = decimal(tokens.next()?)?;
+        }
+        // A usual coordinate is valid if it is valid after it is rounded to single precision.
+        let rounded = |value: f64| if self.is_large() { value } else { f64::from(value as f32) };
+        let is_valid = values.iter().all(|value| rounded(*value).abs() <= self.most);
+        is_valid.then_some(DVec3::from_array(values))
+    }
+}
 
 /// The contents of a piece of the file, except its faces.
 #[derive(Default)]
@@ -58,22 +101,21 @@ impl PointChunk {
         self.brightest = self.brightest.max(red).max(green).max(blue);
     }
 
-    /// Reads a vertex; `placement` changes its position.
-    fn vertex(&mut self, rest: &[u8], offset: usize, placement: &Placement) {
+    fn vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
         let mut words = tokens(rest);
-        match coordinates(&mut words, placement) {
+        match reading.position(&mut words) {
             Some(position) => {
                 self.positions.push(position);
                 self.colour(words);
             }
-            None => self.odd_vertex(rest, offset, placement),
+            None => self.odd_vertex(rest, offset, reading),
         }
     }
 
     /// Reads a vertex that does not have three valid coordinates. If the vertex has two valid coordinates, z is 0.
-    fn odd_vertex(&mut self, rest: &[u8], offset: usize, placement: &Placement) {
+    fn odd_vertex(&mut self, rest: &[u8], offset: usize, reading: &Reading) {
         let odd = Odd { number: self.positions.len(), offset };
-        let with_z = || coordinates(&mut tokens(rest).chain([&b"0"[..]]), placement);
+        let with_z = || reading.position(&mut tokens(rest).chain([&b"0"[..]]));
         let flat = (tokens(rest).count() == 2).then(with_z).flatten();
         let list = if flat.is_some() { &mut self.flat } else { &mut self.odd_vertices };
         list.push(odd);
@@ -103,11 +145,11 @@ impl PointChunk {
     }
 
     /// Returns the bounding box of the valid positions of this piece, in double precision.
-    pub fn exact_bounds(&self, chunk: &Chunk) -> Option<(DVec3, DVec3)> {
+    pub fn exact_bounds(&self, chunk: &Chunk, reading: &Reading) -> Option<(DVec3, DVec3)> {
         let is_odd = |offset| self.odd_vertices.binary_search_by_key(&offset, |odd| odd.offset).is_ok();
         let position = |(offset, line): (usize, &[u8])| match keyword(line) {
             // A vertex with two coordinates has z = 0.
-            (b"v", rest) if !is_odd(offset) => exact(&mut tokens(rest).chain([&b"0"[..]])),
+            (b"v", rest) if !is_odd(offset) => reading.exact(&mut tokens(rest).chain([&b"0"[..]])),
             _ => None,
         };
         let mut positions = chunk.lines().filter_map(position);
@@ -116,12 +158,12 @@ impl PointChunk {
     }
 }
 
-/// Reads a piece; `placement` changes its positions.
-pub(super) fn read(chunk: &Chunk, placement: &Placement) -> PointChunk {
+/// Reads a piece.
+pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {
         match keyword(line) {
-            (b"v", rest) => points.vertex(rest, offset, placement),
+            (b"v", rest) => points.vertex(rest, offset, reading),
             (b"vn", rest) => points.normal(rest, offset),
             (b"f" | b"vt" | b"", _) => {}
             (b"mtllib", rest) => points.libraries.push(words(rest)),
@@ -190,14 +232,6 @@ fn smoothing_group(rest: &[u8]) -> String {
     }
 }
 
-/// Reads a position, which `placement` changes. Returns `None` if the position is not valid.
-fn coordinates<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>, placement: &Placement) -> Option<Vec3> {
-    if *placement == Placement::IDENTITY {
-        return position(0, tokens).ok();
-    }
-    Some(placement.place(exact(tokens)?).as_vec3())
-}
-
 /// Returns the mistake in a vertex that is not valid.
 pub(super) fn mistake_in_vertex(offset: usize, rest: &[u8]) -> Mistake {
     let flat = |_| Mistake::new(offset, "a vertex with 2 numbers; expected three: x y z");
@@ -223,15 +257,9 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     Err(Mistake::new(offset, message))
 }
 
-/// Reads a position in double precision. The mesh was at first read in single precision. A position is valid if it was
-/// valid then.
-fn exact<'a>(tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
-    let mut values = [0.0; 3];
-    for value in &mut values {
-        *value = decimal(tokens.next()?)?;
-    }
-    let position = DVec3::from_array(values);
-    (position.as_vec3().abs().max_element() <= MAX_COORDINATE).then_some(position)
+/// Returns whether a vertex that is not valid has three valid coordinates in a mesh that may be scaled.
+pub(super) fn is_large(rest: &[u8]) -> bool {
+    Reading::LARGE.exact(&mut tokens(rest)).is_some()
 }
 
 /// Reads the first three numbers; a weight or a colour may follow.

@@ -2,11 +2,12 @@
 
 use glam::{DVec2, DVec3};
 
-/// Ear clipping takes cubic time in the worst case, so concave faces with more corners are refused.
-pub(super) const MAX_CONCAVE_CORNERS: usize = 1024;
+/// Ear clipping takes quadratic time: up to two seconds for this many corners. Concave faces with more corners are
+/// refused.
+pub(super) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// Divides an outline of at least three corners into triangles of corner indices, in the outline's
-/// orientation. Returns `None` if the outline is concave and has more than 1024 corners. For a
+/// orientation. Returns `None` if the outline is concave and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
 /// self-intersecting outline the triangles are arbitrary, but the function never fails.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
@@ -48,33 +49,80 @@ fn is_convex(flat: &[DVec2]) -> bool {
     (0..count).all(|i| area(flat[i], flat[(i + 1) % count], flat[(i + 2) % count]) >= 0.0)
 }
 
+/// Divides a polygon into triangles by cutting off one ear after the other.
 fn clip_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
-    let mut left: Vec<usize> = (0..flat.len()).collect();
+    let mut left = Remaining::of(flat);
     let mut triangles = Vec::with_capacity(flat.len() - 2);
-    while left.len() > 3 {
+    while left.corners.len() > 3 {
         // A self-intersecting polygon may have no ear; then any corner is cut off.
-        let ear = (0..left.len()).find(|&at| is_ear(flat, &left, at)).unwrap_or(0);
-        triangles.push(around(&left, ear));
-        left.remove(ear);
+        let ear = left.is_ear.iter().position(|is_ear| *is_ear).unwrap_or(0);
+        triangles.push(left.around(ear));
+        left.cut(ear);
     }
-    triangles.push([left[0], left[1], left[2]]);
+    triangles.push([left.corners[0], left.corners[1], left.corners[2]]);
     triangles
 }
 
-fn around(left: &[usize], at: usize) -> [usize; 3] {
-    let count = left.len();
-    [left[(at + count - 1) % count], left[at], left[(at + 1) % count]]
+/// The part of a polygon that is not yet divided.
+struct Remaining<'a> {
+    flat: &'a [DVec2],
+    /// The corners, in the order of the outline.
+    corners: Vec<usize>,
+    /// Whether each of the remaining corners is an ear.
+    is_ear: Vec<bool>,
+    /// Whether each corner of the whole outline is convex.
+    is_convex: Vec<bool>,
 }
 
-/// Returns whether the corner is convex and no other corner lies in its triangle.
-fn is_ear(flat: &[DVec2], left: &[usize], at: usize) -> bool {
-    let corners = around(left, at);
-    let [a, b, c] = corners.map(|i| flat[i]);
-    area(a, b, c) > 0.0
-        && left.iter().filter(|i| !corners.contains(i)).all(|&i| {
-            let p = flat[i];
-            area(a, b, p) < 0.0 || area(b, c, p) < 0.0 || area(c, a, p) < 0.0
-        })
+impl<'a> Remaining<'a> {
+    fn of(flat: &'a [DVec2]) -> Self {
+        let count = flat.len();
+        let mut all = Self {
+            flat,
+            corners: (0..count).collect(),
+            is_ear: vec![false; count],
+            is_convex: vec![false; count],
+        };
+        (0..count).for_each(|at| all.is_convex[at] = all.area(at) > 0.0);
+        (0..count).for_each(|at| all.is_ear[at] = all.has_ear(at));
+        all
+    }
+
+    /// Returns a corner with its two neighbours.
+    fn around(&self, at: usize) -> [usize; 3] {
+        let count = self.corners.len();
+        [(at + count - 1) % count, at, (at + 1) % count].map(|at| self.corners[at])
+    }
+
+    /// Returns twice the signed area of the triangle of a corner and its neighbours.
+    fn area(&self, at: usize) -> f64 {
+        let [a, b, c] = self.around(at).map(|corner| self.flat[corner]);
+        area(a, b, c)
+    }
+
+    /// Cuts a corner off. This changes only the triangles of its neighbours, so only they can become or cease to be
+    /// ears.
+    fn cut(&mut self, at: usize) {
+        self.corners.remove(at);
+        self.is_ear.remove(at);
+        let count = self.corners.len();
+        let neighbours = [(at + count - 1) % count, at % count];
+        neighbours.iter().for_each(|at| self.is_convex[self.corners[*at]] = self.area(*at) > 0.0);
+        neighbours.iter().for_each(|at| self.is_ear[*at] = self.has_ear(*at));
+    }
+
+    /// Returns whether a corner is convex and no other corner lies in its triangle. If any corner lies there, so does
+    /// one that is not convex.
+    fn has_ear(&self, at: usize) -> bool {
+        let corners = self.around(at);
+        let [a, b, c] = corners.map(|corner| self.flat[corner]);
+        let may_lie_inside = |corner: &&usize| !self.is_convex[**corner] && !corners.contains(corner);
+        self.is_convex[corners[1]]
+            && self.corners.iter().filter(may_lie_inside).all(|corner| {
+                let p = self.flat[*corner];
+                area(a, b, p) < 0.0 || area(b, c, p) < 0.0 || area(c, a, p) < 0.0
+            })
+    }
 }
 
 #[cfg(test)]
@@ -103,7 +151,7 @@ mod tests {
 
     #[test]
     fn concave_polygons_are_covered_once_without_overlap() {
-        for points in [2, 3, 5, 17] {
+        for points in [2, 3, 5, 17, 1500] {
             let (forward, backward) = (star(points), star(points).into_iter().rev().collect::<Vec<_>>());
             for outline in [forward, backward] {
                 let (sum, oriented) = total_area(&outline);
@@ -131,6 +179,41 @@ mod tests {
                 dart.reverse();
             }
         }
+    }
+
+    /// The corners of a comb: long teeth, whose gaps end at the lower edge.
+    fn comb(teeth: usize) -> Vec<DVec3> {
+        let tooth = |i: usize| {
+            let x = i as f64;
+            [(x, 1.0), (x, 9.0), (x + 0.5, 9.0), (x + 0.5, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0))
+        };
+        let mut outline = vec![DVec3::ZERO];
+        outline.extend((0..teeth).flat_map(tooth));
+        outline.extend([DVec3::new(teeth as f64, 1.0, 0.0), DVec3::X * teeth as f64]);
+        outline
+    }
+
+    #[test]
+    fn a_corner_becomes_an_ear_after_its_neighbour_is_cut_off() {
+        let teeth = 200;
+        let (sum, oriented) = total_area(&comb(teeth));
+        let expected = teeth as f64 * (1.0 + 0.5 * 8.0);
+        assert!((sum - expected).abs() < 1e-9 && (oriented - expected).abs() < 1e-9, "{sum} {oriented}");
+    }
+
+    #[test]
+    fn a_concave_outline_with_too_many_corners_is_refused_and_a_convex_one_is_not() {
+        let circle = |count: usize| -> Vec<DVec3> {
+            let corner = |i| {
+                let angle = std::f64::consts::TAU * i as f64 / count as f64;
+                DVec3::new(angle.cos(), angle.sin(), 0.0)
+            };
+            (0..count).map(corner).collect()
+        };
+        let mut outline = circle(MAX_CONCAVE_CORNERS + 1);
+        assert_eq!(triangulate(&outline).unwrap().len(), MAX_CONCAVE_CORNERS - 1);
+        outline[7] = DVec3::ZERO;
+        assert_eq!(triangulate(&outline), None);
     }
 
     #[test]

@@ -146,7 +146,8 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
 /// joined. Empty lines follow a joined line, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let continued = || bytes.contains(&b'\\') && bytes.windows(2).any(|pair| pair == b"\\\n");
+    let continued =
+        || bytes.contains(&b'\\') && (bytes.ends_with(b"\\") || bytes.windows(2).any(|pair| pair == b"\\\n"));
     if !bytes.contains(&b'\r') && !continued() {
         return Cow::Borrowed(bytes);
     }

@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use std::io::Cursor;
 use std::path::Path;
 
-const PERMITTED: Permitted = Permitted { beyond: false, quotes: true };
+const PERMITTED: Permitted = Permitted { beyond: false, quotes: true, scaled: false };
 
 /// Returns the buffer of one triangle: three positions, then three 16-bit indices.
 fn bytes() -> Vec<u8> {

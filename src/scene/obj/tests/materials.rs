@@ -16,7 +16,7 @@ fn through(library: &str, beyond: bool) -> (bool, Vec<String>) {
     let path = inner.join("test.obj");
     std::fs::write(&path, format!("mtllib {library}\nusemtl x\n{CORNERS}f 1 2 3\n")).unwrap();
     let opened = Opened::at(&path).unwrap();
-    let permitted = Permitted { beyond, quotes: true };
+    let permitted = Permitted { beyond, quotes: true, scaled: false };
     let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
     let material = *file.mesh.material(&file.mesh.triangles[0]);
     (material != crate::scene::Material::default(), file.notes)
@@ -50,7 +50,7 @@ fn a_material_may_have_the_empty_name() {
     let path = folder.path().join("a.obj");
     std::fs::write(&path, format!("mtllib a.mtl\nusemtl \n{CORNERS}f 1 2 3\n")).unwrap();
     let opened = Opened::at(&path).unwrap();
-    let permitted = Permitted { beyond: false, quotes: true };
+    let permitted = Permitted { beyond: false, quotes: true, scaled: false };
     let file = files::read(&path, opened, crate::filetype::MeshFormat::Obj, permitted).unwrap();
     assert_eq!(file.mesh.material(&file.mesh.triangles[0]).lambertian, Vec3::Y);
     assert_eq!(file.notes, Vec::<String>::new());
@@ -65,7 +65,7 @@ fn a_material_file_that_is_something_else_is_named() {
     let text = format!("mtllib m.mtl\n{CORNERS}f 1 2 3\n");
     let notes = parse(
         "test.obj",
-        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } },
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } },
         text.as_bytes(),
     )
     .unwrap()
@@ -76,7 +76,10 @@ fn a_material_file_that_is_something_else_is_named() {
 #[test]
 fn a_highlight_without_strength_is_none_and_a_grey_is_three_values() {
     let folder = tempfile::tempdir().unwrap();
-    let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let reach = || Reach {
+        folder: folder.path(),
+        permitted: Permitted { beyond: false, quotes: true, scaled: false },
+    };
     let material = |mtl: &str| {
         std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{mtl}")).unwrap();
         let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
@@ -101,7 +104,8 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
     let folder = tempfile::tempdir().unwrap();
     image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
     std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\n").unwrap();
-    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
     let mapped = |lines: &str| {
         let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{lines}");
         parse("test.obj", reach, text.as_bytes()).unwrap().mesh.textures.mapped
@@ -120,7 +124,10 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
 #[test]
 fn a_material_has_its_three_channels_or_the_default() {
     let folder = tempfile::tempdir().unwrap();
-    let reach = || Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let reach = || Reach {
+        folder: folder.path(),
+        permitted: Permitted { beyond: false, quotes: true, scaled: false },
+    };
     let read = |line: &str| {
         std::fs::write(folder.path().join("m.mtl"), format!("newmtl a\n{line}\n")).unwrap();
         let text = format!("mtllib m.mtl\n{CORNERS}usemtl a\nf 1 2 3\n");
@@ -194,7 +201,7 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         std::fs::write(place.join("a.mtl"), "newmtl a\nKd secret\n").unwrap();
     }
     let told = |library: &str, quotes: bool| {
-        let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes } };
+        let reach = Reach { folder: &inner, permitted: Permitted { beyond: true, quotes, scaled: false } };
         let text = format!("mtllib {library}\n{CORNERS}f 1 2 3\n");
         parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
@@ -210,7 +217,8 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
 fn a_picture_that_is_missing_is_noted_once_and_one_of_its_name_in_the_folder_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
-    let reach = Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true } };
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
     let read = |mtl: &str, faces: &str| {
         std::fs::write(folder.path().join("m.mtl"), mtl).unwrap();
         let text = format!("mtllib m.mtl\n{CORNERS}vt 0 0\nusemtl a\n{faces}");

@@ -35,7 +35,10 @@ fn a_vertex_that_is_not_valid_is_ignored_unless_a_face_uses_the_vertex() {
 fn vertices_that_no_face_uses_are_counted_and_quoted_only_where_that_is_permitted() {
     let text = format!("{CORNERS}v nan 0 0\nv 0 0\nf 1 2 3\nvn 0 1\nvn x\n");
     let notes = |quotes| {
-        let reach = Reach { folder: Path::new("/nowhere"), permitted: Permitted { beyond: false, quotes } };
+        let reach = Reach {
+            folder: Path::new("/nowhere"),
+            permitted: Permitted { beyond: false, quotes, scaled: false },
+        };
         parse("test.obj", reach, text.as_bytes()).unwrap().notes
     };
     let vertices = ": 2 such vertices that no face uses are ignored";
@@ -118,4 +121,36 @@ fn vertices_and_normals_of_later_pieces_have_their_own_numbers() {
     assert!(others.iter().zip(0..).all(|(triangle, number)| triangle.normals == [number; 3]));
     text.push_str("f 1 2 120001\n");
     assert!(message(&text).contains("test.obj:200001: `nan`"));
+}
+
+#[test]
+fn a_mesh_that_may_be_scaled_can_have_coordinates_of_any_size() {
+    let parsed = |text: &str, scaled| {
+        let permitted = Permitted { beyond: false, quotes: true, scaled };
+        parse("m.obj", Reach { folder: Path::new("/nowhere"), permitted }, text.as_bytes())
+    };
+    for size in ["1e13", "3e38", "1e39", "1e300"] {
+        let text = format!("v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nf 1 2 3\n");
+        let file = parsed(&text, true).unwrap();
+        let side = file.mesh.positions[1].x - file.mesh.positions[0].x;
+        assert!((1.4..3.0).contains(&side) && file.placement.scale < 1e-12, "{size}: {side}");
+        let unscaled = parsed(&text, false).err().unwrap().to_string();
+        assert!(unscaled.starts_with("m.obj:2: "), "{unscaled}");
+    }
+    let too_large = parsed("v 0 0 0\nv 1e301 0 0\nv 0 1 0\nf 1 2 3\n", true).err().unwrap().to_string();
+    assert!(too_large.starts_with("m.obj:2: "), "{too_large}");
+    // A vertex that no face uses does not make the mesh small.
+    let unused = parsed("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1e20 0 0\nf 1 2 3\n", true).unwrap();
+    assert_eq!((unused.placement.scale, unused.mesh.positions[1]), (1.0, Vec3::X));
+    assert!(unused.notes.iter().any(|note| note.contains("1 such vertex")), "{:?}", unused.notes);
+}
+
+#[test]
+fn a_continuation_at_the_end_of_the_file_continues_nothing() {
+    let reach = Reach {
+        folder: Path::new("/nowhere"),
+        permitted: Permitted { beyond: false, quotes: true, scaled: false },
+    };
+    let file = parse("m.obj", reach, b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 \\").unwrap();
+    assert_eq!(file.mesh.triangles.len(), 1);
 }
