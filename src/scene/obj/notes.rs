@@ -4,7 +4,7 @@ use super::asked::Asked;
 use super::points::PointChunk;
 use crate::scene::Mesh;
 use crate::scene::normals::MISSING;
-use crate::words::counted;
+use crate::words::counted_are;
 use std::collections::BTreeSet;
 
 /// Adds notes on smoothing groups and other statements that are not supported. `mesh` is the mesh as it
@@ -17,9 +17,9 @@ pub(super) fn of_statements(points: &[PointChunk], mesh: &Mesh, quotes: bool, no
     let made = if edges { made(mesh) } else { 0 };
     if made > 0 {
         notes.push(format!(
-            "smoothing groups (s) are not read: {} without normals are smooth; flat = true in an [[object]] gives \
-             every face its own normal",
-            counted(made, "triangle")
+            "smoothing groups (s) are not read: {} smooth; flat = true in an [[object]] gives every face its own \
+             normal",
+            counted_are(made, "triangle without normals")
         ));
     }
     let mut asked = Asked::default();
