@@ -193,12 +193,27 @@ mod tests {
         outline
     }
 
+    /// The corners of a spiral band of five turns, with as many corners on each of its two sides.
+    fn spiral(corners: usize) -> Vec<DVec3> {
+        let at = |i: usize, inner: f64| {
+            let (radius, angle) = (inner + 0.01 * i as f64, std::f64::consts::TAU * i as f64 / 40.0);
+            DVec3::new(radius * angle.cos(), radius * angle.sin(), 0.0)
+        };
+        (0..corners).map(|i| at(i, 1.0)).chain((0..corners).rev().map(|i| at(i, 0.7))).collect()
+    }
+
     #[test]
     fn a_corner_becomes_an_ear_after_its_neighbour_is_cut_off() {
         let teeth = 200;
         let (sum, oriented) = total_area(&comb(teeth));
         let expected = teeth as f64 * (1.0 + 0.5 * 8.0);
         assert!((sum - expected).abs() < 1e-9 && (oriented - expected).abs() < 1e-9, "{sum} {oriented}");
+        let mut outline = spiral(200);
+        for first in 0..outline.len() {
+            let (sum, oriented) = total_area(&outline);
+            assert!((sum - oriented).abs() < 1e-9, "overlap: {sum} against {oriented}, corner {first} first");
+            outline.rotate_left(1);
+        }
     }
 
     #[test]
