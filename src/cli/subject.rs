@@ -3,8 +3,10 @@
 mod look;
 
 use super::choice::{
-    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
+    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, parse_strategy,
+    refuse_misspelt_axis,
 };
+use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::filetype::STANDARD_INPUT;
@@ -60,7 +62,19 @@ impl Subject {
     /// Loads the scene. A scene without a camera is framed so that it fills the picture.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let aspect = f64::from(self.width) / f64::from(self.height);
-        load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed })
+        let most_triangles = self.needs_tree().then_some(WideBvh::MAX_INDEX as u64);
+        load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed, most_triangles })
+    }
+
+    /// Returns whether the requested strategy needs a tree. If no strategy is requested, a scene with many triangles
+    /// gets one that does.
+    fn needs_tree(&self) -> bool {
+        let Ok(mut strategy) = parse_strategy(self.strategy.as_deref().unwrap_or("tile")) else {
+            return false;
+        };
+        let axes = self.set.iter().filter(|(key, _)| is_axis(key));
+        axes.fold(true, |valid, (axis, value)| strategy.set(axis, value).is_ok() && valid)
+            && strategy.needs_tree()
     }
 
     /// Returns whether raycl chooses the strategy, its axes and the local size.
@@ -135,6 +149,21 @@ mod tests {
             look: Look::default(),
             cl_dir: None,
         }
+    }
+
+    #[test]
+    fn a_tree_is_needed_unless_the_strategy_says_otherwise() {
+        let needs_tree = |strategy: Option<&str>, set: &[(&str, &str)]| {
+            let set = set.iter().map(|(key, value)| (key.to_string(), value.to_string())).collect();
+            let strategy = strategy.map(str::to_owned);
+            Subject { strategy, set, ..subject(PathBuf::new(), [1, 1]) }.needs_tree()
+        };
+        assert!(needs_tree(None, &[]) && needs_tree(Some("bvh"), &[("object.0.triangles", "7")]));
+        assert!(!needs_tree(Some("raster"), &[]) && !needs_tree(Some("naive"), &[]));
+        assert!(!needs_tree(None, &[("traversal", "exhaustive")]));
+        assert!(needs_tree(Some("deferred,traversal=bvh"), &[]));
+        // These are mistakes, which are told when the strategy is chosen.
+        assert!(!needs_tree(Some("nothing"), &[]) && !needs_tree(None, &[("width", "7")]));
     }
 
     #[test]

@@ -42,6 +42,9 @@ pub(super) fn assemble(
     kept: &mut Kept,
     notes: &mut Vec<String>,
 ) -> Result<Assembled> {
+    if let Some(most) = shot.most_triangles {
+        objects::refuse_many(document, &wire.object, most)?;
+    }
     let Joined { mut mesh, seen, mut starts } = kept.joined(|kept| join(document, &wire, kept, notes))?;
     if wire.textures == Some(false) && !mesh.textures.list.is_empty() {
         Arc::make_mut(&mut mesh).textures = Textures::default();

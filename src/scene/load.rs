@@ -41,11 +41,14 @@ pub struct Shot {
     pub turns: bool,
     /// True if a mesh without a scene file and without lights gets a ground, soft light and a sky.
     pub dressed: bool,
+    /// The largest number of triangles that can be cast; `None` if it is not known. Shapes with more triangles are
+    /// refused before they are made.
+    pub most_triangles: Option<u64>,
 }
 
 impl Shot {
     /// Suits square pictures, and all pictures that are wider than high.
-    pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false };
+    pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents show which of the

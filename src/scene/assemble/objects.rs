@@ -180,6 +180,23 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
+/// Refuses shapes that have more than `most` triangles together, even if each shape has slightly fewer triangles than
+/// its target.
+pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], most: u64) -> Result<()> {
+    let mut triangles = 0;
+    for wire in objects.iter().map(Spanned::get_ref) {
+        let Some(name) = &wire.shape else { continue };
+        triangles += shape(document, wire, name)?.triangles();
+        if triangles - triangles / 16 > most {
+            let message = format!("{triangles} triangles; expected at most {most}, which a tree can index");
+            return Err(document
+                .error(name.span(), message, "too many triangles")
+                .with_help("make fewer triangles; `raycl strategies` lists strategies without a tree"));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses a shape whose mesh does not fit into the host's memory. The mesh has one vertex, with a position and a
 /// normal, for every two triangles. Joining the rest of the scene to the mesh takes at least half as much memory again,
 /// so three triangles, two positions and two normals are counted for every two triangles.

@@ -483,3 +483,17 @@ fn the_parts_of_a_file_are_objects_only_of_a_bare_mesh() {
     let starts = |path: &Path| load_scene_with(path, &[]).unwrap().object_starts;
     assert_eq!((starts(&mesh), starts(&scene)), (vec![0, 12], vec![0, 24]));
 }
+
+#[test]
+fn shapes_of_too_many_triangles_are_refused_before_they_are_made() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain.toml");
+    let load = |triangles: i64, most| {
+        let setting = Setting::new("object.0.triangles", Value::Integer(triangles));
+        let shot = Shot { most_triangles: Some(most), ..Shot::SQUARE };
+        load_scene_for(&path, &[setting], shot).map(|loaded| loaded.scene.mesh.triangles.len())
+    };
+    let refused = load(12_000, 10_000).unwrap_err();
+    assert!(refused.to_string().contains("12000 triangles; expected at most 10000"), "{refused}");
+    // A shape may have slightly fewer triangles than its target.
+    assert!(load(10_500, 10_000).unwrap() > 10_000);
+}

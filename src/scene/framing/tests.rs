@@ -7,7 +7,7 @@ const fn three_quarter(aspect: f64) -> View {
         up: DVec3::Y,
         azimuth_degrees: None,
         elevation_degrees: None,
-        shot: Shot { aspect, turns: false, dressed: false },
+        shot: Shot { aspect, ..Shot::SQUARE },
     }
 }
 
@@ -61,7 +61,7 @@ fn the_whole_mesh_fills_a_picture_across_or_down_at_any_scale_and_length() {
 #[test]
 fn what_turns_is_seen_whole_from_all_around() {
     let mesh = block(Vec3::new(20.0, 1.0, 3.0), Vec3::new(4.0, 0.0, 0.0));
-    let view = View { shot: Shot { aspect: 1.6, turns: true, dressed: false }, ..from(0.0, 20.0, DVec3::Y) };
+    let view = View { shot: Shot { aspect: 1.6, turns: true, ..Shot::SQUARE }, ..from(0.0, 20.0, DVec3::Y) };
     let camera = camera(&mesh, Ball::around(&mesh, view.up), &view);
     let mut widest: f64 = 0.0;
     for step in 0..90 {
