@@ -13,16 +13,17 @@ pub struct Available {
 }
 
 impl Available {
-    /// Returns the smaller of the machine's available memory and the memory that the control groups of this
-    /// process still allow.
+    /// Returns the smallest of the machine's available memory, the memory that the control groups of this process still
+    /// allow, and the rest of the process's address space (`ulimit -v`).
     pub fn read() -> Self {
         let machine = read_text(Path::new(MEMINFO)).and_then(|text| meminfo_available(&text));
         let machine = machine.map(|bytes| Self { bytes, source: MEMINFO.to_owned() });
         let groups = read_text(Path::new("/proc/self/cgroup")).unwrap_or_default();
         let folders = group_folders(&groups);
         let groups = folders.iter().filter_map(|(folder, files)| group_available(folder, files));
+        let space = address_space_left().map(|bytes| Self { bytes, source: LIMITS.to_owned() });
         let unknown = || Self { bytes: u64::MAX, source: "nothing".to_owned() };
-        groups.chain(machine).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
+        groups.chain(machine).chain(space).min_by_key(|available| available.bytes).unwrap_or_else(unknown)
     }
 
     /// Returns an error if `bytes` is more than the available memory. For the message, `what` names the allocation,
@@ -43,6 +44,25 @@ impl Available {
 }
 
 const MEMINFO: &str = "/proc/meminfo";
+const LIMITS: &str = "/proc/self/limits";
+
+/// Returns how many bytes the address space of this process may have (`ulimit -v`); `None` if there is no limit, or if
+/// the system does not report it.
+pub fn address_space_limit() -> Option<u64> {
+    address_space(&read_text(Path::new(LIMITS))?)
+}
+
+/// Returns how many more bytes of address space this process may use; `None` if there is no limit.
+fn address_space_left() -> Option<u64> {
+    let used = kibibytes(&read_text(Path::new("/proc/self/status"))?, "VmSize:")?;
+    Some(address_space_limit()?.saturating_sub(used))
+}
+
+/// Returns the soft limit of the address space in the text of /proc/self/limits; `None` if it is "unlimited".
+fn address_space(text: &str) -> Option<u64> {
+    let values = text.lines().find_map(|line| line.strip_prefix("Max address space"))?;
+    values.split_whitespace().next()?.parse().ok()
+}
 
 /// Returns the largest amount of memory that this process has used at any time (VmHWM); `None` if the system
 /// does not report it.
@@ -134,6 +154,20 @@ fn group_left(limit: &str, used: &str, stat: &str, reclaimable: &str) -> Option<
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_soft_limit_of_the_address_space_is_read_in_bytes() {
+        let with = |soft: &str| {
+            let other = "Max resident set          7                    unlimited            bytes";
+            address_space(&format!(
+                "{other}\nMax address space         {soft}            unlimited            bytes\n"
+            ))
+        };
+        assert_eq!(
+            (with("409600000"), with("unlimited"), address_space("")),
+            (Some(409_600_000), None, None)
+        );
+    }
 
     #[test]
     fn the_machines_memory_is_read_in_kibibytes() {

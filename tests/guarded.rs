@@ -28,6 +28,20 @@ fn object(file: &str) -> String {
 }
 
 #[test]
+fn memory_beyond_a_limit_of_the_address_space_is_not_available() {
+    let scene = "[[object]]\nshape = \"terrain\"\ntriangles = 16_000_000\n";
+    let place = Place::with(&[("scene.toml", scene)]);
+    let program = crate::binary::program();
+    let mut limited = std::process::Command::new("sh");
+    limited.args(["-c", "ulimit -v 1000000; exec \"$@\"", "sh"]).arg(program.get_program());
+    limited.arg("render").arg(place.path("scene.toml")).arg("--output").arg(place.path("picture.png"));
+    let output = crate::binary::run(&mut limited);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    has(&said, &["needs about 1.1 GB", "according to /proc/self/limits"]);
+}
+
+#[test]
 fn pipes_and_devices_are_refused_at_once_wherever_a_file_is_named() {
     let place = Place::with(&[
         ("scene.toml", TRIANGLE),

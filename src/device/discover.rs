@@ -13,6 +13,7 @@ use super::threads::threads_of;
 use super::variables;
 use super::{Device, DeviceInfo, DeviceKind, Hardware, LaneOperations};
 use crate::error::{Error, Result};
+use crate::memory::{address_space_limit, readable};
 use crate::sources::Sources;
 
 /// All devices, and platforms without devices.
@@ -81,7 +82,7 @@ fn turn() -> MutexGuard<'static, ()> {
 
 fn platforms() -> Result<impl Iterator<Item = ocl::Platform>> {
     if platform_count()? == 0 {
-        return Err(no_platform());
+        return Err(no_platform(address_space_limit()));
     }
     let platforms = ocl::core::get_platform_ids().map_err(|error| {
         Error::run(format!("the OpenCL platforms could not be listed: {error}"))
@@ -118,9 +119,23 @@ const HOW_TO_GET_ONE: &str = "PoCL runs OpenCL on any CPU; install it with\n  \
     sudo apt-get install pocl-opencl-icd ocl-icd-libopencl1\nor run `make setup` in raycl's folder. \
     If a driver is installed, check that OCL_ICD_VENDORS is unset or names the folder of its .icd file.";
 
-fn no_platform() -> Error {
-    Error::run("no OpenCL platform was found: no driver is installed, or the loader does not find any")
-        .with_help(HOW_TO_GET_ONE)
+/// Returns the error if there is no platform; `limit_bytes` is the limit of this process's address space. The loader
+/// silently leaves out drivers that it cannot load, for example because the address space is too small.
+fn no_platform(limit_bytes: Option<u64>) -> Error {
+    let Some(bytes) = limit_bytes else {
+        return Error::run(
+            "no OpenCL platform was found: no driver is installed, or the loader does not find any",
+        )
+        .with_help(HOW_TO_GET_ONE);
+    };
+    let limit = readable(bytes);
+    let message = format!(
+        "no OpenCL platform was found: this process may use only {limit} of address space, in which a driver may not \
+         fit, or no driver is installed"
+    );
+    Error::run(message).with_help(format!(
+        "remove the limit with `ulimit -v unlimited`, and repeat the command. {HOW_TO_GET_ONE}"
+    ))
 }
 
 /// Returns the number of platforms. The number must be queried before the `ocl` crate is used: without platforms, each
@@ -208,6 +223,13 @@ fn cores() -> usize {
 mod tests {
     use super::super::tests::example;
     use super::*;
+
+    #[test]
+    fn a_limit_of_the_address_space_is_told_if_there_is_no_platform() {
+        let told = |limit| format!("{:?}", no_platform(limit));
+        assert!(told(Some(409_600_000)).contains("may use only 409.6 MB of address space"));
+        assert!(told(Some(1)).contains("ulimit -v unlimited") && !told(None).contains("ulimit"));
+    }
 
     #[test]
     fn twins_are_numbered() {
