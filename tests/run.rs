@@ -310,10 +310,10 @@ fn configs_state_their_question_and_plan_on_any_device() {
 
 #[test]
 fn where_processors_are_is_not_measured_if_all_samples_are_kept() {
-    // Tests set RAYCL_FAR_SAMPLES=keep.
+    // Tests set RAYCL_MOVED_SAMPLES=keep.
     let place = place();
     let records = records(&place, &[], 0);
     let samples = place.json_lines("out/samples.jsonl");
     assert!(samples.iter().all(|sample| sample["core_to_core_ns"].is_null()), "{samples:?}");
-    assert!(records.iter().all(|record| record["far_samples"].is_null()), "{records:?}");
+    assert!(records.iter().all(|record| record["moved_samples"].is_null()), "{records:?}");
 }

@@ -74,7 +74,7 @@ fn measure(run: usize, log: &Log, locks: &Locks) {
         other_sources: None,
         limit: Duration::from_secs(120),
         retry_failed: false,
-        keeps_far_samples: true,
+        keeps_moved_samples: true,
         locks,
         spread: false,
         blocks: None,

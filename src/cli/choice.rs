@@ -83,10 +83,7 @@ pub fn chosen_strategy(
         |(key, value): &(String, String)| key == "intersector" && value == Intersector::WATERTIGHT.name();
     let task = Task { watertight: task.watertight || set.iter().any(asked), ..task };
     let (best, best_local) = fastest(limits, &task)?;
-    let mut strategy = text.map_or(Ok(best), parse_strategy)?;
-    for (axis, value) in set.iter().filter(|(key, _)| is_axis(key)) {
-        strategy.set(axis, value)?;
-    }
+    let strategy = requested_strategy(text, set, best)?;
     strategy.check()?;
     if strategy == best {
         return Ok((strategy, best_local));
@@ -94,6 +91,19 @@ pub fn chosen_strategy(
     // One work-item casts a whole tile, so a work-group of one work-item has enough work.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
+}
+
+/// Returns the strategy in `text`, or `otherwise` if there is no text, with the axes that `set` changes.
+pub fn requested_strategy(
+    text: Option<&str>,
+    set: &[(String, String)],
+    otherwise: Strategy,
+) -> Result<Strategy> {
+    let mut strategy = text.map_or(Ok(otherwise), parse_strategy)?;
+    for (axis, value) in set.iter().filter(|(key, _)| is_axis(key)) {
+        strategy.set(axis, value)?;
+    }
+    Ok(strategy)
 }
 
 /// Returns whether a `--set` key is an axis of the strategy.

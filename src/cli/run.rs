@@ -20,7 +20,7 @@ use crate::device::{DeviceInfo, check_alike, select_infos};
 use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{
-    Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices, keeps_far_samples,
+    Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
 use crate::program::Sources;
@@ -211,7 +211,7 @@ fn run_of<'a>(
         other_sources: sources.get(1),
         limit: args.hang_limit,
         retry_failed: args.retry_failed,
-        keeps_far_samples: keeps_far_samples(),
+        keeps_moved_samples: keeps_moved_samples(),
         locks,
         spread: args.spread,
         blocks: None,

@@ -3,8 +3,8 @@
 mod look;
 
 use super::choice::{
-    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, parse_strategy,
-    refuse_misspelt_axis,
+    StrategyText, chosen_strategy, is_axis, parse_assignment, parse_size, refuse_misspelt_axis,
+    requested_strategy,
 };
 use crate::accel::WideBvh;
 use crate::device::DeviceInfo;
@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::filetype::STANDARD_INPUT;
 use crate::launch::{Prepared, Refused, Session};
 use crate::scene::{Loaded, Scene, Setting, Shot, load_scene_for};
-use crate::strategy::{Strategy, Task};
+use crate::strategy::{Strategy, Task, preset};
 use look::Look;
 use std::path::PathBuf;
 
@@ -67,14 +67,11 @@ impl Subject {
     }
 
     /// Returns whether the requested strategy needs a tree. If no strategy is requested, a scene with many triangles
-    /// gets one that does.
+    /// gets one that does, such as `tile`. Mistakes in the strategy are told later, when it is chosen.
     fn needs_tree(&self) -> bool {
-        let Ok(mut strategy) = parse_strategy(self.strategy.as_deref().unwrap_or("tile")) else {
-            return false;
-        };
-        let axes = self.set.iter().filter(|(key, _)| is_axis(key));
-        axes.fold(true, |valid, (axis, value)| strategy.set(axis, value).is_ok() && valid)
-            && strategy.needs_tree()
+        let strategy = preset("tile")
+            .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));
+        strategy.is_ok_and(|strategy| strategy.needs_tree())
     }
 
     /// Returns whether raycl chooses the strategy, its axes and the local size.
@@ -134,7 +131,6 @@ mod tests {
     use crate::device::{DeviceLimits, discover};
     use crate::program::Sources;
     use crate::reference::fixtures;
-    use crate::strategy::preset;
     use std::sync::Arc;
 
     fn subject(scene: PathBuf, [width, height]: [u32; 2]) -> Subject {

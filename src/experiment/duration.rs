@@ -1,6 +1,6 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
-use super::group::leaves_out_far;
+use super::group::leaves_out_moved;
 use super::moved_processors::most_additional;
 use super::pending::PendingPoint;
 use super::rounds::MOST as MOST_ROUNDS;
@@ -74,7 +74,7 @@ impl Run<'_> {
             expected.points[0] += drafts.len();
             expected.points[1] += known.len();
             all_ms += self.group_ms(&known);
-            if leaves_out_far(self, group) {
+            if leaves_out_moved(self, group) {
                 additional_ms += self.most_additional_ms(&known);
             }
         }
@@ -121,7 +121,7 @@ impl Run<'_> {
         let again_ms = earlier.build_ms.unwrap_or(0.0) + sample_ms;
         let first_ms = earlier.check_ms.map_or(again_ms, |ms| ms * larger.max(1.0));
         let launches = self.experiment.timing.launches as usize;
-        let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.far_samples.unwrap_or(0);
+        let left_out = earlier.preempted_samples.unwrap_or(0) + earlier.moved_samples.unwrap_or(0);
         let samples = earlier.samples_ms.len() + left_out as usize;
         let rounds = (earlier.key == draft.key).then_some(samples / launches);
         Some(Known { sample_ms, check_ms: [again_ms, first_ms], rounds })
@@ -325,11 +325,11 @@ mod tests {
     #[test]
     fn samples_that_are_left_out_took_time_too() {
         let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3 }");
-        let of = |count, preempted_samples, far_samples| {
+        let of = |count, preempted_samples, moved_samples| {
             let record = Record {
                 samples_ms: vec![1.0; count],
                 preempted_samples,
-                far_samples,
+                moved_samples,
                 host_median_ms: Some(1.0),
                 image_size: [8, 5],
                 ..Record::default()

@@ -56,7 +56,7 @@ pub(super) fn run<'a>(
         other_sources: None,
         limit: Duration::MAX,
         retry_failed: false,
-        keeps_far_samples: true,
+        keeps_moved_samples: true,
         locks,
         spread: false,
         blocks: None,

@@ -8,7 +8,7 @@ mod timed;
 use super::Run;
 use super::asleep;
 use super::complete::{Taken, complete};
-use super::moved_processors::{Launch, are_enough, leave_out_far};
+use super::moved_processors::{Launch, are_enough, leave_out_moved};
 use super::pending::PendingPoint;
 use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
@@ -95,7 +95,7 @@ impl OpenGroup {
     /// Returns the core-to-core latency of near processors in nanoseconds; the latency of each launch is compared with
     /// it. Returns infinity if all samples count.
     fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
-        if leaves_out_far(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
+        if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
 
     /// Measures one launch of the group. If a worker process is lost, new worker processes repeat the whole launch.
@@ -232,7 +232,7 @@ impl OpenGroup {
         let failed = HashSet::new();
         let (points, start, watch) = (&self.points, Instant::now(), Watch::start());
         let casts = HashMap::new();
-        let latency = Latency::of(leaves_out_far(run, points));
+        let latency = Latency::of(leaves_out_moved(run, points));
         let mut timed = Timed {
             points,
             run,
@@ -272,9 +272,9 @@ impl OpenGroup {
         let reason = self.reason;
         let (launches, near_ns) = (std::mem::take(&mut self.whole), self.near_ns(run, sink));
         let completed = |mut pending: PendingPoint| {
-            let far = leave_out_far(&mut pending.taken, &launches, near_ns);
-            pending.record.far_samples = far.map(|far| far.samples);
-            pending.record.far_launches = far.map(|far| far.launches);
+            let left_out = leave_out_moved(&mut pending.taken, &launches, near_ns);
+            pending.record.moved_samples = left_out.map(|left_out| left_out.samples);
+            pending.record.moved_launches = left_out.map(|left_out| left_out.launches);
             complete(&mut pending.record, &pending.taken, reason);
             pending.record
         };
@@ -296,10 +296,10 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
 /// Returns whether a group leaves out the samples during which processors were moved. This is true if
 /// processors cast all points of the group, through a caster on the host or an OpenCL driver, and if the run does not
 /// keep these samples.
-pub(super) fn leaves_out_far(run: &Run<'_>, points: &[PendingPoint]) -> bool {
+pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
-    !run.keeps_far_samples && points.iter().all(is_on_processors)
+    !run.keeps_moved_samples && points.iter().all(is_on_processors)
 }
 
 /// Returns the names of the locks for the devices of some points.

@@ -61,6 +61,6 @@ pub use point_failure::PointFailure;
 pub use process::Processes;
 pub use protocol::{Built, Job, Reply, Request};
 pub use results::{Past, Results};
-pub use run::{Run, keeps_far_samples};
+pub use run::{Run, keeps_moved_samples};
 pub use supervisor::{Death, Spawner, Wait, Worker};
 pub use worker::serve;

@@ -2,7 +2,7 @@
 //!
 //! A host moves the processors of a virtual machine from core to core, often for some seconds. While they are on cores
 //! far from each other, kernels whose work-groups share data take up to 1.5 times as long. While two of them share a
-//! core, all kernels do. The core-to-core latency around a sample shows both, and does not depend on the times of the
+//! core, all kernels take about 1.4 times as long. The core-to-core latency around a sample shows both, and does not depend on the times of the
 //! points. Samples with a much larger or smaller latency than that of near processors in the same run do not count.
 //! Launches in which too few samples count are replaced by additional launches.
 
@@ -74,10 +74,10 @@ pub(super) fn most_additional(wanted: usize) -> usize {
 
 /// Returns the numbers of the launches that do not count: those in which too few samples count. If this is true of all
 /// launches, all of them count.
-fn far_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
-    let far = launches.iter().filter(|launch| !launch.counts(near_ns));
-    let far: Vec<u32> = far.map(|launch| launch.number).collect();
-    if far.len() < launches.len() { far } else { Vec::new() }
+fn moved_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
+    let moved = launches.iter().filter(|launch| !launch.counts(near_ns));
+    let moved: Vec<u32> = moved.map(|launch| launch.number).collect();
+    if moved.len() < launches.len() { moved } else { Vec::new() }
 }
 
 /// The number of launches that do not count, and the number of samples that do not count although their launches count.
@@ -89,15 +89,15 @@ pub(super) struct LeftOut {
 
 /// Removes the samples that do not count: those of launches that do not count, and those of other launches for which
 /// `is_near` is false. If no launch counts, all samples do. Returns `None` if no latency is known.
-pub(super) fn leave_out_far(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
+pub(super) fn leave_out_moved(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
-    let far = far_launches(launches, near_ns);
-    taken.retain(|one| !far.contains(&one.launch));
+    let moved = moved_launches(launches, near_ns);
+    taken.retain(|one| !moved.contains(&one.launch));
     let all = taken.len();
     if launches.iter().any(|launch| launch.counts(near_ns)) {
         taken.retain(|one| is_near(one.core_to_core_ns, near_ns));
     }
-    let left_out = LeftOut { launches: far.len() as u32, samples: (all - taken.len()) as u32 };
+    let left_out = LeftOut { launches: moved.len() as u32, samples: (all - taken.len()) as u32 };
     is_known.then_some(left_out)
 }
 
@@ -184,8 +184,8 @@ mod tests {
     /// Returns the latencies of the samples that count, and the numbers of launches and samples that do not.
     fn counted(taken: &[Vec<Taken>], launches: &[Launch]) -> (Vec<f64>, Option<[u32; 2]>) {
         let mut taken = taken.concat();
-        let far = leave_out_far(&mut taken, launches, 20.0).map(|far| [far.launches, far.samples]);
-        (taken.iter().map(|one| one.core_to_core_ns.unwrap_or(0.0)).collect(), far)
+        let left_out = leave_out_moved(&mut taken, launches, 20.0).map(|out| [out.launches, out.samples]);
+        (taken.iter().map(|one| one.core_to_core_ns.unwrap_or(0.0)).collect(), left_out)
     }
 
     #[test]

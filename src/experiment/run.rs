@@ -44,15 +44,15 @@ pub struct Run<'a> {
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
     /// True if samples count even if a virtual machine's processors were moved.
-    pub keeps_far_samples: bool,
+    pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count, however far apart processors are.
-const FAR_SAMPLES: &str = "RAYCL_FAR_SAMPLES";
+/// If this environment variable is `keep`, all samples count, wherever processors are.
+const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
-/// Returns whether the user wants to keep all samples, however far apart processors are.
-pub fn keeps_far_samples() -> bool {
-    std::env::var_os(FAR_SAMPLES).is_some_and(|value| value == "keep")
+/// Returns whether the user wants to keep all samples, wherever processors are.
+pub fn keeps_moved_samples() -> bool {
+    std::env::var_os(MOVED_SAMPLES).is_some_and(|value| value == "keep")
 }
 
 impl Run<'_> {

@@ -125,10 +125,10 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
 
 /// Returns the number of launches that were left out because the processors were further apart, or shared a core. All records of a group
 /// state the same launches.
-fn far_launches(records: &[Record]) -> u32 {
+fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();
-        Some((counted, record.far_launches?))
+        Some((counted, record.moved_launches?))
     };
     records.iter().filter_map(of).collect::<BTreeMap<_, _>>().values().sum()
 }
@@ -137,8 +137,8 @@ fn far_launches(records: &[Record]) -> u32 {
 /// apart, or shared a core. If nothing was left out, returns a note if the core-to-core latency changed while these records were
 /// measured.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
-    let samples = records.iter().filter_map(|record| record.far_samples).sum::<u32>() as usize;
-    let launches = far_launches(records) as usize;
+    let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
+    let launches = moved_launches(records) as usize;
     let left_out = match [launches, samples] {
         [0, samples] => counted_are(samples, "sample"),
         [launches, 0] => counted_are(launches, "launch"),
@@ -184,8 +184,8 @@ mod tests {
     use super::*;
 
     /// Returns a record of a group that used these launches, with the numbers of samples and launches left out.
-    fn left_out(launches: &[u32], far_samples: Option<u32>, far_launches: Option<u32>) -> Record {
-        Record { sample_launches: launches.to_vec(), far_samples, far_launches, ..Record::default() }
+    fn left_out(launches: &[u32], moved_samples: Option<u32>, moved_launches: Option<u32>) -> Record {
+        Record { sample_launches: launches.to_vec(), moved_samples, moved_launches, ..Record::default() }
     }
 
     #[test]

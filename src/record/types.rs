@@ -250,11 +250,11 @@ pub struct Record {
     /// Number of samples that were left out because the virtual machine's processors were further apart than in other
     /// samples of the run, or shared a core; null if it is unknown how far apart the processors were.
     #[serde(default)]
-    pub far_samples: Option<u32>,
+    pub moved_samples: Option<u32>,
     /// Number of launches of the record's group that were left out because the processors were further apart or shared a
     /// core; null if it is unknown how far apart the processors were.
     #[serde(default)]
-    pub far_launches: Option<u32>,
+    pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
     #[serde(default)]
     pub throttled_samples: Option<u32>,

@@ -123,7 +123,7 @@ pub fn program() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
     // The number of samples must not depend on where a virtual machine's processors are.
-    command.env("RAYCL_FAR_SAMPLES", "keep");
+    command.env("RAYCL_MOVED_SAMPLES", "keep");
     command
 }
 

@@ -160,7 +160,7 @@ pub fn execute(
     let mut results = Results::resume(folder, &Environment::default())?;
     // The number of samples must not depend on where a virtual machine's processors are.
     with_run(text, folder, |run| {
-        Run { keeps_far_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
+        Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
     })
 }
 
@@ -175,7 +175,7 @@ pub fn with_run<T>(text: &str, folder: &Path, then: impl FnOnce(&Run<'_>) -> T) 
         other_sources: None,
         limit: Duration::from_millis(30),
         retry_failed: false,
-        keeps_far_samples: false,
+        keeps_moved_samples: false,
         locks: &locks,
         spread: false,
         blocks: None,

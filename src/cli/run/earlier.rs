@@ -71,7 +71,7 @@ mod tests {
             other_sources: None,
             limit: Duration::MAX,
             retry_failed,
-            keeps_far_samples: true,
+            keeps_moved_samples: true,
             locks: &locks,
             spread: false,
             blocks: None,

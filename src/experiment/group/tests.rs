@@ -147,7 +147,7 @@ fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
     let (device, locks) = (DeviceInfo { kind, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
-    let run = Run { keeps_far_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
+    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let latencies_ns = vec![180.0, 20.0, 25.0];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..3).flat_map(samples).collect()));
@@ -167,14 +167,14 @@ fn a_launch_with_processors_further_apart_counts_only_for_devices_with_their_own
 }
 
 #[test]
-fn far_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them() {
+fn moved_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them() {
     let experiment = fixtures::experiment("local_sizes = [4]");
     let locks = fixtures::own_locks();
-    let of = |kind, keeps_far_samples| {
+    let of = |kind, keeps_moved_samples| {
         let device = DeviceInfo { kind, ..asleep::device(1.0) };
         let devices = [&device];
-        let run = Run { keeps_far_samples, ..fixtures::run(&experiment, &devices, &locks) };
-        leaves_out_far(&run, group().points())
+        let run = Run { keeps_moved_samples, ..fixtures::run(&experiment, &devices, &locks) };
+        leaves_out_moved(&run, group().points())
     };
     assert!(of(DeviceKind::Cpu, false));
     assert!(!of(DeviceKind::Cpu, true) && !of(DeviceKind::Gpu, false));
@@ -273,7 +273,7 @@ fn an_additional_launch_is_told_and_is_no_step() {
     let (device, locks) =
         (DeviceInfo { kind: DeviceKind::Cpu, ..asleep::device(1.0) }, fixtures::own_locks());
     let devices = [&device];
-    let run = Run { keeps_far_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
+    let run = Run { keeps_moved_samples: false, ..fixtures::run(&experiment, &devices, &locks) };
     let latencies_ns = vec![180.0, 20.0];
     let samples = |launch: u32| vec![sample(launch, Some(latencies_ns[launch as usize])); 5];
     let past = ["a", "b"].map(|key| (key.to_owned(), (0..2).flat_map(samples).collect()));

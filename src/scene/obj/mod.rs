@@ -97,7 +97,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
     if mesh.triangles.is_empty() {
         return Err(source.error(without_triangles(text, total.positions)));
     }
-    if reach.permitted.scaled && !reading.is_large() && odd::use_large(&odd_vertices, &mesh, source) {
+    if reach.permitted.scaled && !reading.is_large && odd::use_large(&odd_vertices, &mesh, source) {
         return read(source, reach, &Reading::LARGE);
     }
     odd::check_vertices(&odd_vertices, &mesh, source, &mut notes).map_err(|mistake| source.error(mistake))?;

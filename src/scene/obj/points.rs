@@ -25,24 +25,19 @@ const LARGEST: f64 = 1e300;
 pub(super) struct Reading {
     /// How positions are changed before they are rounded to single precision.
     pub placement: Placement,
-    /// The largest valid coordinate.
-    pub most: f64,
+    /// True if positions of any size are valid.
+    pub is_large: bool,
 }
 
 impl Reading {
     /// Unchanged positions within the range of all meshes.
-    pub const USUAL: Self = Self { placement: Placement::IDENTITY, most: MAX_COORDINATE as f64 };
+    pub const USUAL: Self = Self { placement: Placement::IDENTITY, is_large: false };
     /// Unchanged positions of any size.
-    pub const LARGE: Self = Self { most: LARGEST, ..Self::USUAL };
-
-    /// Returns whether positions of any size are valid.
-    pub fn is_large(&self) -> bool {
-        self.most > Self::USUAL.most
-    }
+    pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
     /// Reads a position. Returns `None` if it is not valid.
     fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
-        if self.placement == Placement::IDENTITY && !self.is_large() {
+        if self.placement == Placement::IDENTITY && !self.is_large {
             return position(0, tokens).ok();
         }
         Some(self.placement.place(self.exact(tokens)?).as_vec3())
@@ -54,10 +49,11 @@ impl Reading {
         for value in &mut values {
             *value = decimal(tokens.next()?)?;
         }
-        // A usual coordinate is valid if it is valid after it is rounded to single precision.
-        let rounded = |value: f64| if self.is_large() { value } else { f64::from(value as f32) };
-        let is_valid = values.iter().all(|value| rounded(*value).abs() <= self.most);
-        is_valid.then_some(DVec3::from_array(values))
+        let is_valid = |value: &f64| match self.is_large {
+            true => value.abs() <= LARGEST,
+            false => (*value as f32).abs() <= MAX_COORDINATE,
+        };
+        values.iter().all(is_valid).then_some(DVec3::from_array(values))
     }
 }
 
@@ -275,7 +271,10 @@ fn vector<'a>(
             Mistake::new(offset, format!("a {what} with {numbers}; expected three: x y z"))
         })?;
         *value = number(token).ok_or_else(|| {
-            let expected = "expected a finite decimal number";
+            let expected = match decimal(token) {
+                Some(_) => format!("expected a number within +-{MAX_COORDINATE:e}"),
+                None => "expected a finite decimal number".to_owned(),
+            };
             Mistake::new(offset, format!("{} in a {what}; {expected}", quoted(token)))
         })?;
     }
