@@ -181,7 +181,7 @@ mod tests {
     fn queue() -> (Queue, u32) {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let units = device.info.limits.compute_units;
-        (Queue::open(device.platform, device.device).unwrap(), units)
+        (Queue::open(&device).unwrap(), units)
     }
 
     #[test]

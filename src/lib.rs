@@ -28,14 +28,15 @@
 //! which an experiment uses them. [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment
 //! names. [`experiment`] plans the points; each point is a [`strategy`] on a [`device`] at a local size. [`program`]
 //! assembles and builds kernels from `cl/` as the `manifest` says (`sources` has the kernels' files). [`launch`] runs
-//! the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference). `measure` times the
-//! kernels, and the `anchor` together with them. [`printer`] keeps control characters from terminals. `reader` opens
-//! the files that users name, and `filetype` recognises files of other formats. `memory` measures the host's free
-//! memory, and `load` measures the processor time that other processes take. [`record`] stores the results. [`image`]
-//! turns radiance into pictures; `output` writes files for the user and never replaces a file that raycl did not make.
-//! [`shard`] splits an experiment among machines and merges their results. [`cli`] holds one file per subcommand;
-//! [`documents`] computes the numbers in this repository's documents from stored records. `cache` stores data that
-//! raycl can recompute, so that later runs need not do so.
+//! the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference). [`experiment`] also
+//! times the kernels, together with the `anchor`, and `measure` computes statistics of these times. [`printer`] keeps
+//! control characters from terminals. `reader` opens the files that users name, and `filetype` recognises files of
+//! other formats. `memory` measures the host's free memory, and `load` measures the processor time that other
+//! processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes files for
+//! the user and never replaces a file that raycl did not make. [`shard`] splits an experiment among machines and
+//! merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in this
+//! repository's documents from stored records. `cache` stores data that raycl can recompute, so that later runs need
+//! not do so.
 
 mod accel;
 mod anchor;

@@ -67,7 +67,7 @@ impl Raycaster {
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         let task = Task::of(&self.scene, size, false);
         let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
-        let refused = |refused: Refused| refused.into_error(&self.device.info.name);
+        let refused = |refused: Refused| refused.into_error(&self.device.info);
         let prepared = self.session.prepare(&strategy, size, local_size).map_err(refused)?;
         let caster = prepared.caster().map_err(refused)?;
         let times = caster.cast().map_err(Refused::at("the launch")).map_err(refused)?;

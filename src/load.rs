@@ -74,7 +74,8 @@ fn between(before: Ticks, now: Ticks, ms: f64) -> Option<Load> {
     let processors = processors()?;
     let part = |ticks: f64| (ticks / all * processors as f64).max(0.0);
     let busy = now.busy - before.busy;
-    // `own` is a sum over this process and the workers that still run, so `own` falls when a worker ends.
+    // `own` is a sum over this process and the workers that still run, so `own` falls when a worker ends, and the
+    // difference could be negative.
     let own = (now.own - before.own).max(0.0);
     (all > 0.0).then(|| Load {
         ms,

@@ -122,14 +122,14 @@ fn man_prints_a_page_and_writes_those_of_all_commands() {
     let written = std::fs::read_to_string(out.join("raycl-render.1")).expect("a page");
     assert_eq!(written.trim_end(), page.trim_end());
     assert!(out.join("raycl.1").is_file() && !out.join("raycl-worker.1").exists());
-    // A page that raycl did not write stays.
+    // `raycl man` does not overwrite a page that raycl did not write.
     std::fs::write(out.join("raycl-run.1"), "mine").expect("a file");
     let message = mistake(&mut raycl(&["man", "--out", out.to_str().expect("UTF-8")]), 2);
     assert!(message.contains("raycl-run.1"), "{message}");
 }
 
-/// `--color`, before or after the command's name, decides whether colours are used. Without it, `NO_COLOR`
-/// decides. Without either, colours are used on a terminal, which no test has.
+/// `--color`, before or after the command's name, decides whether colours are used. Without it, `NO_COLOR` decides.
+/// Without either, colours are used if the output is a terminal, which it never is in a test.
 #[test]
 fn colours_are_what_the_user_says() {
     let escapes = |words: &[&str], refused: bool| {
@@ -142,8 +142,8 @@ fn colours_are_what_the_user_says() {
         [output.stdout, output.stderr].map(|bytes| bytes.contains(&0x1b))
     };
     let nothing = "no-such-scene.toml";
-    // The cases are an unknown command, a missing file, and help. Some of their messages come from clap,
-    // others from raycl.
+    // The cases are an unknown command, a missing file, and help. Some of the messages come from clap, the library that
+    // parses arguments, others from raycl.
     assert_eq!(escapes(&["rendr"], false), [false, false]);
     assert_eq!(escapes(&["--color=always", "rendr"], true), [false, true]);
     assert_eq!(escapes(&["render", nothing, "--color", "always"], true), [false, true]);

@@ -6,7 +6,8 @@ use crate::binary::{Place, TRIANGLE, device, has, repository};
 use raycl::program::compiled::{InstructionCounts, instruction_counts, is_ptx};
 use serde_json::Value;
 
-/// Returns the counts of the whole-frame kernel in two stored PTX files, from clang and from NVIDIA's driver.
+/// Returns the numbers of instructions of the whole-frame kernel in two stored PTX files, one from clang and one from
+/// NVIDIA's driver.
 fn stored(name: &str) -> [(String, InstructionCounts); 2] {
     ["clang", "driver"].map(|whose| stored_of(name, whose))
 }
@@ -55,8 +56,8 @@ fn private_vectors_are_in_registers() {
     }
 }
 
-/// The kernel writes and reads five vectors of three floats each, at each test of primary and of shadow rays.
-/// clang accesses its stack by generic addresses.
+/// At each ray-triangle test of primary rays and of shadow rays, this kernel writes and reads five vectors of three
+/// floats each. clang accesses its stack by generic addresses.
 #[test]
 fn the_tests_own_vectors_are_in_private_memory() {
     for (file, counts) in stored("test-vectors") {
@@ -70,8 +71,8 @@ fn the_tests_own_vectors_are_in_private_memory() {
 
 #[test]
 fn constant_triangles_are_read_from_constant_memory() {
-    // Each file is compared with the `vectors-private` file of the same compiler: both compilers' files are stored
-    // for both strategies.
+    // Each file is compared with the `vectors-private` file of the same compiler: for both strategies, the files of
+    // both compilers are stored.
     for ((file, counts), (_, global)) in stored("triangles-constant").iter().zip(stored("vectors-private")) {
         assert_eq!([counts.reach("shared"), counts.reach("local")], [0, 0], "{file}: {counts}");
         assert!(counts.reach("const") > 9, "{file}: {counts}");

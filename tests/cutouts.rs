@@ -95,7 +95,7 @@ fn every_family_that_casts_cut_outs_agrees_with_the_reference() {
     }
 }
 
-/// Soft lights and a sky cast rays without a common origin.
+/// The rays to soft lights and to a sky have no common origin.
 #[test]
 fn soft_light_falls_through_holes() {
     let place = room(MTL);
@@ -227,7 +227,8 @@ fn masks_of_gltf_have_their_cutoffs_and_blending_is_a_mask_with_a_note() {
     let factor = of("\"alphaMode\": \"MASK\", \"alphaCutoff\": 0.125,", "0.5").0;
     assert!(apart(&half, &opaque) > apart(&quarter, &opaque) && quarter != opaque);
     assert_eq!(factor, quarter);
-    // If the alpha equals the cutoff, rounding makes no holes; only one texel is a hole.
+    // In this picture, one texel is a hole, and the alpha of all other texels equals the cutoff. Rounding must not turn
+    // these other texels into holes.
     let hole = |x, y| Rgba([90, 200, 60, if (x, y) == (0, 0) { 0 } else { 51 }]);
     RgbaImage::from_fn(8, 8, hole).save(place.path("leaf.png")).expect("a picture");
     let whole = of("", "1").0;

@@ -117,7 +117,7 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
     ] {
         let place = place();
         let mut process = start(&place, &arguments, "said.txt");
-        // Only a lock that is held for some time is found ten times in a row.
+        // The test looks ten times in a row, since a process may hold a lock for a moment only to look at it.
         let look = || {
             std::thread::sleep(Duration::from_millis(2));
             is_held(&place)

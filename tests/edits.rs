@@ -1,5 +1,6 @@
-//! Edits of the config, a scene, the kernels or the environment, each followed by `--resume`: only points
-//! that changed are measured again, and all views of the results show the same points, medians and winners.
+//! Edits of the config, a scene, the kernels or the environment, each followed by `--resume`: only points that changed
+//! are measured again. All views of the results (summaries, report, exports and comparisons) show the same points,
+//! medians and winners.
 
 use crate::binary::{Place, TRIANGLE, device, repository};
 use serde_json::Value;
@@ -24,8 +25,8 @@ struct Shown {
     winners: BTreeSet<Name>,
 }
 
-/// An edit: its name, its action, the number of points that are measured after it, and the scenes that are shown
-/// after it.
+/// An edit: its name, its action, the number of points that the run after it measures, and the scenes that the views
+/// then show.
 type Edit = (&'static str, fn(&mut Ground), usize, &'static [&'static str]);
 
 const TIMING: &str = "[timing]\nlaunches = 1\nwarmup = 0\nmin_samples = 10\nmax_samples = 10\n";
@@ -241,8 +242,8 @@ impl Ground {
         found["results"].as_array().expect("a list").iter().map(point).collect()
     }
 
-    /// Returns the medians in the caches for Kernel Tuner. A cache names its scene only in the file's name,
-    /// so the scene is found by the beginning of this name.
+    /// Returns the medians in the cache files that raycl exports for Kernel Tuner, an auto-tuner. Only the name of a
+    /// cache file tells its scene, so the scene is found by the beginning of this name.
     fn kernel_tuner(&self) -> BTreeMap<Name, f64> {
         let mut points = BTreeMap::new();
         let t4 = self.t4();
@@ -329,7 +330,7 @@ fn of_markdown(text: &str) -> Shown {
     shown
 }
 
-/// Reads the rows of each view's table. A row of a winner has the class `wins`.
+/// Reads a report's page: the rows of the table in each of its `article` elements. A winner's row has the class `wins`.
 fn of_page(text: &str) -> Shown {
     let mut shown = Shown::default();
     for view in text.split("<article class=\"view\"").skip(1) {
@@ -355,7 +356,7 @@ fn between<'t>(text: &'t str, from: &str, to: &str) -> &'t str {
     rest.split_once(to).map_or("", |(inner, _)| inner)
 }
 
-/// The folder has six points of a run on 2026-11-20, when folders had no plan yet.
+/// The folder of this test has six points of a run on 2026-11-20, when folders of results had no `plan.json` yet.
 #[test]
 fn results_of_before_are_read_without_a_plan() {
     let folder = repository("tests/data/old-results");

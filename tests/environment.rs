@@ -92,7 +92,8 @@ fn directions_are_where_they_belong() {
     assert!(turned[(30, 21)].0[0] > middle[0] + 0.005, "{:?}", turned[(30, 21)]);
     let stronger = render(&place, &["--set", "sky.strength=3"]);
     assert!((stronger[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 3.0).abs() < 1e-3);
-    // An HDR file has 8 bits per channel and a common exponent.
+    // A pixel of an HDR file has 8 bits per channel and an exponent that all channels share, so colours may differ by
+    // 2%.
     let hdr = render(&place, &["--set", "sky.picture='sky.hdr'"]);
     assert!((hdr[(9, 9)].0[1] / ahead[(9, 9)].0[1] - 1.0).abs() < 0.02);
     // A background that the user sets hides the picture of the sky.
@@ -100,8 +101,8 @@ fn directions_are_where_they_belong() {
     assert!(hidden.pixels().all(|pixel| pixel.0 == [0.0; 3]));
 }
 
-/// After half a turn, the seam at which the picture's edges meet is straight ahead. With the changes to the kernel, the
-/// picture does not continue beyond its left edge, or not beyond its right edge.
+/// After half a turn, the seam at which the picture's edges meet is straight ahead. Each changed kernel of this test
+/// fails to continue the picture beyond one of these edges.
 #[test]
 fn the_picture_s_left_edge_continues_at_its_right_edge() {
     let place = place(&EMPTY.replace("[[object]]", "turn_degrees = 180\n[[object]]"));
@@ -137,7 +138,7 @@ fn what_is_wrong_with_a_sky_is_told() {
     );
 }
 
-/// A frame must not depend on which pixels saw the sky in the frame before.
+/// A frame must not depend on which pixels saw the sky in the previous frame.
 #[test]
 fn a_frame_is_the_same_after_another_one_as_alone() {
     let place = place(SCENE);

@@ -43,7 +43,7 @@ impl Ground {
         let mut command = crate::binary::program();
         command.arg("run").arg(&self.config).arg("--out").arg(&self.out);
         command.args(["--quiet", "--device", &device]).args(arguments);
-        // Tests that do not test the lock of devices do not wait for each other.
+        // Each test has its own folder for the locks of devices, so that tests do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.folder.path().join("locks")).env("RAYCL_CACHE_MIB", "0");
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
@@ -232,8 +232,7 @@ fn workers_killed_at_random_moments_cost_nothing() {
         let ground = Ground::new(12);
         let mut run = ground.start(&[]);
         random_moment(&mut rng, &ground, &mut run);
-        // At most one worker is killed per run. If two died at the same point, the point would count as
-        // failed.
+        // At most one worker is killed per run. If two workers died at the same point, the point would count as failed.
         killed += children(run.id()).first().is_some_and(|&worker| send(Signal::KILL, worker)) as usize;
         let output = finish(run);
         assert!(output.status.success() || said(&output).contains("could not start"), "{}", said(&output));
@@ -272,8 +271,9 @@ fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     signal(Signal::INT, run.id());
     std::thread::sleep(Duration::from_millis(300));
     assert!(is_alive(run.id()), "the first waits for the sample");
-    // The sample never ends, so only the second signal can end the run. The first signal may not have been
-    // handled yet when the second one arrives, so the test repeats the second signal, which does no harm.
+    // The worker hangs, so the current sample never ends, and only the second signal can end the run. The first signal
+    // may not have been handled yet when the second one arrives, so the test repeats the second signal, which does no
+    // harm.
     let process = run.id();
     until("the second ends it", || !send(Signal::INT, process) || !is_alive(process));
     let output = finish(run);
@@ -375,7 +375,7 @@ fn a_folder_that_cannot_be_written_is_a_failed_run_with_a_message() {
     let closed = ground.folder.path().join("closed");
     std::fs::create_dir(&closed).expect("a folder");
     std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).expect("a mode");
-    // Root may write to folders without write permission, so this folder is only used if writing fails.
+    // Root may write to folders without write permission, so the test uses this folder only if writing to it fails.
     if std::fs::write(closed.join("probe"), "").is_err() {
         places.push(closed.join("out"));
     }

@@ -106,7 +106,7 @@ impl Figure {
     }
 }
 
-/// Returns the book's triangle.
+/// Returns the single triangle of the book, *Computer Graphics: Principles and Practice*.
 fn triangle(lambertian: DVec3) -> Triangle {
     Triangle {
         corners: [dvec3(0.0, 1.0, -2.0), dvec3(-1.9, -1.0, -2.0), dvec3(1.6, -0.5, -2.0)],
@@ -131,7 +131,7 @@ fn figure_4() -> Figure {
     Figure::new("figure-4", [&[green, reversed], &ground()[..]].concat())
 }
 
-/// Returns Figure 3's pyramid. Its back and its base are hidden; only their shadow is visible.
+/// Returns the pyramid of the paper's Figure 3. The camera sees neither its back nor its base, but only their shadow.
 fn pyramid(scene: &'static str) -> Figure {
     let (apex, front) = (dvec3(0.0, 2.0, -3.5), dvec3(0.0, -1.0, -2.0));
     let (left, right) = (dvec3(-2.0, -1.0, -3.0), dvec3(2.0, -1.0, -3.0));

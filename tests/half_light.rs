@@ -3,7 +3,7 @@
 use crate::binary::{Place, device};
 use image::RgbImage;
 
-/// A plate over a tetrahedron, which lies in its shadow.
+/// A tetrahedron, and a plate above it. The tetrahedron lies in the plate's shadow.
 const MESH: &str = "v 0 1 0\nv -1 0 1\nv 1 0 1\nv 0 0 -1\nv -1 1.5 -1\nv 1 1.5 -1\nv 0 1.5 1\n\
                     f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\nf 5 6 7\n";
 /// The strategies from which `render` chooses, each named explicitly.

@@ -57,7 +57,7 @@ fn is_left_out(body: &str, reason: &str) {
     let picture = ["render", "scene.toml", "-o", "a.png", "--width", "8", "--height", "5", "--device", "cpu"];
     for arguments in [&picture[..], &["devices"]] {
         let mut raycl = place.raycl(arguments);
-        // This limit is long enough for good drivers on a busy machine.
+        // This time limit is long enough for drivers that work, even on a busy machine.
         raycl.env("OCL_ICD_VENDORS", &vendors).env("RAYCL_TEST_DRIVER_LIMIT_MS", "10000");
         let output = raycl.assert().success().get_output().clone();
         let said = String::from_utf8(output.stderr).expect("UTF-8");
@@ -71,8 +71,9 @@ fn a_driver_that_dies_when_it_is_listed_is_left_out_of_pictures_and_lists() {
     is_left_out("abort()", "signal: 6");
 }
 
-/// Some loaders split `OCL_ICD_FILENAMES` in place while they load drivers, as this driver does. The process that
-/// stores a program is started afterwards; with another value, it would list all devices again or miss some.
+/// Some OpenCL loaders overwrite the separators in the variable `OCL_ICD_FILENAMES` while they load drivers; the driver
+/// of this test does the same. raycl starts the process that stores a program afterwards. This process must get the
+/// original value: with another value, it would list all devices again or miss some.
 #[test]
 fn a_variable_that_is_cut_while_drivers_load_is_whole_for_the_next_process() {
     let place = one_point();
@@ -167,7 +168,7 @@ fn a_folder_of_results_leads_nowhere_else() {
         std::fs::remove_file(&at).expect("the link");
         std::fs::rename(&kept, &at).expect("its place");
     }
-    // A file that is written again replaces the link, and not the file to which the link leads.
+    // When raycl writes a file again, it replaces the link, and not the file to which the link leads.
     for name in ["summary.md", "summary.csv", "report.html", "environment.json"] {
         std::fs::remove_file(place.path("out").join(name)).expect("it was there");
         symlink(&victim, place.path("out").join(name)).expect("a link");

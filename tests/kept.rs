@@ -85,7 +85,8 @@ fn a_program_is_compiled_once_and_a_spoilt_entry_again() {
     };
     let first = records(&place, "first", &[]);
     assert_eq!(fields(&first, "outcome"), vec!["measured"; 4]);
-    // The second scene uses the first one's programs; only a tree's program may depend on the scene.
+    // The second scene uses the programs of the first one; only the program of a strategy with a tree may depend on the
+    // scene.
     assert_eq!(from_cache(&first), 2, "{first:?}");
     assert_eq!(entries(&place).len(), 2);
     let second = records(&place, "second", &[]);
@@ -173,7 +174,7 @@ fn a_pictures_time_is_all_in_parts_and_what_was_found_of_devices_is_kept() {
     let note = "another process is storing the compiled program, so that the next start need not compile it";
     let is_told =
         |report: &Value| report["notes"].as_array().is_some_and(|notes| notes.contains(&note.into()));
-    // A driver that returns a binary at once needs no other process.
+    // If the driver returns a binary at once, raycl stores it without another process.
     let in_background = device.to_lowercase().contains("portable computing language");
     assert_eq!([is_told(&first), is_told(&second)], [in_background, false], "{first} {second}");
     // The kernels of a folder are probably being edited, so their programs are not stored in the background.

@@ -106,8 +106,8 @@ const SCENE: &str = "still-life.toml";
 #[test]
 fn what_is_printed_casts_the_same_image() {
     let stand = Stand::new(crate::common::scene(SCENE), [30, 20]);
-    // Only two strategies cast frames: PoCL compiles a kernel when it is started, which takes most of a
-    // minute for tiles.
+    // Only two of these strategies cast frames: PoCL compiles a kernel when the kernel is started, which takes most of
+    // a minute for a kernel with tiles.
     for (name, casts) in [
         ("naive", true),
         ("deferred,width=4", true),
@@ -187,7 +187,7 @@ fn texts_for_the_compiler_are_equal_where_it_sees_no_difference() {
 #[test]
 fn a_mistake_in_a_kernel_has_its_file_and_line() {
     let file = "cast/intersect/moller_trumbore.cl";
-    // The line replaces the first empty line, which follows the comment that describes the file.
+    // The wrong line replaces the first empty line of the file, which follows the comment that describes the file.
     let text = std::fs::read_to_string(repository("cl").join(file)).expect("a kernel file");
     let at = text.lines().take_while(|line| !line.is_empty()).count() + 1;
     for (line, said) in

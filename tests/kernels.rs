@@ -99,8 +99,8 @@ fn presets_of_vectors_that_no_built_in_reduces() {
     all_agree(&mut stand, vectors.map(|strategy| (strategy, [4, 2])), none);
 }
 
-/// In all other tests, pictures are wider than high, so they would not show a mistake that computes a limit
-/// from the wrong side.
+/// In all other tests, pictures are wider than high. They would not show a mistake in a kernel that uses the width
+/// instead of the height.
 #[test]
 fn a_picture_that_is_higher_than_wide() {
     apart!();
@@ -134,7 +134,7 @@ fn lit_from_close_by(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Lights are on both sides of the surfaces, and there are more than a tile's work-items process in one
+/// Lights are on both sides of the surfaces, and there are more lights than the work-items of a tile process in one
 /// round.
 #[test]
 fn many_lights_on_all_sides() {
@@ -176,14 +176,14 @@ fn a_pairwise_cover_of_all_axes() {
     let mut stand = Stand::new(scene("still-life.toml"), SIZE);
     let locals = [[4, 4], [8, 2], [5, 3], [16, 1]];
     let points = cover.iter().enumerate().map(|(i, &strategy)| (strategy, locals[i % locals.len()]));
-    // The other half is verified under Oclgrind.
+    // tests/oclgrind.rs verifies the other half.
     let half = points.enumerate().filter(|(row, _)| is_long() || row % 2 == 0).map(|(_, point)| point);
     let points = half.filter(|(strategy, _)| compiles_soon(strategy));
     all_agree(&mut stand, points, none);
 }
 
-/// In the tests of presets and of the pairwise cover, faces are flat, so that all corners of a face have the same
-/// normal.
+/// The scene of this test is smooth, so the corners of a face have different normals. In the tests of presets and of
+/// the pairwise cover, all corners of a face have the same normal.
 #[test]
 fn each_layout_brings_every_corner_its_own_normal() {
     apart!();
@@ -194,7 +194,7 @@ fn each_layout_brings_every_corner_its_own_normal() {
     all_agree(&mut stand, points, none);
 }
 
-/// The largest indices of 16 bits would be negative as signed numbers.
+/// The largest indices of 16 bits would be negative if kernels read them as signed numbers.
 #[test]
 fn indices_of_16_bits_have_no_sign() {
     apart!();

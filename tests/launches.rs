@@ -1,4 +1,5 @@
-//! Launches: each launch uses new workers, and is repeated completely if it lost a worker or was interrupted.
+//! Launches, which are measurements of a group of points: each launch uses new worker processes, and is repeated
+//! completely if it lost a worker or was interrupted.
 
 use crate::common::mock::{Act, Mock, count, execute, folder, nothing_twice, once, with_run};
 use raycl::record::{Outcome, Record, Sample, read_lines};
@@ -84,7 +85,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     };
     let unknown = expected(&[], &[]).to_string();
     assert!(unknown.starts_with("6 points in 3 launches: at least 15 frames of each"), "{unknown}");
-    // The mock's records have neither times nor sizes, so they are set here.
+    // The records of the mock (a run with simulated workers) have neither times nor sizes, so they are set here.
     let timed = |(place, record): (usize, &Record)| Record {
         host_median_ms: Some(1000.0),
         image_size: if place < 3 { [8, 5] } else { [16, 10] },
@@ -94,12 +95,12 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let records = execute(LAUNCHES, folder.path(), &mut Mock::new(|_| Act::Answer), &AtomicBool::new(false));
     let records: Vec<Record> = records.expect("it runs").iter().enumerate().map(timed).collect();
     let known = expected(&records, &[]);
-    // The expected time is a second for each sample (15 per point) and each check (2 per point), and half a
-    // second for each worker. The mock's first checks take no time.
+    // The expected time is a second for each sample (15 per point) and each check of a frame (2 per point), and half a
+    // second for each worker process. The mock's first checks take no time.
     assert_eq!(known.points, [6, 6]);
     assert!((105..=110).contains(&known.time.as_secs()), "{:?}", known.time);
-    // At most as many additional launches follow. They have no first checks, so each of their checks takes a second.
-    // Each of the six launches may also take twice as many samples: 30 s more.
+    // The run may add at most as many launches again. The added launches have no first checks, so each of their checks
+    // takes a second. Each of the six launches may also take twice as many samples: 30 s more.
     assert!((288..=294).contains(&known.additional.as_secs()), "{:?}", known.additional);
     // The times of two strategies at one size also allow an estimate for the other size, which has four times the
     // pixels.
@@ -109,7 +110,7 @@ fn how_long_a_run_takes_is_told_by_earlier_times() {
     let keys: Vec<String> = records.iter().map(|record| record.key.clone()).collect();
     let rest = expected(&records, &keys[1..]);
     assert_eq!((rest.points, rest.others), ([1, 1], 0));
-    // A journal may contain several records of a key.
+    // A journal may contain several records with the same key.
     let another = ["of another config".to_owned(), "of another config".to_owned()];
     let with_another = [&keys[1..], &another, &keys[2..3]].concat();
     let rest = expected(&records, &with_another);

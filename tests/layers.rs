@@ -1,4 +1,5 @@
-//! Layers beside a picture: depth, normals, the numbers of triangles and objects, and costs.
+//! Layers, which `raycl render --layers` writes beside a picture: for each pixel, the depth, the normal, the numbers of
+//! the triangle and its object, and the costs of the ray.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
@@ -84,7 +85,7 @@ fn a_layer_does_not_replace_the_picture() {
     assert!(has_channel("R") && has_channel("Z"));
 }
 
-/// The order of the triangle's corners is reversed, so that the camera sees its back.
+/// The order of the triangle's corners is reversed, so that the camera sees the triangle's back.
 #[test]
 fn layers_show_what_the_strategy_shows_of_backs() {
     let place =

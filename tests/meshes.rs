@@ -6,8 +6,8 @@ use flate2::write::GzEncoder;
 use image::RgbImage;
 use std::io::Write as _;
 
-/// Four corners that all faces share. There are no normals. In a bare mesh, all edges stay sharp, since the faces meet
-/// at more than 40 degrees.
+/// The four corners of a tetrahedron, which its faces share. The mesh has no normals. If it is rendered as a bare mesh,
+/// all edges stay sharp, since the faces meet at more than 40 degrees.
 const CORNERS: [[f64; 3]; 4] = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.25], [1.0, 0.0, -2.0], [1.0, 2.0, -1.0]];
 const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
 
@@ -107,7 +107,8 @@ fn all_formats_of_a_mesh_are_one_picture_packed_or_not_and_from_a_pipe() {
         let (unpacked, said) = picture(&place, &packed_name, &[]);
         assert!(unpacked == expected && !said.contains("read as"), "{said}");
     }
-    // If a file's name suggests another format, there is a note. A pipe has no name.
+    // If a file's name suggests another format than its content, raycl prints a note. A mesh from a pipe has no file
+    // name, so there is no note.
     std::fs::write(place.path("b.ply"), stl(&corners)).expect("a file");
     has(&picture(&place, "b.ply", &[]).1, &["b.ply: read as an STL mesh"]);
     let device = device();

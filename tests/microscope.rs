@@ -1,9 +1,10 @@
 //! The microscope of `raycl compile`: each source line with the instructions that the device's compiler
 //! generated from it.
 //!
-//! The working vectors are written by three adjacent lines, one for each component, and read by a single line. These lines
-//! show whether instructions are attributed to the right lines: the lines before and after the stores must have no stores,
-//! the line of the loads must have no stores, and the line after it no loads.
+//! The working vectors are the vectors of a ray, such as its origin and direction. Three adjacent lines write them, one
+//! line for each component, and a single line reads them. These lines show whether instructions are attributed to the
+//! right lines: the lines before and after the stores must have no stores, the line of the loads must have no stores,
+//! and the line after it no loads.
 
 use crate::binary::{Place, device, has, repository};
 use serde_json::Value;
@@ -24,8 +25,8 @@ fn listing(strategy: &str) -> Value {
     listing
 }
 
-/// Returns the memory under which accesses are counted: the named one if the device's instructions are PTX, otherwise
-/// `generic`.
+/// Returns the memory under which accesses are counted: the memory `named` if the device's instructions are PTX,
+/// otherwise `generic`.
 fn memory<'a>(listing: &Value, named: &'a str) -> &'a str {
     if listing["made_by"].as_str().is_some_and(|made_by| made_by.starts_with("PTX")) {
         named
@@ -56,7 +57,7 @@ fn check_working_vectors(strategy: &str, named: &str) {
     let [x, y, z] =
         ["at[0] = value.x;", "at[1] = value.y;", "at[2] = value.z;"].map(|text| line_of(&listing, text));
     assert_eq!([y, z], [x + 1, x + 2]);
-    // Four vectors are set at the start, the others at each hit.
+    // The kernel sets four of the vectors at the start, and the others at each hit.
     let stores = count(&listing, x, &store);
     assert!(stores >= 4, "{strategy}: {stores} stores of x");
     assert_eq!([y, z].map(|line| count(&listing, line, &store)), [stores; 2], "{strategy}");
@@ -118,7 +119,8 @@ fn without_objdump_the_page_says_what_is_missing() {
     let (place, device) = (Place::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
     let mut command =
         place.raycl(&["compile", "scene.toml", "--device", &device, "--strategy", "naive", "--json"]);
-    // PoCL finds its linker by an absolute path.
+    // With this `PATH`, raycl does not find `objdump`. PoCL works all the same, since it finds its linker by an
+    // absolute path.
     let output = command.env("PATH", place.path("")).output().expect("it runs");
     let made: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     if made["binary_is_ptx"] == false {

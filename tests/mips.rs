@@ -3,7 +3,7 @@
 use crate::binary::{Place, apart, has, repository};
 use image::{Rgb, RgbImage};
 
-/// A chequered floor that is seen at a grazing angle, and a wall in front of it.
+/// The files of a scene: a chequered floor that is seen at a grazing angle, and a wall in front of it.
 const FILES: [&str; 4] = ["chequers.toml", "chequers.obj", "chequers.mtl", "chequers.png"];
 const OFF: [&str; 2] = ["--set", "mip_levels=false"];
 /// Rows of a picture in which the floor is so far away that a pixel is longer than a square of the chequers.
@@ -80,7 +80,7 @@ fn a_distant_chequer_is_close_to_its_mean() {
     let exact = place.picture(&[&OFF[..], &["--samples", "256"]].concat()).0;
     let [with, without] = [&one, &aliased].map(|picture| error(picture, &exact, FAR));
     assert!(4.0 * with < without, "{with} with mip levels, {without} without");
-    // With several samples, whose cones are narrow, the picture is sharper than with one sample.
+    // With several samples per pixel, ray cones are narrower, so the picture is sharper than with one sample.
     let several = place.picture(&["--samples", "64"]).0;
     let sharp = error(&several, &exact, 36..45);
     assert!(sharp < 4.0 && 2.0 * sharp < error(&one, &exact, 36..45), "{sharp}");

@@ -1,5 +1,5 @@
-//! Turning scenes: numbered pictures, animated pictures, streams, and frames that are skipped because they
-//! exist.
+//! Turning scenes (`raycl render --turntable`): numbered pictures, animated pictures, streams, and frames that are
+//! skipped because their files exist.
 
 use crate::binary::{Place, TRIANGLE, device, has};
 use serde_json::Value;
@@ -112,7 +112,7 @@ fn one_animated_picture_holds_the_same_frames_and_so_does_a_stream() {
         reader.next_frame(&mut frame).expect("a frame");
         assert_eq!(frame, pixels(&place, &format!("mesh-000{number}.png")), "frame {number}");
     }
-    // raycl recognises its own file by a mark in it, and replaces it.
+    // raycl recognises its own file by a mark in the file, and replaces the file.
     turn(&place, &["mesh.obj", "--turntable", "2", "-o", "turn.apng"]);
     let stream = ["render", "mesh.obj", "--turntable", "3", "-o", "-", "-q", "--device", &device];
     let stream = place.raycl(&[&stream[..], &SIZE].concat()).assert().success().get_output().stdout.clone();

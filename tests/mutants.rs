@@ -1,5 +1,5 @@
-//! Broken kernels: verification must notice every change that mutants/kernels.toml lists. `make test` tries
-//! some of these changes, `make test-long` all.
+//! Broken kernels: verification must notice every change to a kernel file that tests/mutants/kernels.toml lists. `make
+//! test` tries some of these changes, `make test-long` all.
 
 use crate::binary::{Place, device, has, repository};
 use crate::common::apart::apart;
@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::collections::HashSet;
 use std::sync::OnceLock;
 
-/// The usual strategy of each family.
+/// The usual preset of each family of kernels; changes to kernel files are tested with these presets.
 const USUAL: [&str; 5] = ["deferred", "bvh", "raster", "tile", "tile-group"];
 
 /// `make test` tries every `STEP`th picture.
@@ -24,13 +24,13 @@ const SIZE: [u32; 2] = [61, 43];
 /// The built-in functions of the test device's compiler.
 static BUILTINS: OnceLock<Builtins> = OnceLock::new();
 
-/// Files that no row of the table changes, since other tests change them. A folder of kernels cannot replace
-/// the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs, soft lights, pictures
-/// of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
-/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the
-/// default look of bare meshes; tests/half_light.rs changes its file. The display transform computes no
-/// radiance; a test beside its code (src/launch/show.rs) changes it. The probe needs no test, since its
-/// purpose is to find wrong results.
+/// Kernel files that no row of tests/mutants/kernels.toml changes, since other tests change them. A folder of kernels
+/// cannot replace the anchor, so a test beside its code (src/anchor.rs) changes the anchor. Cut-outs, soft lights,
+/// pictures of skies and several samples need special scenes or options; tests/cutouts.rs, tests/soft.rs,
+/// tests/environment.rs and tests/samples.rs change their files. Soft light at half resolution is part of the default
+/// look of bare meshes; tests/half_light.rs changes its file. The display transform computes no radiance; a test beside
+/// its code (src/launch/show.rs) changes it. The probe, a kernel that tests a device's lane operations, needs no test,
+/// since its purpose is to find wrong results.
 const UNTOUCHED: [&str; 16] = [
     "common/half_light.cl",
     "common/pixel_rows.cl",
@@ -50,7 +50,7 @@ const UNTOUCHED: [&str; 16] = [
     "display/show.cl",
 ];
 
-/// A row of the table.
+/// A row of tests/mutants/kernels.toml: a change to a kernel file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Mutant {
@@ -94,8 +94,8 @@ fn of_command(command: Option<&str>, least: usize) -> Vec<Mutant> {
 }
 
 impl Mutant {
-    /// Returns the strategies whose programs contain the file, one for each family: as the text after
-    /// `--strategy`, and as a value.
+    /// Returns the strategies whose programs contain the changed file, at most one for each family. Each strategy is
+    /// returned as the text after `--strategy`, and as a value.
     fn strategies(&self) -> Vec<(String, Strategy)> {
         let is_base = |base: &&&str| self.bases.as_ref().is_none_or(|bases| bases.iter().any(|b| b == *base));
         let named = USUAL.iter().filter(is_base).map(|base| match self.with.as_str() {
@@ -208,7 +208,8 @@ fn a_broken_edge_leaks() {
     }
 }
 
-/// These rows change code that only devices with lane operations other than barriers compile.
+/// The rows with the command `probe` change code that is compiled only for devices with lane operations other than
+/// barriers.
 #[test]
 fn broken_lane_operations_are_not_taken() {
     let lanes = common::device().info.builtins().lanes;
@@ -224,7 +225,7 @@ fn broken_lane_operations_are_not_taken() {
     }
 }
 
-/// Each change takes seconds, since the command measures first.
+/// Testing a change takes seconds, since `raycl peak` measures before it reports a wrong result.
 #[test]
 fn a_broken_kernel_of_peak_is_no_figure() {
     for mutant in of_command(Some("peak"), 6).iter().take(if is_long() { usize::MAX } else { 1 }) {

@@ -1,6 +1,6 @@
-//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene
-//! shows one of these cases, and must be correct with every traversal and every ray-triangle test.
-//! tests/mutants/kernels.toml has the changes that these tests notice.
+//! The ends of rays: at the near plane, at lights, and at objects that hover just above a surface. Each scene shows one
+//! of these cases, and must be correct with every traversal and every ray-triangle test. tests/mutants/kernels.toml
+//! lists changes to the kernels that these tests notice.
 
 use crate::common::{COMMON_LOCAL_SIZE, Stand, compiles_soon};
 use raycl::reference::reference;

@@ -173,8 +173,8 @@ fn triangles_of_no_area_and_needles() {
     finite_everywhere("triangles of no area", scene);
 }
 
-/// Returns a scene of triangles that are about as narrow as a rounding error, each along a row of pixels.
-/// `at_points` is the normal at the tips, which may make these corners darker.
+/// Returns a scene of triangles that are about as narrow as a rounding error, each along a row of pixels. `at_points`
+/// is the normal at each triangle's narrow tip; it may make the tips darker than the other corners.
 fn needles(at_points: Vec3) -> Scene {
     let mut scene = scene("triangle.toml");
     let corners = (0..64).flat_map(|row| {
@@ -184,7 +184,8 @@ fn needles(at_points: Vec3) -> Scene {
     });
     let material = scene.mesh.triangles[0].material;
     let mesh = scene.mesh_mut();
-    mesh.materials.iter_mut().for_each(|material| material.glossy = Vec3::ZERO); // a highlight follows the half vector
+    // The triangles have no highlight, since a highlight may be brighter between the corners than at every corner.
+    mesh.materials.iter_mut().for_each(|material| material.glossy = Vec3::ZERO);
     mesh.positions = corners.map(Vec3::from_array).collect();
     mesh.normals = vec![at_points, Vec3::Z];
     let all = (0..64).map(|number| [3 * number, 3 * number + 1, 3 * number + 2]);

@@ -1,5 +1,5 @@
 //! Kernels in Oclgrind, which simulates every work-item: there must be no data race, no access out of bounds, and no
-//! read of memory that was never written. `make test` installs it; without it these tests fail.
+//! read of memory that was never written. `make test` installs Oclgrind; without it, these tests fail.
 
 use crate::binary::until;
 use crate::common::cover::pairwise_cover;
@@ -46,7 +46,7 @@ impl Simulation<'_> {
         command.args(["--build-options", OPTIONS, self.plugin, "--log"]).arg(folder.join("log"));
         command.arg(env!("CARGO_BIN_EXE_raycl")).arg("render");
         command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(self.scene));
-        // In Oclgrind, work-items can share a tile only by means of barriers.
+        // In Oclgrind, a work-group that shares a tile must have 32 work-items, which exchange data by barriers.
         let local = if self.strategy.shares_tiles() { "32x1" } else { self.local };
         command.args(["--device", "oclgrind", "--width", width, "--height", height, "--quiet", "--verify"]);
         command.args(["--strategy", &spelled(self.strategy), "--local-size", local, "--output"]);
@@ -144,8 +144,8 @@ fn presets_have_no_race_with_more_triangles_than_a_tile_holds() {
 
 #[test]
 fn presets_of_one_ray_read_nothing_unwritten() {
-    // Oclgrind crashes on wide vectors here. It also reports values that clEnqueueFillBuffer wrote, such as the
-    // rasteriser's depths, as unwritten.
+    // With this check, Oclgrind crashes on wide vectors. It also reports values that clEnqueueFillBuffer wrote, such as
+    // the rasteriser's depths, as unwritten.
     let checkable = |s: &Strategy| s.width == Width::W1 && s.traversal != Traversal::Raster;
     let narrow: Vec<_> = presets().into_iter().filter(checkable).collect();
     assert_eq!(all_clean("pyramid-lower.toml", &narrow, "4x2", UNINITIALISED), narrow.len());
@@ -213,7 +213,7 @@ fn barriers() -> Vec<(&'static str, usize, &'static str)> {
             let places: Vec<usize> = text.match_indices(call).map(|(at, _)| at).collect();
             places.into_iter().map(move |at| (at, call))
         });
-        // Oclgrind has no sub-groups.
+        // Barriers of sub-groups are left out, since Oclgrind has no sub-groups.
         let known: Vec<_> = all.filter(|(at, _)| !text[..*at].ends_with("sub_group_")).collect();
         known.into_iter().map(move |(at, call)| (file, at, call))
     };

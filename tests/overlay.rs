@@ -119,7 +119,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     let folder = changed(&place, FILE, "prepared_for: any-ray", "prepared_for: any-rays");
     let said = mistake(&place, &folder);
     has(&said, &[FILE, "line 4", "'any-rays' is not a valid 'prepared_for'", "did you mean 'any-ray'?"]);
-    // A file that replaces a built-in value needs a header, too.
+    // A file that replaces a built-in value of an axis needs a header (comment lines such as `// meaning: TEXT`), too.
     let place = Place::new();
     let folder = changed(&place, "cast/intersect/watertight.cl", "// meaning: ", "// ");
     has(&mistake(&place, &folder), &["watertight.cl, line 1", "no 'meaning'", "`// record_floats: 1 to 64`"]);
@@ -166,7 +166,7 @@ fn a_folder_holds_what_differs() {
     has(&message, &["common/store_radiance.cl, line 1: #error \"mine\""]);
 }
 
-/// Every axis whose values are files accepts another value: here, a copy of a built-in value under another
+/// Every axis whose values are kernel files accepts an additional value: here, a copy of a built-in value under another
 /// name.
 #[test]
 fn each_axis_of_files_takes_a_new_one() {
@@ -198,9 +198,10 @@ fn each_axis_of_files_takes_a_new_one() {
     has(&refused, &["triangles = mine, but traversal = bvh", "triangles = global"]);
 }
 
-/// A user's ray-triangle test may have records of triangles that are longer or shorter than those of the built-in
-/// tests. Its pictures agree with the reference if records are read from a table in global memory, if they are read
-/// from a tile of triangles in `__local` memory, and if they are computed at each test.
+/// A record is the list of numbers that a ray-triangle test needs of a triangle. A user's test may have records that
+/// are longer or shorter than those of the built-in tests. Its pictures agree with the reference in three cases:
+/// records are read from a table in global memory, records are read from a tile of triangles in `__local` memory, and
+/// records are computed at each test.
 #[test]
 fn a_record_is_as_long_as_its_file_says() {
     let place = Place::new();
@@ -215,7 +216,8 @@ fn a_record_is_as_long_as_its_file_says() {
     }
 }
 
-/// With both values of `records`, every certain pixel agrees with the reference.
+/// With both values of the axis `records`, every certain pixel (a pixel that rounding cannot decide) agrees with the
+/// reference.
 #[test]
 fn records_once_and_at_each_test_give_the_same_certain_pixels() {
     let mut stand = Stand::new(scene("gourd.toml"), [45, 29]);

@@ -10,7 +10,7 @@ use std::time::Duration;
 /// The contents of a user's own file.
 const MINE: &str = "the only copy";
 
-/// The time limit, which is only reached if a process hangs.
+/// The time limit of a process. Only a process that hangs reaches it.
 const LIMIT: Duration = Duration::from_secs(180);
 
 /// Checks that a command is refused before it does any work or loads a driver, that the file is unchanged, and that
@@ -102,8 +102,8 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round whose output, up to the line "waiting for a change", fulfils a condition. One change
-    /// of a file may cause two rounds.
+    /// Waits for a round (one rendering) whose output, up to the line "waiting for a change", fulfils a condition. One
+    /// change of a file may cause two rounds.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {

@@ -1,5 +1,5 @@
-//! `raycl peak`, and how a run uses the peak rates. Tests only check that each rate exists, not how high it is: every
-//! kernel of `cl/peak/` checks its own result.
+//! `raycl peak`, and how a run uses the peak rates. The tests only check that each rate exists, not how high it is.
+//! They need not check the kernels' results: `raycl peak` does so itself.
 
 use crate::binary::{Place, TRIANGLE, config, device, has};
 use serde_json::Value;

@@ -20,14 +20,14 @@ fn strategies() -> Vec<Strategy> {
     all.into_iter().filter(compiles_soon).collect()
 }
 
-/// Returns Figure 4 with its light at another position.
+/// Returns the scene of the paper's Figure 4 with its light at another position.
 fn lit_from(x: f32, y: f32, z: f32) -> Scene {
     let mut scene = scene("figure-4.toml");
     scene.lights[0].position = vec3(x, y, z);
     scene
 }
 
-/// Returns Figure 4, seen from within the plane of its triangle.
+/// Returns the scene of the paper's Figure 4, seen from within the plane of its triangle.
 fn seen_along_the_triangle() -> Scene {
     let mut scene = scene("figure-4.toml");
     let camera = &mut scene.camera;
@@ -115,7 +115,7 @@ fn thin_triangles_and_distant_lights_are_verified_right() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Returns still-life seen in a direction, from outside.
+/// Returns the scene still-life.toml, seen in a direction from outside.
 fn seen_along(forward: Vec3) -> Scene {
     let mut scene = scene("still-life.toml");
     let (low, high) = scene.mesh.bounds().expect("triangles");

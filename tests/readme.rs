@@ -29,7 +29,7 @@ fn folder_with_scenes() -> tempfile::TempDir {
     fs::create_dir(&scenes).expect("a folder");
     for entry in fs::read_dir(repository().join("scenes")).expect("scenes") {
         let path = entry.expect("an entry").path();
-        // No snippet needs the files of scenes/table.toml, which lie in subfolders.
+        // Subfolders contain only files of scenes/table.toml, which no snippet needs.
         if path.is_dir() {
             continue;
         }
@@ -122,7 +122,8 @@ fn the_experiments_page_sets_keys_that_its_configs_have() {
             experiment.map(|experiment| raycl::config::Experiment { overrides: Vec::new(), ..experiment })
         };
         let changed = load(&owned).unwrap_or_else(|error| panic!("{line}: {error}"));
-        // Each change has an effect: without it, the experiment differs from that with all changes, or it is refused.
+        // Each `--set` of the line has an effect: without it, raycl refuses the experiment, or the experiment differs
+        // from the one with every `--set`.
         for place in 0..owned.len() {
             let mut fewer = owned.clone();
             let left_out = fewer.remove(place);

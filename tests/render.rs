@@ -80,7 +80,7 @@ fn json_has_every_field() {
     }
     let primary_rays = 64.0 * 40.0;
     same(ms("primary_rays_per_s"), primary_rays / ms("primary_ms") * 1e3);
-    // There is one triangle, so the rate of tests equals the rate of rays.
+    // The scene has one triangle, so the rate of ray-triangle tests equals the rate of rays.
     same(ms("tests_per_s"), ms("primary_rays_per_s"));
     let all_rays = primary_rays + ms("shadow_rays_per_s") * ms("shadow_ms") * 1e-3;
     same(ms("frame_rays_per_s"), all_rays / ms("frame_ms") * 1e3);
@@ -111,8 +111,8 @@ fn passes_that_a_strategy_does_not_have_are_null() {
     // if passes are fused, after the pass that casts all rays.
     for (passes, apart) in [("separate", true), ("fused", false)] {
         let strategy = format!("tile-group,passes={passes}");
-        // Another test builds a program for this scene too, so it need not be compiled again: PoCL takes half a
-        // minute to compile it.
+        // This scene's program takes PoCL half a minute to compile. Another test uses the same program, so PoCL
+        // compiles it only once.
         let hills = crate::binary::repository("scenes/terrain.toml");
         let hills = ["--strategy", &strategy, "-o", "hills.png", hills.to_str().expect("UTF-8")];
         let tiles = report(&place, &[&hills[..], &size].concat());
@@ -198,14 +198,14 @@ fn verifying_says_what_was_found_and_keeps_a_wrong_picture() {
     let (place, device) = (place(), device());
     let arguments = ["render", "scene.toml", "--strategy", "naive", "--verify", "--device", &device];
     let text = place.output(&arguments);
-    has(&text, &["verified  against the serial reference: largest difference ", " uncertain\n"]);
+    has(&text, &["verified  against the reference picture: largest relative difference ", " uncertain\n"]);
     let found = &report(&place, &["scene.toml", "--verify"])["verified"];
     assert!(found["max_difference"].as_f64().expect("a difference") < 1e-3, "{found}");
     assert!(found["uncertain_pixels"].is_u64(), "{found}");
     assert_eq!(found["pixels"], found["of_pixels"], "{found}");
     assert!(report(&place, &["scene.toml"])["verified"].is_null());
     let some = place.output(&["render", "scene.toml", "--verify=100", "--device", &device]);
-    has(&some, &["verified  100 of ", " pixels, chosen at random, against the serial reference: largest"]);
+    has(&some, &["verified  100 of ", " pixels, chosen at random, against the reference picture: largest"]);
     assert_eq!(report(&place, &["scene.toml", "--verify=100"])["verified"]["pixels"], 100);
     has(&place.mistake(&["render", "scene.toml", "--verify=0"], 2), &["0", "--verify"]);
 

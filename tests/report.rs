@@ -109,7 +109,8 @@ fn two_thousand_points_make_a_page_of_a_few_megabytes() {
 
 #[test]
 fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
-    // These three points do not change. There is no baseline, so the other two points are compared with them.
+    // The times of these three points do not change. The run has no baseline, so the changes of the other two points
+    // are compared with those of these three.
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
     let of = |naive: f64, wide: f64| {
         let two = [record("teapot", "naive", 8, naive), record("teapot", "wide", 4, wide)];
@@ -182,7 +183,7 @@ fn a_report_of_one_folder_renews_its_summary_with_the_configs_question() {
 #[test]
 fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     let few = |name: &str, side: u32, n: usize| {
-        // Earlier versions wrote records with an interval of width 0.
+        // Earlier versions of raycl wrote records whose 95% interval has a width of 0.
         let mut few = record("teapot", name, side, 1798.0);
         few["samples_ms"] = json!(vec![1798.0; n]);
         few["ci95_ms"] = json!([1798.0, 1798.0]);

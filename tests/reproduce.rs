@@ -2,7 +2,7 @@
 
 use crate::binary::{Place, device, has};
 
-/// Overrides that leave one point per config.
+/// Overrides of config keys, with which each config has one point.
 const SMALL: [&str; 8] = [
     "image_sizes=[[16, 10]]",
     "scenes=['../scenes/triangle.toml']",

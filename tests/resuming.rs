@@ -13,7 +13,8 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let records = loop {
         sessions += 1;
         interrupted.store(false, Ordering::Relaxed);
-        // Every session gets a little further. Checks are repeated, and so is a launch that was not completed.
+        // Every session (one call of `execute` on this folder) gets a little further. It repeats checks, and a launch
+        // that was not completed.
         let mut mock = Mock::new(move |scene| {
             interrupted.store(scene.requests >= 9 * sessions, Ordering::Relaxed);
             Act::Answer
@@ -52,8 +53,8 @@ fn torn_at_every_byte(name: &str) {
     let length = read(name).len();
     for cut in 0..length {
         for (file, bytes) in &journals {
-            // Samples are written before their record. If records are cut off, samples are therefore
-            // complete. The other test cuts off only the samples.
+            // A point's samples are written before its record. A test that cuts off records.jsonl therefore keeps all
+            // of samples.jsonl. The other test cuts off only samples.jsonl.
             let end = if *file == name { cut } else { bytes.len() };
             std::fs::write(torn.path().join(file), &bytes[..end]).expect("a torn journal");
         }
@@ -62,8 +63,8 @@ fn torn_at_every_byte(name: &str) {
         let records = execute(SMALL, torn.path(), &mut mock, &off).expect("it resumes");
         assert_eq!(count(&records, Outcome::Measured), 2, "cut at {cut}");
         let counts = mock.counts.borrow();
-        // A point without its record is verified again, but its samples are not measured again. A point with
-        // its record is not touched, even if its samples are lost.
+        // If a point's record is missing, the first frame of the point is checked again, but its samples are not
+        // measured again. A point with its record is not touched, even if its samples are lost.
         let checks = if name == "records.jsonl" { 2 - lines } else { 0 };
         assert_eq!((counts.checks.len(), counts.casts.len()), (checks, 0), "cut at {cut}");
         nothing_twice(torn.path());

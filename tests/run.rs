@@ -106,8 +106,8 @@ fn the_folder_has_all_that_is_promised() {
         let own = samples.iter().filter(|sample| sample["key"] == record["key"]);
         let times: Vec<_> = own.map(|sample| sample["ms"].clone()).collect();
         assert_eq!(record["samples_ms"], Value::from(times));
-        // The number is known, since the host's processors cast all samples. It is 0, since no sample is left out of a
-        // launch with only five.
+        // The number of samples that were left out because another process used the processor is known, since the
+        // host's processors cast all samples. It is 0, since no sample is left out of a launch with only five samples.
         assert_eq!(record["preempted_samples"], 0);
         let picture = place.path("out").join(record["image"].as_str().expect("a picture"));
         assert_eq!(image::image_dimensions(picture).expect("a picture"), (33, 20));
@@ -157,7 +157,7 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
     has(&said, &["local-vectors 4x4", "kernels, ms", "verdict"]);
     let records = place.json_lines("out/records.jsonl");
     let of = |kernels: Value| records.iter().filter(move |record| record["kernels_of"] == kernels).count();
-    // A point whose program is the same with both folders is measured once.
+    // If a point's program is the same with both folders, the point is measured once.
     assert_eq!([of("cl".into()), of("kernels".into()), of(Value::Null)], [4, 2, 1]);
     assert!(records.iter().all(|record| record["sample_launches"] == serde_json::json!([0, 0, 0, 0, 0])));
     let message = place.mistake(&[&arguments(&device, &both)[..], &["--cl-dir", "third"]].concat(), 2);
@@ -244,7 +244,7 @@ fn a_wrong_image_is_never_timed_and_shows_where() {
     assert_eq!((records.len(), wrong.len()), (3, 2));
     for record in wrong {
         assert!(record["median_ms"].is_null() && record["samples_ms"] == serde_json::json!([]), "{record}");
-        // A fifth of the light is missing.
+        // The changed kernel loses a fifth of the light.
         let difference = record["max_difference"].as_f64().expect("a difference");
         assert!((0.1..0.3).contains(&difference), "{record}");
         let picture = record["difference_image"].as_str().expect("a picture of the differences");
@@ -310,7 +310,7 @@ fn configs_state_their_question_and_plan_on_any_device() {
 
 #[test]
 fn where_processors_are_is_not_measured_if_all_samples_are_kept() {
-    // Tests set RAYCL_MOVED_SAMPLES=keep.
+    // All tests set RAYCL_MOVED_SAMPLES=keep, so raycl keeps all samples and need not measure where processors are.
     let place = place();
     let records = records(&place, &[], 0);
     let samples = place.json_lines("out/samples.jsonl");

@@ -1,4 +1,4 @@
-//! Several samples of each pixel.
+//! Pictures with several samples per pixel (`--samples`).
 
 use crate::binary::{Place, TRIANGLE, device};
 use image::RgbImage;
@@ -21,7 +21,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
     // The strategies differ in vectors, in fused and separate passes, and in the use of a tree.
     for strategy in ["naive", "wide-common-origin", "tile", "tile-group", "bvh-packet"] {
         let many = picture(&place, &["--samples", "9", "--strategy", strategy, "--verify"]);
-        // Far from edges, the filter changes little.
+        // Far from edges, the filtered mean of nine samples is close to the single sample.
         let inside = (many[(30, 20)].0, one[(30, 20)].0);
         assert!(inside.0.iter().zip(inside.1).all(|(a, b)| a.abs_diff(b) < 3), "{strategy}: {inside:?}");
         assert!(colours(&many) > colours(&one) + 20, "{strategy}: {} {}", colours(&many), colours(&one));
@@ -30,7 +30,7 @@ fn edges_are_smooth_and_every_sample_agrees_with_the_reference() {
 }
 
 /// If a pixel has several samples, a vector of the strategy `tile` has 2 x 2 pixels. At the edges of this picture, some
-/// of them lie outside. No pixel inside the picture shows the background.
+/// of these pixels lie outside the picture. No pixel inside the picture shows the background.
 #[test]
 fn pixels_outside_a_picture_of_an_odd_size_change_none_inside() {
     let scene = "[[light]]\nposition = [0, 0, 1]\npower = 10\n[[object]]\n\
@@ -74,8 +74,8 @@ fn adaptive_samples_are_cast_where_pixels_differ_and_agree_with_the_reference() 
     place.mistake(&["render", "scene.toml", "--adaptive", "--devices", "all"], 2);
 }
 
-/// The edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16 samples, and
-/// the other eight of ten get one.
+/// The square's edge lies between two pixels and between two blocks of 4 x 4 pixels. Both of these blocks get 16
+/// samples, and the other eight of ten get one.
 #[test]
 fn an_edge_between_two_blocks_makes_both_rough_whatever_its_direction_and_colour() {
     let light = "[[light]]\nposition = [0, 0, 100]\npower = 1e5\n";
@@ -115,8 +115,9 @@ fn a_broken_mean_is_a_wrong_picture() {
     }
 }
 
-/// Tiles that work-items share get their positions from a list of rough blocks. Shading reads the hits of all
-/// rays, even of a tile that was not cast. Such hits are undefined, so the driver may crash.
+/// Tiles that work-items share get their positions from a list of rough blocks, which are blocks of pixels that get
+/// more samples than others. Shading reads the hits of all rays, even of a tile that was not cast. Such hits are
+/// undefined, so the driver may crash.
 #[test]
 fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);

@@ -77,7 +77,7 @@ fn mistake(value: &Value, keyword: &str, wanted: &Value, place: &str, schema: &V
         "exclusiveMaximum" => number(|value, above| value < above),
         "minItems" | "minLength" => count(|length, least| length >= least),
         "maxItems" => count(|length, most| length <= most),
-        // The only pattern is the pattern of colours.
+        // The schemas contain only one pattern, that of colours.
         "pattern" => {
             value.as_str().is_none_or(|text| text.starts_with('#') || ["black", "white"].contains(&text))
         }
@@ -167,7 +167,7 @@ fn what_raycl_refuses_the_schemas_refuse() {
             config,
             [
                 ("image_sizes", "image_size"),
-                ("question = \"?\"\n", ""),
+                ("image_sizes = [[8, 5]]\n", ""),
                 ("[[8, 5]]", "[[8, 5, 3]]"),
                 ("[[8, 5]]", "[0]"),
                 ("width", "wdith"),
@@ -236,7 +236,8 @@ fn documented(heading: &str) -> BTreeSet<String> {
     table("docs/format.md", heading).iter().flat_map(|row| names(&row[0])).collect()
 }
 
-/// The stored records were written by several versions; all of them conform to the present schema.
+/// The stored records were written by several versions; all of them conform to the present schema. docs/format.md lists
+/// every field of this schema.
 #[test]
 fn records_keep_to_their_schema_and_the_page_has_every_field() {
     let schema = schema(RECORD);
@@ -296,7 +297,7 @@ fn the_python_page_names_fields_that_records_have() {
     let is_name = |word: &&str| word.len() > 1 && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
     let mut seen = BTreeSet::new();
     for line in blocks.iter().flat_map(|block| block.lines()) {
-        // Each text between quotes is a field; if it is a query, each of its words may be one.
+        // In this code, each text between quotes is a field or a query. Each word of a query may be a field.
         for quoted in line.split('"').skip(1).step_by(2) {
             let words = if quoted.starts_with("select") {
                 quoted.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '.')).collect()

@@ -41,8 +41,9 @@ fn frames_of_one_session_share_the_devices_memory() {
     assert!(matches!(refused, Refused::Device(_)), "{refused:?}");
     let said = refused.reason();
     assert!(said.starts_with("global memory") && said.contains("B that other points hold"), "{said}");
-    let error = refused.into_error("the device").to_string();
-    assert!(error.starts_with("the device cannot cast this frame: global memory"), "{error}");
+    let error = refused.into_error(&device().info).to_string();
+    let start = format!("{} cannot cast this frame: global memory", device().info.label);
+    assert!(error.starts_with(&start), "{error}");
     drop(caster);
     prepare(&mut session, &deferred()).expect("room again");
 }
@@ -91,7 +92,7 @@ fn a_caster_that_is_shown_another_view_casts_what_a_new_one_casts() {
     after.sky = Some(Sky { zenith: Vec3::X, horizon: Vec3::ONE, up: Vec3::Y, reach: 3.0, picture: None });
     after.background = Vec3::new(0.01, 0.02, 0.04);
     after.shadow_bias = 0.3;
-    // The exposure decides which pixels get all samples.
+    // The exposure affects which pixels get all samples, so it is changed too.
     after.display.exposure *= 8.0;
     after.camera.position += Vec3::new(0.2, 0.1, 0.0);
     let [before, after] = [before, after].map(Arc::new);

@@ -1,6 +1,6 @@
-//! One experiment in shards: whatever starts the processes and whatever happens to them, the merged results
-//! equal those of a single run. Most of these tests use `--asleep`: frames that cast nothing and take a known
-//! time.
+//! One experiment that several processes measure in parts, called shards. Whatever starts the processes and whatever
+//! happens to them, the merged results equal those of a single run. Most of these tests use `--asleep`: frames that
+//! cast nothing and take a known time.
 
 mod pages;
 mod sweep;
@@ -122,7 +122,8 @@ fn shards_are_merged_to_what_one_run_finds_and_a_second_merge_changes_nothing() 
     let said = ground.merge();
     has(&said, &["Merged:   3 attempts, 12 points, 120 samples", "report.html"]);
     ground.is_whole();
-    // There are two groups but three shards, so one group is divided. Its parts share a control point.
+    // There are two groups but three shards, so one group is divided. Both of its parts measure the same control point,
+    // by which they can be compared.
     let controls = ground.records("out/controls.jsonl");
     assert!(!controls.is_empty() && controls.iter().all(|record| record.is_control), "{}", controls.len());
     let records = ground.records("out/records.jsonl");
@@ -190,7 +191,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     let before = files(&ground.attempts()[0]);
     has(
         &ground.place.output(&["merge", "out", "--status", "--between", "2"]),
-        &["lost: its counter no longer increases"],
+        &["lost: the counter in its folder no longer increases"],
     );
     has(&ground.place.mistake(&["merge", "out", "--quiet"], 1), &["points are missing"]);
     succeeds(run(&mut ground.command("1/1", "20", &[])));
@@ -201,7 +202,7 @@ fn an_attempt_goes_on_where_a_killed_one_ended_and_does_not_touch_it() {
     ground.is_whole();
 }
 
-/// Returns the objects of a text, one after another.
+/// Returns the JSON objects in a text, one after another.
 fn objects(text: &str) -> Vec<serde_json::Value> {
     serde_json::Deserializer::from_str(text).into_iter().map(|object| object.expect("JSON")).collect()
 }
@@ -236,10 +237,10 @@ fn another_plan_is_refused_and_so_are_runs_and_shards_in_one_folder() {
     has(&refused(&other), &["the config or a value set in it differs", "timing.seed = 7"]);
     has(
         &refused(&["run", "test.toml", "--out", "out", "--asleep", "1"]),
-        &["holds an experiment in 2 shards"],
+        &["holds an experiment that is divided into 2 shards"],
     );
     has(&refused(&["merge", "elsewhere"]), &["elsewhere is not a folder"]);
-    has(&refused(&["merge", "."]), &["holds no experiment in shards"]);
+    has(&refused(&["merge", "."]), &["holds no experiment that is divided into shards"]);
     has(&refused(&["merge", "out", "--status", "--quiet"]), &["--quiet", "cannot be used with"]);
     has(&refused(&["merge", "out", "--status", "--device", "gpu"]), &["--device", "cannot be used with"]);
     ground.place.output(&["run", "test.toml", "--out", "whole", "--asleep", "0.1", "--quiet"]);

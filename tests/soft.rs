@@ -102,7 +102,7 @@ fn each_pixel_sees_another_point_of_a_light() {
 fn a_sky_darkens_where_things_are_near_and_every_family_agrees_with_the_reference() {
     let place = Place::with(&[("scene.toml", SKY)]);
     for strategy in FAMILIES {
-        // Several samples, one sample, and a sky that reaches less far than the bias.
+        // Several samples, one sample, and a sky that reaches less far than the shadow bias.
         for more in [["--samples", "4"], ["--samples", "1"], ["--set", "sky.reach=1e-9"]] {
             picture(&place, &[&["--verify=500", "--strategy", strategy][..], &more].concat());
         }
@@ -131,16 +131,17 @@ fn an_open_surface_has_the_skys_radiance_times_its_own_colour() {
     assert_eq!(picture(&place, &["--verify"])[(30, 20)].0, [114; 3]);
 }
 
-/// No other test of soft light compares these tiles with the reference, since PoCL takes long to compile their
-/// kernels. The tests of changed kernels below expect a wrong picture, so they do not notice a kernel that is
-/// wrong even without the change.
+/// No other test of soft light compares pictures of tiles that work-items share with the reference, since PoCL takes
+/// long to compile their kernels. The tests of changed kernels below expect a wrong picture, so they do not notice a
+/// kernel that is wrong even without the change.
 #[test]
 fn tiles_that_work_items_share_agree_with_the_reference() {
     let place = where_shadow_rays_end();
     let (device, cache) = (device(), place.path("cache"));
     let usual = ["render", "scene.toml", "--width", "60", "--height", "40", "--device", &device, "--force"];
     let ends = ["-o", "a.png", "--strategy", "tile-group", "--samples", "2", "--verify"];
-    // The second picture uses the program of the first. Nothing occludes a sky that reaches less far than the bias.
+    // The second picture uses the program of the first. Nothing occludes a sky that reaches less far than the shadow
+    // bias.
     for reach in ["sky.reach=1.2", "sky.reach=0.3"] {
         let mut command = place.raycl(&[&usual[..], &ends, &["--set", reach]].concat());
         command.env("RAYCL_CACHE_MIB", "64").env("XDG_CACHE_HOME", &cache).assert().success();
@@ -161,8 +162,9 @@ fn tiles_that_work_items_share_agree_with_the_reference() {
     has(&message, &["the picture is wrong: "]);
 }
 
-/// Returns a place with the scene of tests/data/lights.toml, whose bias is large, with a sky that reaches
-/// about as far as the panel, and lights of a very small radius.
+/// Returns a place with the scene of tests/data/lights.toml, in which the shadow bias is large, and a panel is just
+/// behind a light. Lights get a very small radius, and the scene gets a sky whose reach is about the distance between
+/// the last triangle and the panel.
 fn where_shadow_rays_end() -> Place {
     let lights = std::fs::read_to_string(repository("tests/data/lights.toml")).expect("a scene");
     let soft = lights.replace("power =", "radius = 0.02\npower =");
@@ -205,7 +207,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     ] {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
-    // These changes only show if a packet's rays to a large light pass many small boxes.
+    // Only if a packet's rays to a large light pass many small boxes do these changes have a visible effect.
     let fine = of_both.replace("triangles = 60", "triangles = 2000").replace("radius = 0.6", "radius = 2.5");
     let narrower = (
         "tile_cpu/soft.cl",
@@ -265,7 +267,7 @@ fn the_back_of_a_surface_stops_no_soft_light_where_backs_are_not_seen() {
     place.notices(both_sides, "tile,culling=back", &["--verify", "--samples", "2"]);
 }
 
-/// Each changed kernel lets rays end too far away: the bias is not subtracted from their length.
+/// Each changed kernel lets shadow rays end too far away: it does not subtract the shadow bias from their length.
 #[test]
 fn a_soft_ray_that_ends_elsewhere_is_a_wrong_picture() {
     let place = where_shadow_rays_end();

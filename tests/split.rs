@@ -1,5 +1,5 @@
-//! A frame on several devices, which has the same pixels as on one device; a run on several devices; samples of
-//! several frames. PoCL is configured to show one machine as two devices.
+//! A frame on several devices, which has the same pixels as on one device; a run on several devices; samples of several
+//! frames. PoCL is configured to offer the same CPU as two devices.
 
 use crate::binary::{Place, TRIANGLE, config, repository};
 use crate::common::apart::apart;
@@ -93,8 +93,8 @@ fn two_devices_cast_the_samples_of_one() {
     assert!(!same_pixels(&place, "one.exr", "single.exr"));
 }
 
-/// It depends on the machine whether two devices that share two cores are faster than one device. In both
-/// cases, the message must be true.
+/// It depends on the machine whether two devices that share two cores are faster than one device. The message must be
+/// true whether they are faster or not.
 #[test]
 fn a_device_that_slows_the_frame_is_left_out_and_each_has_its_own_strategy() {
     apart!();
@@ -163,8 +163,8 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
-    // A point is the same on whichever device it is measured, so nothing is measured again. The blocks also
-    // stay the same, whatever times were measured.
+    // A point has the same key on each of these equal devices, so `--resume` measures nothing again. The blocks (the
+    // parts of the points that each device measures) also stay the same, whatever times were measured.
     let blocks = place.text("out/blocks.json");
     assert_eq!(run(&["--quiet", "--resume"]).len(), 4 * 3);
     assert_eq!(place.text("out/blocks.json"), blocks);

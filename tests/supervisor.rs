@@ -1,4 +1,5 @@
-//! Tests of the supervisor, with workers that follow a script: they die, hang or refuse requests.
+//! Tests of the supervisor, the part of a run that starts worker processes and replaces those that die. The workers of
+//! these tests follow a script: they die, hang or refuse requests.
 
 use crate::common::mock::{Act, CONFIG, Mock, POINTS, Scene, count, execute, folder, once, point_of};
 use rand::{RngExt as _, SeedableRng as _};

@@ -61,7 +61,7 @@ Kd 0 0 0
 map_Kd -s 1 1 1 -o 0.1 0.2 C:\\pictures\\a picture.png
 ";
 
-/// Returns whether two pictures differ in more pixels than rounding may change at edges.
+/// Returns whether two pictures differ in more than eight pixels, since rounding may change a few pixels at edges.
 fn differ(a: &RgbImage, b: &RgbImage) -> bool {
     apart(a, b) > 8
 }
@@ -137,7 +137,8 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
     has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
 }
 
-/// The defects include another channel, a shift by half a texel, a wrong neighbour and a wrong coordinate of a corner.
+/// The defects of the changed kernels include another channel, a shift by half a texel, a wrong neighbour and a wrong
+/// coordinate of a corner.
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let place = room(MTL);
@@ -210,7 +211,7 @@ fn samplers_of_gltf_repeat_clamp_and_mirror() {
         [&clamp, &mirror, &across].iter().all(|other| **other != down) && across != clamp && across != mirror
     );
     place.notices(("common/textures.cl", "down = wrap >> 8 & 15", "down = wrap & 15"), "tile", &["--verify"]);
-    // Only a repeated picture continues with the texels of its other edge.
+    // Beyond an edge, only a repeated picture continues with the texels of the opposite edge.
     let repeat_across = of(r#"{"wrapT": 33071}"#, "");
     let lower =
         ("texel_in_texture((int)top + 1, height, down)", "texel_in_texture((int)top + 1, height, across)");

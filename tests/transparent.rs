@@ -28,8 +28,8 @@ fn transparent(place: &Place, options: &[&str], name: &str) -> Rgba32FImage {
     picture.to_rgba32f()
 }
 
-/// In front of a background of radiance b, a pixel is its own radiance plus b times the share that no surface
-/// covers.
+/// In front of a background of radiance b, a pixel is the radiance of its surfaces plus b times the share of the pixel
+/// that no surface covers.
 #[test]
 fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
     let place = Place::new();
@@ -70,7 +70,7 @@ fn a_png_has_the_colour_of_the_covered_part() {
     let place = Place::new();
     let exr = transparent(&place, &["--samples", "4"], "out.exr");
     let png = transparent(&place, &["--samples", "4"], "out.png");
-    // Applies the display transform of the scene.
+    // Applies the scene's display transform (exposure 15, gamma 2.2).
     let shown = |radiance: f32, alpha: f32| (15.0 * radiance / alpha).clamp(0.0, 1.0).powf(1.0 / 2.2);
     for (x, y, pixel) in exr.enumerate_pixels() {
         let [red, .., alpha] = pixel.0;

@@ -49,8 +49,9 @@ fn many_lights_an_interior_and_hills() {
     }
 }
 
-/// The number of lights in a round depends on the tile, because one word has a bit for each light and each ray of a
-/// work-item: 32 lights take two to eleven rounds.
+/// The strategy `tile-group` casts shadow rays in rounds of several lights. The number of lights in a round depends on
+/// the tile's size, because one word has a bit for each light and each ray of a work-item. With the tiles of this test,
+/// 32 lights take two to eleven rounds.
 #[test]
 fn rounds_of_lights_of_every_tile() {
     apart!();
@@ -62,7 +63,8 @@ fn rounds_of_lights_of_every_tile() {
         (TileSize::T8x8, Intersector::EDGE_PLANES, 3),
     ];
     for (tile, intersector, rounds) in all.into_iter().take(if is_long() { 3 } else { 1 }) {
-        // Fused strategies are tested above. A CPU's compiler takes longer for them.
+        // The tests above include strategies with fused passes. A CPU's compiler takes longer for fused than for
+        // separate passes.
         let strategy = Strategy { tile, passes: Passes::Separate, intersector, ..shared };
         assert_eq!(32_usize.div_ceil(strategy.lights_of_round()), rounds, "{strategy}");
         let verdict = stand.check(&strategy, [32, 1]).expect("a device that holds it");
@@ -163,8 +165,8 @@ fn the_scene_of_ten_million_is_what_it_says_and_made_anew_each_time() {
     assert!(text.contains("triangles = 10_000_000"), "{text}");
     let [one, other] = [(); 2].map(|()| coarse("terrain-10m.toml", 50_000));
     assert_eq!(one.mesh, other.mesh);
-    // Loading the scene with all its triangles takes seconds in a test's build; loading the smaller hills runs the
-    // same code.
+    // Loading the scene with all its triangles takes seconds in a test's build; loading the smaller hills of
+    // terrain.toml runs the same code.
     let hills = load_scene(&path.with_file_name("terrain.toml")).expect("the hills").scene;
     assert!(hills.mesh.positions.iter().all(|point: &Vec3| point.is_finite()));
 }

@@ -10,7 +10,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::Mutex;
 
 const SIZE: [u32; 2] = [96, 60];
-/// X11's symbols of keys.
+/// X11's codes (keysyms) of the keys that the tests press.
 const RIGHT: u32 = 0xff53;
 const LETTER: fn(char) -> u32 = |letter| letter as u32;
 
@@ -80,7 +80,7 @@ fn the_window_shows_what_render_writes() {
         let expected = rendered(&place, &["--samples", samples]);
         let server = Server::start(SIZE);
         let child = start(&place, &server, &["--samples", samples, "--json"]);
-        // Sums of several samples may be rounded differently.
+        // `view` and `render` may round sums of several samples differently.
         let most = if samples == "1" { 0 } else { 1 };
         server.until_shown("it shows the picture", |shown| differences(shown, &expected) <= most);
         let report = quit(child, &server);
@@ -198,12 +198,12 @@ fn a_pipe_gets_half_blocks() {
         assert_eq!(line.matches('▀').count(), 80, "{line}");
         assert!(line.starts_with("\x1b[38;2;") && line.ends_with("\x1b[0m"), "{line}");
     }
-    // The report is not written to the same stream as the picture.
+    // The report is not on standard output, which contains the picture, but on standard error.
     assert!(!text.contains("speed"), "{text}");
     has(&String::from_utf8_lossy(&output.stderr), &["scene     little: 1 triangle\n", "\nspeed     "]);
 }
 
-/// Returns the output of a form of `--terminal` for one frame, without a report.
+/// Returns the output of `raycl view --terminal=FORM` for one frame, without the report.
 fn frame(place: &Place, form: &str) -> Vec<u8> {
     let terminal = format!("--terminal={form}");
     one_frame(view(place, &[&terminal, "--quiet"])).stdout
@@ -258,7 +258,8 @@ fn a_pipe_gets_pixels_in_the_form_that_the_option_names() {
         .zip(expected.pixels())
         .flat_map(|(rgba, pixel)| [0, 1, 2].map(|channel| u64::from(rgba[channel].abs_diff(pixel[channel]))))
         .sum();
-    // Sixels have only 256 colours; the error of a pixel's colour is distributed over its neighbours.
+    // A picture in sixels has only 256 colours; the error of a pixel's colour is distributed over the neighbouring
+    // pixels.
     assert!(off < 6 * 3 * 640 * 368, "{off}");
 }
 
@@ -293,7 +294,7 @@ impl Tmux {
         for (row, line) in (0_u32..23).zip(self.text().lines()) {
             let mut column = 0;
             for part in line.split('\x1b') {
-                // A line begins with the colours at the end of the previous line.
+                // Each line of the terminal begins with the colours at the end of the previous line.
                 let code = part.strip_prefix('[').and_then(|part| part.split_once('m'));
                 let (codes, shown) = code.unwrap_or(("", part));
                 let codes: Vec<u8> = codes.split(';').filter_map(|code| code.parse().ok()).collect();

@@ -26,7 +26,8 @@ fn of(name: &str) -> Strategy {
     preset(name).expect("a preset").strategy
 }
 
-/// Returns the strategies, with this ray-triangle test, that have no contradiction.
+/// Returns these strategies with this ray-triangle test instead of their own, except strategies that then combine
+/// values that exclude each other.
 fn with(intersector: Intersector, all: Vec<Strategy>) -> Vec<Strategy> {
     let all = all.into_iter().map(|strategy| Strategy { intersector, ..strategy });
     all.filter(|strategy| strategy.contradiction().is_none()).collect()
@@ -112,10 +113,10 @@ pub fn faults(kernels: &Sources, strategy: &Strategy) -> [usize; 3] {
     [primary, shadow, stopped_beside_edges(kernels, strategy)]
 }
 
-/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their
-/// distance from the edge is 7e-7 of their length, which is a few rounding errors. For the Möller-Trumbore
-/// test, which allows each triangle its own rounding error, the distance is ten times larger. Tiles and the
-/// test `pixel-linear` cast only rays of a camera, so the number is 0.
+/// Returns how many of 2,000 rays are stopped, although they pass just outside a triangle's edges. Their distance from
+/// the edge is 7e-7 of their length, which is a few rounding errors. For the Möller-Trumbore test, which allows each
+/// triangle its own rounding error, the distance is ten times larger. Tiles and the test `pixel-linear` cast only rays
+/// of a camera, not these rays, so for them this function returns 0.
 fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let for_cameras =
         strategy.traversal == Traversal::Tile || strategy.intersector == Intersector::PIXEL_LINEAR;
@@ -153,8 +154,8 @@ fn the_watertight_test_leaks_none_of_sixty_thousand_pixels() {
     }
 }
 
-/// The rasteriser's edge functions are exactly opposite in neighbouring triangles as well, and a pixel on an edge
-/// belongs to both triangles.
+/// Like those of the watertight test, the rasteriser's edge functions have exactly opposite values in neighbouring
+/// triangles. A pixel on an edge belongs to both triangles.
 #[test]
 fn the_rasteriser_leaks_none_of_sixty_thousand_pixels() {
     apart!();
@@ -179,9 +180,9 @@ fn rays_beside_an_edge_miss() {
 }
 
 /// These ray-triangle tests are not watertight and guarantee nothing, but neighbouring triangles overlap by a rounding
-/// error, or share the planes of their edges and overlap by less. In every measurement of leaks, this was enough: no
-/// ray leaked. On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1
-/// RAYCL_TEST_APART=1 cargo test leaks_are_counted -- --nocapture` prints the table of docs/reliability.md.
+/// error, or share the planes of their edges and overlap by less. With PoCL, these overlaps were wide enough: no ray
+/// leaked. On a device that rounds differently, one ray in ten thousand may leak. `RAYCL_TEST_LONG=1 RAYCL_TEST_APART=1
+/// cargo test leaks_are_counted -- --nocapture` prints the numbers of the table in docs/reliability.md.
 #[test]
 fn the_other_tests_leaks_are_counted() {
     apart!();

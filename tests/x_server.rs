@@ -87,7 +87,7 @@ impl Drop for Server {
     }
 }
 
-/// A user with a keyboard and a pointer.
+/// A simulated user with a keyboard and a pointer.
 pub struct User {
     stream: UnixStream,
     root: u32,

@@ -1,5 +1,5 @@
-//! Binned surface-area heuristic: a node is cut into slices along three axes, and each slice has a count and
-//! a box of its primitives.
+//! Binned surface-area heuristic: a node is cut into slices along three axes. Each slice stores the number of its
+//! primitives and their common box.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
@@ -13,8 +13,8 @@ pub(super) struct Slicer<const N: usize> {
     scale: Vec4,
 }
 
-/// Adding this to a float in `0..2^22` leaves the nearest integer in the low bits, which is cheaper than a
-/// saturating conversion.
+/// Adding this number to a float in `0..2^22` leaves the nearest integer in the float's low bits. The addition is
+/// cheaper than a saturating conversion to an integer.
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
@@ -22,7 +22,7 @@ impl<const N: usize> Slicer<N> {
     /// `Primitive::centre` returns them. Primitives outside the region go to the first or last slice.
     pub fn new(region: Bounds) -> Self {
         let scale = Vec4::splat(N as f32) / (region.high - region.low);
-        // An axis along which the region has no extent, or an extent that overflows, has one slice.
+        // An axis has only one slice if the region's extent along it is zero or overflows.
         let usable = scale.cmpgt(Vec4::ZERO) & scale.cmplt(Vec4::INFINITY);
         Self { low: region.low, scale: Vec4::select(usable, scale, Vec4::ZERO) }
     }
@@ -46,7 +46,7 @@ impl<const N: usize> Slicer<N> {
         (place + ROUND).to_bits() as usize & (N - 1)
     }
 
-    /// Returns the plane below a slice, in the coordinates of doubled centres.
+    /// Returns the plane at the lower end of a slice, in the coordinates of doubled centres.
     fn plane(&self, axis: usize, slice: usize) -> f32 {
         self.low[axis] + slice as f32 / self.scale[axis]
     }

@@ -2,7 +2,8 @@
 
 use glam::{Vec3, Vec4};
 
-/// An axis-aligned box. The fourth lane is unused: four lanes fill one register.
+/// An axis-aligned box. A corner needs only three of the four lanes of its vector, which fills one register; the fourth
+/// lane is unused.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// Smallest corner.
@@ -63,13 +64,13 @@ impl Primitive {
         self.0.low + self.0.high
     }
 
-    /// Returns the smallest box around all centres.
+    /// Returns the smallest box around the doubled centres of all primitives.
     pub fn centre_bounds(primitives: &[Self]) -> Bounds {
         let point = |p: &Self| Bounds { low: p.centre(), high: p.centre() };
         primitives.iter().map(point).fold(Bounds::EMPTY, Bounds::union)
     }
 
-    /// Returns the smallest box around all boxes.
+    /// Returns the smallest box around the boxes of all primitives.
     pub fn bounds(primitives: &[Self]) -> Bounds {
         primitives.iter().map(|p| p.0).fold(Bounds::EMPTY, Bounds::union)
     }

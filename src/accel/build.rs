@@ -28,7 +28,7 @@ const HALVING_DEPTH: u32 = 64;
 struct Work<'a> {
     /// The subtree's primitives.
     primitives: &'a mut [Primitive],
-    /// The other buffer, to which the primitives move.
+    /// A second buffer of the same size, to which a cut moves the primitives.
     spare: &'a mut [Primitive],
     /// The part of the leaf order that belongs to this subtree.
     order: &'a mut [u32],
@@ -40,7 +40,7 @@ struct Work<'a> {
     depth: u32,
 }
 
-/// A finished subtree: its nodes depth first, in several pieces.
+/// A finished subtree: its nodes in depth-first order, in several pieces.
 #[derive(Default)]
 struct Subtree {
     pieces: Vec<Vec<Node>>,
@@ -124,9 +124,9 @@ fn divide(work: Work) -> [Work; 2] {
     }
 }
 
-/// Finds the best cut and moves the primitives. The region may be larger than the bounds of the primitives' centres,
-/// since it comes from cutting the parent's region. If no cut is found in this region, the search is repeated with the
-/// exact bounds.
+/// Finds the best cut and moves the primitives. `region` comes from cutting the parent's region, so it may be larger
+/// than the bounds of the primitives' doubled centres. If no cut is found in `region`, the search is repeated with
+/// these exact bounds.
 fn cut<const N: usize>(source: &[Primitive], target: &mut [Primitive], region: Bounds) -> Option<Cut> {
     let try_region = |region: Bounds| {
         let slicer = Slicer::<N>::new(region);

@@ -21,9 +21,10 @@ use bounds::Bounds;
 pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
-/// A hash of trees over a few fixed meshes. This hash is part of the key of every point that uses a tree. A change to
-/// the builder or the layout changes these trees; a test then fails until the hash is updated. With a new hash, points
-/// that use a tree are measured again.
+/// A hash of the trees over a few fixed meshes. Each measured point (a strategy at a local size on a scene) is stored
+/// under a key. If the point uses a tree, its key contains this hash. A change to the builder or the layout changes
+/// these trees; a test then fails until the hash is updated. With a new hash, points that use a tree are measured
+/// again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.
@@ -90,10 +91,10 @@ impl Bvh {
         build::build(mesh, leaf_size)
     }
 
-    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles:
-    /// the order, the nodes, and the larger of two amounts, which are not in use at the same time: two buffers of
-    /// boxes, and a second copy of the nodes (the nodes are made in pieces, then joined). The estimate assumes that
-    /// leaves are half full on average.
+    /// Returns an upper estimate of the memory in bytes that the host needs to build a tree over `triangles` triangles.
+    /// The estimate contains the leaf order, the nodes, and the larger of two amounts that are not in use at the same
+    /// time: two buffers of boxes, and a second copy of the nodes (the nodes are made in pieces, then joined). The
+    /// estimate assumes that leaves are half full on average.
     pub const fn build_bytes(triangles: u64, leaf_size: u64) -> u64 {
         let nodes = 2 * (2 * triangles / (leaf_size + 1) + 1) * size_of::<Node>() as u64;
         let boxes = 2 * triangles * size_of::<bounds::Primitive>() as u64;

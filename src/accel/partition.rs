@@ -18,8 +18,8 @@ pub(super) fn partition<const N: usize>(
     }
 }
 
-/// Writes each primitive to both ends of the free part of `target`, then shortens this part at one end. This avoids a
-/// branch that would be mispredicted.
+/// Writes each primitive to both ends of the free part of `target`, then shortens this part at one end. Writing to both
+/// ends needs no branch; a branch would often be mispredicted.
 fn partition_on<const N: usize, const AXIS: usize>(
     source: &[Primitive],
     target: &mut [Primitive],

@@ -134,8 +134,8 @@ fn places_far_apart_by_powers_of_two_keep_the_depth_bounded() {
     assert!(bvh.depth <= 64 + 14, "depth {}", bvh.depth);
 }
 
-/// Triangles far apart along each axis in turn. Each split separates few triangles from the rest; with such splits
-/// alone, the tree would be far deeper.
+/// The triangles are far apart along each axis in turn. Each split separates few triangles from the rest; with such
+/// splits alone, the tree would be far deeper than with halving by count, which the builder uses from a depth of 64 on.
 #[test]
 fn places_far_apart_along_each_axis_keep_the_depth_bounded() {
     let mesh = mesh_of((-140..120).flat_map(|power| {
@@ -245,7 +245,7 @@ fn a_wrong_tree_is_found_out() {
     };
     assert!(spoil(&|bvh| bvh.order[0] = bvh.order[1]).contains("twice"));
     let beyond = spoil(&|bvh| bvh.order[0] = 999);
-    assert_eq!(beyond, "triangle 999 occurs twice, or is not one of 500");
+    assert_eq!(beyond, "triangle 999 occurs twice, or is not one of the mesh's 500");
     let missing = spoil(&|bvh| bvh.order.truncate(499));
     assert_eq!(missing, "triangles in leaf order: 499, expected 500");
     let last = good.nodes.len() - 1;

@@ -3,7 +3,7 @@
 use super::{Bvh, Node, WideBvh};
 use crate::scene::Mesh;
 
-/// The first problem, if any.
+/// The result of a check: a message about the first problem, if there is one.
 type Verdict = Result<(), String>;
 
 impl Bvh {
@@ -65,9 +65,9 @@ impl Bvh {
 }
 
 impl WideBvh {
-    /// Checks that every triangle lies in exactly one leaf of the layout, that every child's box encloses all triangles
-    /// below this child, that every node is reached once, that unused child slots are marked as unused, and that the
-    /// depth is right.
+    /// Checks that every triangle lies in exactly one leaf of the layout, and that every child's box encloses all
+    /// triangles below this child. Also checks that every node is reached once, that unused child slots are marked as
+    /// unused, and that the depth is right.
     ///
     /// # Errors
     ///
@@ -85,7 +85,7 @@ impl WideBvh {
                 Some(_) => return Err(format!("node {node} has two parents")),
                 None => {
                     return Err(format!(
-                        "a parent names node {node}, but there are only {}",
+                        "a parent names node {node}, but the tree has only {} nodes",
                         self.node_count()
                     ));
                 }
@@ -114,7 +114,10 @@ impl WideBvh {
             }
         }
         if let Some(place) = held.iter().position(|&count| count != 1) {
-            return Err(format!("the triangle at place {place} lies in {} leaves", held[place]));
+            return Err(format!(
+                "the triangle at place {place} of the leaf order lies in {} leaves; expected 1",
+                held[place]
+            ));
         }
         expect_equal("nodes reached", reached.iter().filter(|&&seen| seen).count(), self.node_count())?;
         expect_equal("depth", depth, self.depth as usize)
@@ -130,7 +133,7 @@ fn expect_equal(what: &str, found: usize, expected: usize) -> Verdict {
 
 fn encloses(outer: Corners, inner: Corners) -> Verdict {
     let is_inside = |axis: usize| outer.0[axis] <= inner.0[axis] && inner.1[axis] <= outer.1[axis];
-    (0..3).all(is_inside).then_some(()).ok_or(format!("{outer:?} does not enclose {inner:?}"))
+    (0..3).all(is_inside).then_some(()).ok_or(format!("the box {outer:?} does not enclose {inner:?}"))
 }
 
 fn encloses_triangles(mesh: &Mesh, triangles: &[u32], bounds: Corners) -> Verdict {
@@ -148,7 +151,7 @@ fn is_permutation(order: &[u32], count: usize) -> Verdict {
     for &number in order {
         match seen.get_mut(number as usize) {
             Some(seen) if !*seen => *seen = true,
-            _ => return Err(format!("triangle {number} occurs twice, or is not one of {count}")),
+            _ => return Err(format!("triangle {number} occurs twice, or is not one of the mesh's {count}")),
         }
     }
     Ok(())

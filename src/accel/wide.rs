@@ -104,8 +104,8 @@ impl WideBvh {
     }
 
     /// Builds a mesh's tree in the form that a device reads. If a node would have unused slots, its leaves are split to
-    /// fill these slots. Trees with 32 children per node are the exception: 32 work-items prepare the triangles of a
-    /// leaf in parallel, so smaller leaves would only mean that more leaves are visited.
+    /// fill these slots. In trees with 32 children per node, leaves are not split: 32 work-items prepare the triangles
+    /// of a leaf in parallel, so smaller leaves would only mean that more leaves are visited.
     ///
     /// # Errors
     ///
@@ -169,7 +169,8 @@ impl WideBvh {
         wide
     }
 
-    /// Writes a node, appends its inner children as unused nodes, and returns their subtrees.
+    /// Writes a node, and appends a node for each of its inner children, with slots that are still unused. Returns the
+    /// subtrees of these children.
     fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
         let mut children = Vec::with_capacity(self.width);
         children.push(subtree);

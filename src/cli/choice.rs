@@ -14,9 +14,9 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (across, down) = text.split_once('x').unwrap_or((text, text));
     let number = |part: &str| match part.parse::<u32>() {
         Ok(n) if (1..=4096).contains(&n) => Ok(n),
-        _ => {
-            Err(format!("'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, each 1 to 4096"))
-        }
+        _ => Err(format!(
+            "'{text}' is not a local size; expected WIDTHxHEIGHT, such as 16x8, with numbers from 1 to 4096"
+        )),
     };
     Ok([number(across)?, number(down)?])
 }
@@ -25,12 +25,12 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
 pub fn parse_assignment(text: &str) -> std::result::Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key.trim().to_owned(), value.trim().to_owned())),
-        _ => Err(format!("'{text}' is not key=value")),
+        _ => Err(format!("'{text}' does not have the form KEY=VALUE")),
     }
 }
 
-/// A parser for clap that accepts any text, which [`parse_strategy`] parses later. It lists the presets, so that shells
-/// can complete them.
+/// A parser for clap that accepts any text, which [`parse_strategy`] parses later. The parser lists the presets, so
+/// that shells can complete their names.
 #[derive(Clone)]
 pub struct StrategyText;
 
@@ -72,7 +72,7 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 
 /// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
 /// fastest one that raycl knows. If `set` requests the watertight test, the strategy is the fastest one with this test.
-/// Then the axes in `set` are changed.
+/// Finally, each axis that `set` names gets its value in `set`.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -88,12 +88,14 @@ pub fn chosen_strategy(
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // One work-item casts a whole tile, so a work-group of one work-item has enough work.
+    // With the traversal `tile`, one work-item casts a whole tile of rays, so a work-group of one work-item has enough
+    // work.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
 }
 
-/// Returns the strategy in `text`, or `otherwise` if there is no text, with the axes that `set` changes.
+/// Returns the strategy that `text` names, or `otherwise` if there is no text. Each axis that `set` names gets its
+/// value in `set`.
 pub fn requested_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -111,8 +113,8 @@ pub fn is_axis(key: &str) -> bool {
     AXES.iter().any(|axis| axis.name == key)
 }
 
-/// Refuses a key that is probably a misspelt axis, and suggests that axis. No key of a scene resembles the name of an
-/// axis.
+/// Returns an error if a key of `--set` is probably a misspelt axis, and suggests that axis. No valid key of a scene is
+/// refused, since none resembles the name of an axis.
 pub fn refuse_misspelt_axis(key: &str) -> Result<()> {
     let names: Vec<_> = AXES.iter().map(|axis| axis.name).collect();
     match nearest(key, names.iter().copied()) {
@@ -130,7 +132,8 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
 
-/// Returns the index of the device that [`one_device`] describes; `word` comes from the user's settings.
+/// Returns the index, in `infos`, of the device that [`one_device`] chooses; `None` if there is no device. `word` is
+/// the text that names a device in the user's settings.
 fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) -> Result<Option<usize>> {
     match (pattern, word) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),
@@ -139,8 +142,8 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
     }
 }
 
-/// Returns the same device as [`one_device`]. `lane_test` says whether the device's lane operations are tested if the
-/// cache has no list of devices.
+/// Returns the same device as [`one_device`]. If the cache has no list of devices, `lane_test` decides whether the
+/// device's lane operations (such as ballots among work-items that execute together) are tested now or later.
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {
@@ -179,7 +182,8 @@ mod tests {
         let set = [("intersector".to_owned(), Intersector::WATERTIGHT.name().to_owned())];
         let chosen = chosen_strategy(None, &set, &limits, Task::default()).unwrap();
         assert_eq!(chosen, of(true));
-        // The chosen strategy differs from the fastest strategy in more than the ray-triangle test.
+        // The chosen strategy differs from the fastest strategy not only in the ray-triangle test, but also in another
+        // axis.
         assert_ne!(Strategy { intersector: Intersector::WATERTIGHT, ..of(false).0 }, chosen.0);
     }
 

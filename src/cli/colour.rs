@@ -21,7 +21,8 @@ pub enum Colour {
 /// The choice made by [`choose`]: 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
-/// Sets the choice for the whole process. An option takes precedence over `NO_COLOR`, and `NO_COLOR` over a setting.
+/// Decides for the whole process when colours are used. An option takes precedence over `NO_COLOR`, and `NO_COLOR` over
+/// a setting.
 pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let code = match option.or(refused.then_some(Colour::Never)).or(setting) {
@@ -32,7 +33,7 @@ pub fn choose(option: Option<Colour>, setting: Option<Colour>) {
     CHOSEN.store(code, Ordering::Relaxed);
 }
 
-/// Returns whether the user chose always (true) or never (false); `None` if colours depend on the output.
+/// Returns true if the user chose `always` and false if the user chose `never`; `None` if colours depend on the output.
 pub fn told() -> Option<bool> {
     match CHOSEN.load(Ordering::Relaxed) {
         1 => Some(true),
@@ -47,13 +48,13 @@ pub fn on_output() -> bool {
     told().unwrap_or_else(|| std::io::stdout().is_terminal() && !dumb)
 }
 
-/// Returns the choice for clap's help and messages.
+/// Returns the choice of colour for the help and the messages that clap prints.
 pub(super) fn of_clap() -> ColorChoice {
     told()
         .map_or(ColorChoice::Auto, |coloured| if coloured { ColorChoice::Always } else { ColorChoice::Never })
 }
 
-/// Returns the last valid value of `--color` on the command line, before the other arguments are parsed.
+/// Returns the last valid value of `--color` on the command line. It is needed before the other arguments are parsed.
 pub(super) fn typed(words: &[OsString]) -> Option<Colour> {
     let mut words =
         words.iter().map(|word| word.to_str().unwrap_or_default()).take_while(|word| *word != "--");

@@ -19,16 +19,19 @@ pub struct Args {
     before: PathBuf,
     /// The folder of the newer results
     after: PathBuf,
-    /// Report a change as "same" if its whole 95% interval lies between a speed-up and a slowdown of PERCENT
+    /// Report a point as "same" if the whole 95% interval of its change lies between a speed-up and a slowdown of
+    /// PERCENT
     #[arg(long, value_name = "PERCENT", default_value_t = 2.0, value_parser = percent)]
     threshold: f64,
-    /// Compare the times as they were measured. Without this option, each time is first divided by another time of the
-    /// same run, such as that of the anchor kernel, to allow for changes of the machine's speed
+    /// Compare the times as they were measured. Without this option, raycl first divides each time by another time of
+    /// the same run, such as the time of the anchor (a kernel that never changes), to allow for changes of the
+    /// machine's speed
     #[arg(long)]
     times: bool,
-    /// Exit with 1 after a statistically significant slowdown of more than PERCENT: of a single point, of the mean of
-    /// one strategy's points, or of the mean of all points except baselines. Also exit with 1 if a point was measured
-    /// in BEFORE but could not be measured in AFTER. At most one in 50 comparisons of equal programs fails by chance
+    /// Exit with code 1 after a statistically significant slowdown of more than PERCENT: of a single point, of the mean
+    /// of one strategy's points, or of the mean of all points except baselines (ray casters that do not use OpenCL).
+    /// Also exit with code 1 if a point was measured in BEFORE but could not be measured in AFTER. If both folders
+    /// contain times of the same program, at most one comparison in 50 exits with code 1 by chance
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     fail_on_regression: Option<f64>,
     /// Write compare.html, compare.md and plots to this folder
@@ -65,8 +68,9 @@ pub fn run(args: Args) -> Result<()> {
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
-            "two points correspond if their scenes, image sizes, devices, strategy names and local sizes are \
-             equal; scenes are compared by content, and devices only if a folder has several devices",
+            "a point of one folder is compared with the point of the other folder that has the same scene, image size, \
+             device, strategy name and local size; scenes are compared by content, and devices are compared only if a \
+             folder has several devices",
         ));
     }
     if let Some(out) = &mut out {
@@ -86,15 +90,15 @@ pub fn run(args: Args) -> Result<()> {
         Some(worse) if !worse.is_empty() => {
             Err(Error::run(format!("{}: {}", counted(worse.len(), "regression"), worse.join("; ")))
                 .with_help(
-                    "measure both programs again, one after the other, to find out whether the programs \
-                 differ or the machine was busy",
+                    "repeat both runs, one after the other, to find out whether the programs differ or the \
+                 machine was busy during one of the runs",
                 ))
         }
         _ => Ok(()),
     }
 }
 
-/// Prints every point whose verdict is not "same", then the points that are not compared, the notes and the
+/// Prints every point whose verdict is not "same", then the points that could not be compared, then the notes, then the
 /// number of points per verdict.
 pub(super) fn print_table(comparison: &Comparison) -> Result<()> {
     let [a, b] = &comparison.labels;

@@ -23,7 +23,7 @@ pub struct Args {
     /// Replace FILE.png even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "output")]
     force: bool,
-    /// Exit with 1 if the peak signal-to-noise ratio is below DB decibels
+    /// Exit with code 1 if the peak signal-to-noise ratio is below DB decibels
     #[arg(long, value_name = "DB", value_parser = decibels)]
     fail_below: Option<f64>,
     /// Print one JSON object
@@ -44,13 +44,14 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
 /// The result, with the fields of `--json`.
 #[derive(Debug, Serialize)]
 struct Report {
-    /// Null if the pictures are equal (`equal` is true), or if a value is not finite (`equal` is false).
+    /// The peak signal-to-noise ratio in decibels. Null if the pictures are equal (`equal` is true), or if a value of a
+    /// picture is not finite (`equal` is false).
     psnr_db: Option<f64>,
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest absolute difference of a channel. The values of 8-bit pictures are first divided by 255 (white).
-    /// Null if the difference is not finite.
+    /// The largest absolute difference between the two pictures in a channel. The values of 8-bit pictures are first
+    /// divided by 255 (white). Null if this difference is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
@@ -114,8 +115,8 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
             largest = (worst, Some([place as u32 % found.width, place as u32 / found.width]));
         }
     }
-    // For 8-bit pictures the peak is white. For radiance, the peak is the brightest channel of the expected picture,
-    // or 1 (white) if that is greater.
+    // The peak of the signal-to-noise ratio is white (1) for 8-bit pictures. For radiance, the peak is the brightest
+    // channel of the expected picture, or 1 if that is greater.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;
@@ -141,7 +142,10 @@ fn text(report: &Report) -> String {
                 "largest error     {:8.5}    of white ({steps:.1} of 255), at column {x}, row {y}",
                 report.largest_error
             ));
-            lines.push(format!("largest relative  {:8.2e}", report.largest_relative_difference));
+            lines.push(format!(
+                "relative error    {:8.2e}    at most, of the expected pixel's brightest channel",
+                report.largest_relative_difference
+            ));
             let percent = 100.0 * report.different_pixels as f64 / report.pixels.max(1) as f64;
             lines.push(format!(
                 "different pixels  {:8}    of {} ({percent:.2}%)",
@@ -166,7 +170,8 @@ mod tests {
         found.pixels[37] = [0.0, 1.0 / 255.0, 0.0];
         let report = compare(&found, &expected, None);
         assert_eq!((report.largest_error_at, report.different_pixels), (Some([7, 3]), 1));
-        // One of 300 channel values is wrong by 1/255, so the ratio is 20 log10(255) + 10 log10(300) decibels.
+        // One of 300 channel values is wrong by 1/255, so the signal-to-noise ratio is 20 log10(255) + 10 log10(300)
+        // decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
     }
 
@@ -197,7 +202,7 @@ mod tests {
     fn the_peak_is_white_or_the_brightest_channel_of_the_expected_picture() {
         let flat = |value: f32| Radiance { pixels: vec![[0.0, value, 0.0]; 4], ..Radiance::new(2, 2) };
         let psnr = |found, expected| compare(&flat(found), &flat(expected), None).psnr_db;
-        // One of three channels is wrong by 0.1, so the mean square is 0.01 / 3.
+        // One of three channels is wrong by 0.1, so the mean squared error is 0.01 / 3.
         let of_peak = |peak: f64| 10.0 * (peak * peak * 300.0).log10();
         for (found, expected, peak) in [(0.6, 0.5, 1.0), (4.1, 4.0, 4.0), (4.0, 4.1, 4.1)] {
             let found = psnr(found, expected).unwrap_or_default();
@@ -225,7 +230,7 @@ mod tests {
             [
                 "PSNR 43.69 dB",
                 "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
-                "largest relative 5.00e-1",
+                "relative error 5.00e-1 at most, of the expected pixel's brightest channel",
                 "different pixels 3 of 400 (0.75%)",
                 "differences d.png",
             ]

@@ -22,11 +22,11 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (registers, bytes, memory instructions, the predicted occupancy and the counts of each line) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
+Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (for each kernel the numbers of registers, bytes of memory and memory instructions and the predicted occupancy; for each source line the numbers of instructions) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
 
-The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) of ptxas, which may differ from the driver's. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
 pub struct Args {
-    /// The scene, a TOML file or a mesh. The sizes of __local arrays and stacks depend on the scene
+    /// The scene, a TOML file or a mesh. The sizes of the kernels' __local arrays and stacks depend on the scene
     scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
@@ -62,7 +62,8 @@ struct Compilation {
     build_ms: f64,
     binary_is_ptx: bool,
     kernels: Vec<CompiledKernel>,
-    /// The instructions of each line; `None` if neither --out nor --json is given.
+    /// The machine instructions that the compiler generated for each line of the source; `None` if neither --out nor
+    /// --json is given.
     microscope: Option<Microscope>,
 }
 
@@ -129,7 +130,7 @@ fn compile(
     session: &mut Session,
     strategy: &Strategy,
 ) -> Result<(Compilation, Files)> {
-    let refused = |refused: Refused| refused.into_error(&device.info.name);
+    let refused = |refused: Refused| refused.into_error(&device.info);
     let prepared = session.prepare(strategy, IMAGE_SIZE, args.local_size).map_err(refused)?;
     let caster = prepared.caster().map_err(refused)?;
     let (spec, program) = (&prepared.spec, &prepared.program);

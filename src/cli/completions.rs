@@ -11,7 +11,7 @@ use clap_complete::Shell;
   raycl completions zsh > ~/.zfunc/_raycl
   raycl completions fish > ~/.config/fish/completions/raycl.fish")]
 pub struct Args {
-    /// The shell
+    /// The shell for which to print the script
     shell: Shell,
 }
 
@@ -24,7 +24,7 @@ pub fn run(args: Args) -> Result<()> {
     super::print(script.trim_end())
 }
 
-/// Returns raycl without its hidden subcommands, which clap_complete would include.
+/// Returns raycl without its hidden subcommands, since clap_complete would include them in the completions.
 fn shown() -> Command {
     let whole = super::Cli::command();
     let shown = whole.get_subcommands().filter(|command| !command.is_hide_set()).cloned();

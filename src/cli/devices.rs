@@ -12,7 +12,7 @@ use crate::sources::Sources;
   raycl devices
   raycl devices --json | jq '.devices[].limits.local_bytes'
 
-To select a device, give any part of a name in this list: `raycl render SCENE --device pocl`.")]
+To select a device in other commands, give part of its name, platform or vendor, or its kind (cpu, gpu): `raycl render SCENE --device pocl`.")]
 pub struct Args {
     /// Print one JSON object instead of a table
     #[arg(long)]
@@ -87,7 +87,7 @@ fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>
     }
     text + &match infos.iter().find(|info| Some(info.slug().as_str()) == default) {
         Some(info) => format!("\nBy default, raycl casts on {}.", info.describe()),
-        None => "\nNo device here can be used.".to_owned(),
+        None => "\nNo device on this machine can be used.".to_owned(),
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Arguments of `raycl figures`.
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// raycl's repository
+    /// The folder of raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
     /// Write nothing; list the differences between documents and records
@@ -16,8 +16,8 @@ pub struct Args {
     check: bool,
 }
 
-/// Updates or checks the numbers. A check fails on any difference. An update fails only on differences that rewriting
-/// cannot remove.
+/// Updates or checks the numbers. A check fails if a document differs from the records. An update fails only if
+/// differences remain that rewriting cannot remove.
 pub fn run(args: Args) -> Result<()> {
     let documents = Documents::read(&args.root)?;
     let left = if args.check {
@@ -29,12 +29,15 @@ pub fn run(args: Args) -> Result<()> {
     };
     match left.len() {
         0 => Ok(()),
-        count => Err(Error::run(format!("{count} places differ from the records:\n{}", listed(&left)))
-            .with_help("CONTRIBUTING.md explains how a document names the record of each number")),
+        count => Err(Error::run(format!(
+            "{count} places in documents differ from the records:\n{}",
+            listed(&left)
+        ))
+        .with_help("CONTRIBUTING.md explains how a document names the record of each number")),
     }
 }
 
-/// Formats differences: the file, the line, the document's text, and the text that the records give.
+/// Formats differences, each with the file, the line, the text in the document, and the text that the records yield.
 fn listed(differences: &[(&str, Difference)]) -> String {
     let one = |(file, Difference { line, stands, records_say }): &(&str, Difference)| {
         format!("{file}:{line}: the document has '{stands}', the records give {records_say}")

@@ -6,17 +6,18 @@ use crate::device::drivers::{Driver, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
 use crate::experiment::lists_devices;
+use crate::memory::{address_space_limit, readable};
 use crate::own_program::own_program;
 use crate::printer;
 use std::ffi::OsString;
 use std::process::ExitStatus;
 
 /// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown settings). The
-/// first access to each page of new memory causes a page fault; these faults took a fifth of the time of a short
+/// first access to each page of new memory causes a page fault; these page faults took a fifth of the time of a short
 /// command. With these settings, the allocator asks the system for huge pages, and extends its heaps by 16 MiB at a
-/// time. Larger steps are hardly faster, and keep more freed memory than memory predictions allow for. glibc reads the
-/// variable only when a process starts, so raycl sets it for the child process. If the user has set the variable, raycl
-/// leaves it unchanged.
+/// time. Larger steps are hardly faster, and let the process keep more freed memory than raycl's predictions of memory
+/// use allow for. glibc reads the variable only when a process starts, so raycl sets it for the child process. If the
+/// user has set the variable, raycl leaves it unchanged.
 const ALLOCATOR: (&str, &str) = ("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1:glibc.malloc.top_pad=16777216");
 
 /// Returns whether this process is the child process that [`run`] starts.
@@ -24,14 +25,16 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process, and ends this process with the child's exit code. A command
-/// that reads standard input cannot be run twice. A command that shows pictures gets an allocator with huge pages.
-/// Commands that only measure do not get this allocator, since the workers of a run do not use huge pages either.
+/// Runs this process's command line in a child process, and ends this process with the child's exit code. If a driver
+/// ends the child process, raycl runs the command line again without the drivers that fail. A command that reads
+/// standard input cannot run again, since its input can be read only once. A command that shows pictures gets an
+/// allocator with huge pages. Commands that only measure do not get this allocator, since the worker processes of
+/// `raycl run` do not use huge pages either.
 ///
 /// # Errors
 ///
-/// Fails if a driver ended the child, and the command cannot run again without the failing drivers. Also fails if a
-/// driver ends the command again.
+/// Fails if a driver ended the child process, and the command cannot run again without the failing drivers. Also fails
+/// if a driver ends the second child process too.
 pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));
@@ -51,9 +54,10 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
         }
     }
     if broken.is_empty() {
-        return Err(Error::run(format!("{cause}, although each driver alone lists its devices without failing")).with_help(
-            "try another device (`raycl devices` lists all devices, --device chooses one), another --strategy or a smaller --local-size",
-        ));
+        return Err(Error::run(format!(
+            "{cause}, although each driver alone lists its devices without failing"
+        ))
+        .with_help(otherwise(address_space_limit())));
     }
     for (driver, why) in &broken {
         printer::tell(format!("note: the driver {driver} is left out: {why}"));
@@ -68,6 +72,19 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
         None => Ok(status),
         Some(cause) => Err(Error::run(format!("{cause}, even without the drivers that were left out"))
             .with_help("another driver fails too: try another device with --device, or update the driver")),
+    }
+}
+
+/// Returns the advice for the user if every driver works when it is loaded alone. In a small address space, drivers can
+/// fail to start their threads. So if the user has limited the address space of processes, the advice names this limit.
+fn otherwise(address_space_bytes: Option<u64>) -> String {
+    let another = "try another device (`raycl devices` lists all devices, --device chooses one), another --strategy or a smaller --local-size";
+    match address_space_bytes {
+        Some(bytes) => format!(
+            "this process may use only {} of address space, in which a driver may not fit: remove the limit with `ulimit -v unlimited`; or {another}",
+            readable(bytes)
+        ),
+        None => another.to_owned(),
     }
 }
 
@@ -94,7 +111,8 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
 }
 
-/// Signals that result from a fault of the process itself. Other signals come from outside the process.
+/// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, are sent by other processes,
+/// so they are not the driver's fault.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
 #[cfg(unix)]
@@ -109,8 +127,8 @@ fn signal(_: ExitStatus) -> Option<(i32, &'static str)> {
     None
 }
 
-/// Ends this process with the [`exit_code`] of another process. No destructor runs, so the caller must have removed its
-/// temporary folders.
+/// Ends this process with the [`exit_code`] of another process, or returns if that code is 0. If the process ends here,
+/// no destructor runs, so the caller must have removed its temporary folders.
 fn end_as(status: ExitStatus) -> Result<()> {
     match exit_code(status) {
         0 => Ok(()),
@@ -147,9 +165,17 @@ mod tests {
     use std::os::unix::process::ExitStatusExt as _;
 
     #[test]
+    fn a_small_address_space_is_told_where_every_driver_alone_works() {
+        let limited = otherwise(Some(1_500_000_000));
+        assert!(limited.contains("only 1.5 GB") && limited.contains("ulimit -v unlimited"), "{limited}");
+        assert!(otherwise(None).starts_with("try another device") && limited.ends_with(&otherwise(None)));
+    }
+
+    #[test]
     fn a_process_that_a_signal_ended_has_128_plus_the_signal_as_exit_code() {
         let of_wait = |status| exit_code(ExitStatus::from_raw(status));
-        // The status of `wait` has the signal in its low bits, and an exit code above them.
+        // The status that the system call `wait` returns has the number of the signal in its low bits, and the exit
+        // code above these bits.
         assert_eq!([of_wait(2), of_wait(15), of_wait(2 << 8), of_wait(0)], [130, 143, 2, 0]);
     }
 }

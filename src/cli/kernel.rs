@@ -28,15 +28,16 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Local size: work-items per work-group, across and down [default: 8x8; 32 across if work-items share a tile]
+    /// Local size: work-items per work-group, across and down [default: 8x8; 32 across if the work-items share a tile
+    /// of rays]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// The device whose compiler gets the program: part of its name, platform or vendor, or its kind (cpu, gpu)
     /// [default: no particular device]
     #[arg(long)]
     device: Option<String>,
-    /// The scene, a TOML file or a mesh. The sizes of __local arrays and stacks depend on the scene [default: a small
-    /// scene]
+    /// The scene, a TOML file or a mesh. The sizes of the kernels' __local arrays and stacks depend on the scene
+    /// [default: a small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls
@@ -90,13 +91,13 @@ fn on_device(
     spec: &ProgramSpec,
 ) -> Result<Preprocessed> {
     Requirements::check(strategy, workload, &device.info.limits).map_err(|infeasible| {
-        let refused = Refused::Device(infeasible).into_error(&device.info.name);
+        let refused = Refused::Device(infeasible).into_error(&device.info);
         refused.with_help("choose another --local-size or --scene")
     })?;
-    preprocess_for(&Queue::open(device.platform, device.device)?, spec)
+    preprocess_for(&Queue::open(device)?, spec)
 }
 
-/// Returns the sizes on which the lengths of the program's arrays depend.
+/// Returns the sizes (of the scene and the work-group) on which the lengths of the program's arrays depend.
 fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Workload> {
     let usual = match strategy.shares_tiles() {
         true => [GROUP_LANES, builtins.lanes.usual_groups()],
@@ -105,6 +106,6 @@ fn workload(args: &Args, strategy: &Strategy, builtins: Builtins) -> Result<Work
     let local_size = args.local_size.unwrap_or(usual);
     let Some(path) = &args.scene else { return Ok(Workload { local_size, ..Workload::CUBE }) };
     let scene = load_scene(path)?.scene;
-    let stack_size = stack_size(&scene.mesh, strategy).map_err(|refused| refused.into_error("the host"))?;
+    let stack_size = stack_size(&scene.mesh, strategy).map_err(|refused| refused.into_host_error())?;
     Ok(Workload { stack_size, ..Workload::of(&scene, Workload::CUBE.image_size, local_size) })
 }

@@ -22,16 +22,17 @@ pub struct Args {
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
-    /// host are always merged. If NAME matches no device with results, raycl reports the points of NAME as missing
-    /// [default: all devices with results]
+    /// host are always merged. If no device with results matches NAME, raycl reports all points on NAME as
+    /// missing [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
-    /// Merge nothing; print the state of each process that was started to measure a shard: begun, going (running),
-    /// hung, lost, or how the process ended
+    /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),
+    /// going, hung (no step within the time limit), lost (killed, or its machine is down), or how the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds between two readings of the counter that each running process increases. A
-    /// network file system may show old data for some time; choose more SECONDS than that time
+    /// process whose counter stays the same counts as lost. A network file system may show old data for some time;
+    /// choose more SECONDS than that time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process
@@ -54,10 +55,11 @@ pub fn run(args: Args) -> Result<()> {
     }
     let merged = merge(&args.out, &args.device)?;
     let folder = Folder::read(&args.out)?;
-    // A point's 95% interval depends on all launches (worker processes), but each attempt knew only its own launches.
+    // A point's 95% interval depends on all launches (worker processes), but the process that measured a shard had only
+    // the samples of its own launches.
     renew_intervals(&args.out.join("records.jsonl"), &folder.records)?;
-    let of_config = |key| folder.config(key).unwrap_or_default();
-    folder.summarise(&of_config("question"), &of_config("expectation"))?;
+    let (question, expectation) = folder.question();
+    folder.summarise(&question, &expectation)?;
     let mut out = OutFolder::open(&args.out, Choice { force: false, elsewhere: "another OUT" })?;
     let written = report::write(std::slice::from_ref(&folder), &mut out)?;
     if args.json {
@@ -82,7 +84,7 @@ fn print(folder: &Folder, merged: &Merged, page: &Path) -> Result<()> {
     super::print(format!("Report:   {}", page.display()))
 }
 
-/// Returns an error if points of the plan are missing or failed.
+/// Returns an error if points of the experiment are missing or failed.
 fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     if missing.nothing_began {
         return Err(Error::run("no shard has begun to measure")
@@ -104,7 +106,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
         });
         let took_part = missing.took_part.iter().map(|names| format!("devices with results: {names}"));
         let lines: Vec<String> = said.chain(took_part).collect();
-        let help = format!("to measure the missing points\n{}", lines.join("\n"));
+        let help = format!("these commands measure the missing points\n{}", lines.join("\n"));
         return Err(Error::run(format!("{} missing", counted_are(missing.count(), "point"))).with_help(help));
     }
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
@@ -114,7 +116,7 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
 }
 
-/// Prints the state of each attempt.
+/// Prints the state of each attempt, that is, of each process that was started to measure a shard.
 fn tell(args: &Args) -> Result<()> {
     let Some(plan) = ShardPlan::read(&args.out)? else {
         return Err(no_shards(&args.out));
@@ -181,7 +183,7 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "to measure the missing points",
+                "these commands measure the missing points",
                 "gpu: 2 of 9 points, of shards 2, 3 (a, b):",
                 "  raycl run on gpu",
                 "cpu: 1 of 9 points, of shard 4 (c):",

@@ -52,14 +52,14 @@ use colour::Colour;
   raycl render scenes/teapot.toml            a picture, and a table of its times
   raycl view scenes/teapot.toml              a window to look around in
   raycl run configs/quick.toml               an experiment: pictures, tables, records
-  raycl run configs/figure-8.toml --dry-run  its points, and which of them do not fit
+  raycl run configs/figure-8.toml --dry-run  the experiment's points, and which do not fit on a device
   raycl strategies                           all strategies: axes and presets
   raycl kernel naive                         the source of one strategy
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C.
 
-Your own defaults (device, color, results) are in ~/.config/raycl/config.toml. The variables
-RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
+The file ~/.config/raycl/config.toml contains your own defaults (device, color, results). The environment
+variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal), always or never [default: auto, or never if NO_COLOR is set]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
@@ -74,13 +74,13 @@ enum Command {
     Render(render::Args),
     /// Look at a scene from all sides, in a window
     View(view::Args),
-    /// Run an experiment: verify, time and record every point of a config
+    /// Run an experiment: verify, time and record every point (combination of strategy, scene, sizes and device)
     Run(run::Args),
     /// Merge the shards of an experiment into one folder of results
     Merge(merge::Args),
     /// Generate a page, plots and exports from results
     Report(report::Args),
-    /// Run the paper's experiments and judge the paper's claims
+    /// Run the experiments of the student paper that raycl repeats, and judge the paper's claims
     Reproduce(reproduce::Args),
     /// Compare two folders of results, and report which points are faster, slower, the same or unclear
     Compare(compare::Args),
@@ -113,7 +113,7 @@ enum Command {
     Peak(peak::Args),
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
-    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in the paper's Figure 5
+    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in Figure 5 of the student paper
     Occupancy(occupancy::Args),
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]
@@ -190,7 +190,7 @@ impl Cli {
     }
 
     fn parse_words(words: &[OsString]) -> std::result::Result<Self, clap::Error> {
-        let mut command = Self::command().color(colour::of_clap());
+        let mut command = with_negative_numbers(Self::command()).color(colour::of_clap());
         let mut found = command.try_get_matches_from_mut(words)?;
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
@@ -221,7 +221,7 @@ impl Cli {
             Command::CompareImages(args) => compare_images::run(args),
             Command::Devices(args) => devices::run(args),
             Command::Strategies(args) => strategies::run(args),
-            // The list begins on a new line, since a driver may have printed an unfinished line.
+            // The list of devices begins on a new line, since a driver may have printed an unfinished line.
             Command::Worker { list: true, cl_dir, .. } => {
                 let sources = Sources::of(cl_dir)?;
                 print(format!("\n{}", crate::experiment::list_devices(&sources)?))
@@ -243,7 +243,18 @@ impl Cli {
     }
 }
 
-/// Returns clap's message without control characters, since clap quotes arguments unchanged.
+/// Lets a negative number be a value of every option that has a value. If the number is out of range, the message then
+/// says which values are expected; otherwise clap would take `-3` for an unknown option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let allow = |arg: clap::Arg| match arg.get_action().takes_values() {
+        true => arg.allow_negative_numbers(true),
+        false => arg,
+    };
+    command.mut_args(allow).mut_subcommands(with_negative_numbers)
+}
+
+/// Returns clap's error message without control characters. Arguments may contain such characters, and clap quotes
+/// arguments unchanged.
 fn shown(error: clap::Error, words: impl Iterator<Item = OsString>) -> clap::Error {
     let words = words.map(|word| printer::line(&word.to_string_lossy()).into_owned().into());
     Cli::parse_words(&words.collect::<Vec<OsString>>()).err().unwrap_or(error)
@@ -256,6 +267,21 @@ mod tests {
     #[test]
     fn the_arguments_are_consistent() {
         Cli::command().debug_assert();
+        with_negative_numbers(Cli::command()).debug_assert();
+    }
+
+    #[test]
+    fn a_negative_number_is_a_value_and_its_mistake_says_what_is_expected() {
+        let words = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
+        assert!(Cli::parse_words(&words(&["raycl", "render", "a.obj", "--azimuth", "-30"])).is_ok());
+        for option in ["--samples", "--width"] {
+            let typed = words(&["raycl", "render", "a.obj", option, "-3"]);
+            let text = Cli::parse_words(&typed).expect_err("a mistake").to_string();
+            assert!(text.contains("'-3'") && text.contains("1..="), "{text}");
+        }
+        let unknown = words(&["raycl", "render", "a.obj", "-j"]);
+        let text = Cli::parse_words(&unknown).expect_err("a mistake").to_string();
+        assert!(text.contains("unexpected argument '-j'"), "{text}");
     }
 
     #[test]

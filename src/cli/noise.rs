@@ -13,13 +13,15 @@ use std::path::Path;
 #[command(after_help = "Examples:
   raycl noise
   raycl noise --device nvidia
-  raycl noise --device cpu --set timing.time_limit_ms=2000 --json")]
+  raycl noise --device cpu --set timing.time_limit_ms=2000 --json
+
+A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
     /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the devices in your
     /// settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// Change a value of the experiment that the command measures
+    /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository)
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// If another process is measuring on the device, end at once instead of waiting for it
@@ -33,7 +35,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// The experiment's files, built into raycl so that the command needs no other files.
+/// The names and contents of the experiment's files. They are built into raycl, so that the command needs no other
+/// files.
 const FILES: [(&str, &str); 2] = [
     ("configs/noise.toml", include_str!("../../configs/noise.toml")),
     ("scenes/still-life.toml", include_str!("../../scenes/still-life.toml")),
@@ -112,7 +115,9 @@ fn text(noise: &Noise) -> String {
     }
     lines.extend(causes.device_clock_mhz.map(|mhz| format!("  the device ran at {mhz:.0} MHz")));
     lines.extend(
-        causes.throttled_samples.map(|count| format!("  the device throttled in {}", samples(count))),
+        causes
+            .throttled_samples
+            .map(|count| format!("  the device throttled (reduced its clock rate) in {}", samples(count))),
     );
     lines.extend(causes.threads.map(|threads| format!("  the device used {threads} threads")));
     lines.join("\n")
@@ -123,7 +128,7 @@ mod tests {
     use super::*;
     use crate::record::Causes;
 
-    /// Returns the lines of a text, with single spaces.
+    /// Returns the lines of the text that reports this noise; several spaces in a row are replaced by one.
     fn lines(noise: &Noise) -> Vec<String> {
         text(noise).lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
     }
@@ -162,7 +167,7 @@ mod tests {
                 "a cache line took 20 to 90 ns from one processor to another".to_owned(),
                 "processors ran at 1200 to 3400 MHz, governor powersave".to_owned(),
                 "the device ran at 1980 MHz".to_owned(),
-                "the device throttled in 7 samples".to_owned(),
+                "the device throttled (reduced its clock rate) in 7 samples".to_owned(),
                 "the device used 6 threads".to_owned(),
             ]
         );

@@ -22,31 +22,14 @@ pub struct Args {
     #[arg(long, value_name = "MAJOR.MINOR", conflicts_with = "paper")]
     compute_capability: Option<String>,
     /// Registers per work-item
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 32,
-        allow_negative_numbers = true,
-        conflicts_with = "paper"
-    )]
+    #[arg(long, value_name = "N", default_value_t = 32, conflicts_with = "paper")]
     registers: u32,
     /// __local bytes per work-group
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        allow_negative_numbers = true,
-        conflicts_with = "paper"
-    )]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
     local_bytes: u32,
-    /// __local bytes per work-item, added to the __local bytes per work-group (the paper's optimisation 1 uses 108)
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 0,
-        allow_negative_numbers = true,
-        conflicts_with = "paper"
-    )]
+    /// __local bytes per work-item, added to the __local bytes per work-group (optimisation 1 of the student paper that
+    /// raycl repeats uses 108)
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with = "paper")]
     local_bytes_per_item: u32,
     /// Local sizes, such as 8x8,64x1
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
@@ -55,7 +38,8 @@ pub struct Args {
     /// contains its kernels' numbers of registers. DIR is a folder of results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print the paper's Figure 5, and how many threads per multiprocessor the paper's 63 registers per work-item allow
+    /// Print Figure 5 of the student paper that raycl repeats, and how many threads per multiprocessor the paper's 63
+    /// registers per work-item allow
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table
@@ -103,7 +87,7 @@ impl FromStr for LocalSize {
     }
 }
 
-/// The inputs that all rows of a table share.
+/// The inputs of the prediction that all rows of a table share.
 struct Question {
     sm: &'static Multiprocessor,
     registers: u32,
@@ -164,8 +148,8 @@ fn question_text(question: &Question, sizes: &[LocalSize]) -> String {
     }
     let Multiprocessor { compute_capability, warps, groups, registers, local_bytes, .. } = question.sm;
     format!(
-        "Compute capability {compute_capability}, {} registers per work-item. A multiprocessor holds {groups} groups, \
-         {warps} warps,\n{registers} registers and {} KiB of __local memory at once.\n{table}",
+        "Compute capability {compute_capability}, {} registers per work-item. A multiprocessor holds at most {groups} \
+         work-groups, {warps} warps,\n{registers} registers and {} KiB of __local memory at once.\n{table}",
         question.registers,
         local_bytes / 1024
     )

@@ -1,5 +1,5 @@
-//! Standard output for every subcommand. `println!` panics if the reader has closed the pipe (`raycl devices
-//! | head -1`), so no subcommand uses it.
+//! Standard output for every subcommand. `println!` panics if the reader has closed the pipe (`raycl devices | head
+//! -1`), so no subcommand uses `println!`.
 
 use std::io::{ErrorKind, Write as _};
 
@@ -39,7 +39,7 @@ pub fn end_at_once() {
 
 /// Writes `text` to standard error, unless `quiet` is set, for commands that write a picture to standard output.
 pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
-    // If standard error is closed, the picture is still complete.
+    // If standard error is closed, the error is ignored, since the picture is complete nevertheless.
     let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };
     Ok(())
 }

@@ -102,7 +102,7 @@ impl Wanted<'_> {
             let found = self.measured_apart(pattern);
             // Ctrl-C also reaches the child process, which may be waiting for the device.
             if interrupted.load(Ordering::Relaxed) {
-                return Err(Error::interrupted("the devices were being measured"));
+                return Err(Error::interrupted("the devices' peak rates were being measured"));
             }
             add_new(&mut all, found?);
         }
@@ -135,7 +135,7 @@ fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
 }
 
-/// Adds the devices that are not in the list yet, since several patterns may match the same device.
+/// Adds the devices that are not in the list yet, so that a device that several patterns match is listed only once.
 fn add_new(all: &mut Vec<Peak>, found: Vec<Peak>) {
     for peak in found {
         if all.iter().all(|known| known.device != peak.device) {

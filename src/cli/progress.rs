@@ -12,8 +12,8 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's layout. The text at the bar's end is the latest argument of `works_on`. On a terminal of 80 columns, about
-/// 40 columns are left for this text.
+/// The bar's layout. The text at the bar's end describes the current work; it is the text that was last passed to
+/// `works_on`. On a terminal of 80 columns, about 40 columns are left for this text.
 const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
 
 /// Writes the time left; `?` if no step has finished yet.
@@ -59,13 +59,15 @@ impl Observer for Bar {
     }
 }
 
-/// Prints a line to standard error for every finished point. The points of a group are finished together, after all
-/// launches, so a line about the current work is printed after a minute without a line.
+/// Prints a line to standard error for every finished point. All points of a group (points that are compared with each
+/// other) are finished at the same time, after the last launch (worker process). So no point may be finished for a long
+/// time; after each minute without a line, a line about the current work is printed.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
     done: usize,
-    /// Number of steps of all points; `taken` is the number of finished steps.
+    /// Number of steps of all points; a step is one launch (worker process) of one point. `taken` is the number of
+    /// finished steps.
     steps: usize,
     taken: usize,
     /// When this run's first point began, and the number of steps finished by then.
@@ -94,7 +96,7 @@ impl Lines {
         format!(", about {:#} left", HumanDuration(left))
     }
 
-    /// Returns a line with the progress and this text, and remembers that a line was printed.
+    /// Returns a line with the progress followed by `text`, and remembers that a line was printed.
     fn line(&mut self, text: &str) -> String {
         self.printed_at = Some(Instant::now());
         format!("[{}/{}{}] {text}", self.done, self.points, self.left())
@@ -146,7 +148,7 @@ impl Observer for Lines {
     fn ends(&mut self) {}
 }
 
-/// Shows several runs as one, with counts that continue from run to run.
+/// Shows the progress of several runs like that of one run: the counts continue from run to run.
 pub struct Stages {
     inner: Box<dyn Observer>,
     /// Number of points and of steps in all runs.
@@ -252,7 +254,7 @@ mod tests {
     use super::*;
     use std::sync::{Arc, Mutex};
 
-    /// Records every call.
+    /// An observer that stores the name and the arguments of every call.
     #[derive(Clone, Default)]
     struct Heard(Arc<Mutex<Vec<String>>>);
 
@@ -361,7 +363,7 @@ mod tests {
         assert_eq!(lines.left(), ", about 3m left");
         lines.taken = 30;
         assert_eq!(lines.left(), "");
-        // The time of an earlier stage says nothing about the time of the next stage.
+        // After one of several runs (a stage) has ended, its time says nothing about the time of the next run.
         lines.resumes(5, 15);
         assert_eq!(lines.left(), "");
     }

@@ -11,7 +11,7 @@ const RENAMED: [(ContextKind, &str, &str); 2] = [
     (ContextKind::InvalidArg, "--limits", "--peak"),
 ];
 
-/// Returns the error, with the new word if an old one was typed.
+/// Returns the error. If the user typed an old name, the error also names the new one.
 pub fn explain(mut error: clap::Error) -> clap::Error {
     let typed = |kind, old: &str| match error.get(kind) {
         Some(ContextValue::String(word)) => word.split('=').next() == Some(old),
@@ -55,7 +55,7 @@ mod tests {
             assert_eq!(error.to_string().matches("tip:").count(), 1, "{error}");
             assert!(error.to_string().contains(new), "{error}");
         }
-        // `--peak` is not suggested if the command does not have this option.
+        // `--limits` is an old name of `--peak`. If a command has no option `--peak`, the error does not suggest it.
         let other =
             explain(Cli::try_parse_from(["raycl", "render", "a.toml", "--limits"]).expect_err("no option"));
         assert!(!other.to_string().contains("--peak"), "{other}");

@@ -90,8 +90,8 @@ pub struct Args {
     /// With --repeat: if another process is measuring on the device, end at once instead of waiting for it
     #[arg(long, requires = "repeat")]
     no_wait: bool,
-    /// Compare the picture with that of the serial reference, and exit with 1 if the picture is wrong. With =N, compare
-    /// only N random pixels
+    /// Compare the picture with the reference picture, which the host casts in double precision, and exit with code 1
+    /// if the picture is wrong. With =N, compare only N random pixels
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, value_parser = clap::value_parser!(u32).range(1..))]
     verify: Option<Option<u32>>,
     /// Render the picture again whenever a file of the scene or a kernel file of --cl-dir changes; Ctrl-C ends the
@@ -163,8 +163,8 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    // A picture that `hurry` may cast needs no test of the lane operations: it uses hurry::QUICK or a program that an
-    // earlier start has compiled.
+    // If `hurry` may choose the strategy, the device's lane operations need not be tested now: the picture is cast with
+    // the preset hurry::QUICK, or with a program that an earlier start of raycl has compiled.
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
@@ -175,7 +175,7 @@ fn render(args: &Args) -> Result<()> {
         session.verifying(args.verify.is_some()).with_program(early).with_tree(tree).rounding_stacks();
     let ((strategy, local_size), later) = hurry::choose(args, &device.info, &scene, &mut session, fastest);
     let prepared = args.subject.prepare(&mut session, &strategy, local_size);
-    let prepared = prepared.map_err(|refused| refused.into_error(&device.info.name))?;
+    let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
     let tree_ms = if tree_was_built && later.is_none() { 0.0 } else { prepared.tree_ms() };
     let parts = [("tree", tree_ms), ("build", prepared.build_wait_ms), ("upload", prepared.upload_ms())];
     timeline.ends_with("buffers", &parts);
@@ -230,7 +230,8 @@ fn judged(
     args.verify.map(check).transpose()
 }
 
-/// Saves a picture. Returns the picture's radiance; `None` if the picture has only displayed colours.
+/// Saves a picture. Returns the picture's radiance; `None` if only the displayed 8-bit colours were read from the
+/// device.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),
@@ -239,8 +240,8 @@ fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<O
     }
 }
 
-/// Returns whether only displayed colours are needed, which a device can compute. Verification, layers and
-/// some file formats need radiance.
+/// Returns whether only the displayed 8-bit colours of the picture are needed, which a device can compute.
+/// Verification, layers and some file formats need radiance instead.
 fn may_be_shown(args: &Args, target: &Target) -> bool {
     args.verify.is_none() && args.layers.is_none() && shows_8_bits(target.path())
 }
@@ -260,12 +261,12 @@ fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
     Ok(())
 }
 
-/// Returns notes that do not come from the scene's file.
+/// Returns the notes for the user that do not come from the scene's file.
 fn last_notes(scene: &Scene, samples: u32) -> impl Iterator<Item = String> {
     hard(scene, samples).into_iter().chain(dirty_program())
 }
 
-/// Returns a note if soft lights are treated as points.
+/// Returns a note if lights with a radius are treated as points, because each pixel gets only one sample.
 fn hard(scene: &Scene, samples: u32) -> Option<String> {
     let soft = scene.lights.iter().filter(|light| light.radius > 0.0).count();
     let told = || {
@@ -300,8 +301,8 @@ fn target(args: &Args) -> Target {
     Target::new(args.output.clone().unwrap_or_else(default), choice)
 }
 
-/// Returns the files of `--layers`, if requested. A .png of a layer must not replace the picture. An .exr may replace
-/// it, since an .exr also contains the picture.
+/// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the picture. The
+/// .exr file of all layers may have this path, since it also contains the picture.
 fn layer_files(args: &Args, picture: &Target) -> Result<Vec<Target>> {
     let choice = Choice { force: args.force, elsewhere: "--layers FILE" };
     args.layers.as_ref().map_or(Ok(Vec::new()), |path| layer_targets(&Target::new(path, choice), picture))

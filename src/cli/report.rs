@@ -30,8 +30,8 @@ pub struct Args {
     quiet: bool,
 }
 
-/// Writes the report. For a single folder without --out, also regenerates the folder's summaries. The command
-/// reads records and pictures, and uses no device.
+/// Writes the report. For a single folder without --out, also writes the folder's summary.md and summary.csv again. The
+/// command reads records and pictures, and uses no device.
 pub fn run(args: Args) -> Result<()> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     let mut out = OutFolder::open(out, Choice { force: args.force, elsewhere: "--out DIR" })?;
@@ -40,8 +40,8 @@ pub fn run(args: Args) -> Result<()> {
     folders.iter().for_each(|folder| tell_damage(folder, args.quiet));
     let written = report::write(&folders, &mut out)?;
     if let ([folder], None) = (&folders[..], &args.out) {
-        let of_config = |key| folder.config(key).unwrap_or_default();
-        folder.summarise(&of_config("question"), &of_config("expectation"))?;
+        let (question, expectation) = folder.question();
+        folder.summarise(&question, &expectation)?;
     }
     let (plots, count) = &written.plots;
     if args.json {

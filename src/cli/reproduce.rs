@@ -25,14 +25,14 @@ pub struct Args {
     /// settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder in which to write a folder of results for each config, and the page
+    /// The folder in which to write a folder of results for each config, and the page that judges the paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
     /// Write into DIR even if DIR contains files that raycl did not write. Files in DIR with the name of a page or plot
     /// are replaced; existing results are kept
     #[arg(long)]
     force: bool,
-    /// Change a value in every config
+    /// Change a value in the configs of all experiments
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
@@ -63,8 +63,10 @@ pub fn run(args: Args) -> Result<()> {
     say_where(&args, &write_page(&mut out)?)?;
     match failed.as_slice() {
         [] => Ok(()),
-        some => Err(Error::run(some.join("; "))
-            .with_help("the page was written nevertheless; each folder's summary.md gives the reasons")),
+        some => Err(Error::run(some.join("; ")).with_help(
+            "the reproduction's page was written nevertheless; for each config, the file summary.md in the \
+                 config's folder of results says why points were not measured",
+        )),
     }
 }
 
@@ -108,7 +110,8 @@ fn arguments(args: &Args, name: &str) -> run::Args {
 /// that says how to continue.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
-    let page = write_page(out).map_or(String::new(), |page| format!("the page so far: {}\n", page.display()));
+    let page = write_page(out)
+        .map_or(String::new(), |page| format!("a page of the finished points: {}\n", page.display()));
     let help = format!("{page}to continue from here: {}", resuming(args));
     match error {
         Error::Interrupted { .. } => {
@@ -130,7 +133,7 @@ fn resuming(args: &Args) -> String {
     words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Prints the paths of each config's report and of the page.
+/// Prints the path of each config's report, and the path of the page.
 fn say_where(args: &Args, page: &Path) -> Result<()> {
     if args.quiet {
         return Ok(());
@@ -141,12 +144,12 @@ fn say_where(args: &Args, page: &Path) -> Result<()> {
     super::print(format!("Reproduction: {}", page.display()))
 }
 
-/// Returns the existing folders of results.
+/// Returns those folders of the configs' results that exist.
 fn present(out: &Path) -> impl Iterator<Item = PathBuf> {
     CONFIGS.iter().map(|(name, _)| out.join(name)).filter(|folder| folder.join("records.jsonl").exists())
 }
 
-/// Writes copies of the configs and scenes into the folder.
+/// Writes copies of the paper's configs and scenes into the output folder.
 fn unpack(out: &mut OutFolder) -> Result<()> {
     let scenes = SCENES.files().filter_map(|file| Some((file.path().to_str()?, file.contents_utf8()?)));
     let scenes = scenes.map(|(name, text)| (format!("scenes/{name}"), alone(text)));
@@ -154,7 +157,7 @@ fn unpack(out: &mut OutFolder) -> Result<()> {
     out.write(&configs.chain(scenes).collect::<Vec<_>>())
 }
 
-/// Returns a file's text without the line that names its schema for editors, since the schema is not in this
+/// Returns a file's text without the line that names its schema for editors, since the schema is not in the output
 /// folder.
 fn alone(text: &str) -> Vec<u8> {
     let rest =

@@ -12,7 +12,7 @@ use crate::rule::{Case, Measured, Sweep, cases, source};
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
-/// The default number of rounds. The shortest time of all rounds counts.
+/// The default number of rounds. Each candidate strategy is timed in every round, and its shortest time counts.
 const ROUNDS: u32 = 5;
 
 /// Arguments of `raycl rule`.
@@ -40,10 +40,11 @@ pub struct Args {
     /// Write the measurements (the sweep) to this file
     #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
-    /// Compute the rule's constants from stored measurements, and print them as source code
+    /// Compute the constants of the rule by which `render` chooses a strategy, from stored measurements (sweeps), and
+    /// print the constants as source code
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with_all = ["cases", "show"])]
     fit: Vec<PathBuf>,
-    /// Print the rule's choices for stored measurements
+    /// Print the strategies that `render` chooses for the cases of stored measurements (sweeps), and the fastest ones
     #[arg(long, value_name = "SWEEP", num_args = 1.., conflicts_with = "cases")]
     show: Vec<PathBuf>,
 }
@@ -151,7 +152,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
-        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} within 5% of the best, {} within 10%; the worst choice takes {worst:.3} times as long as the best",
+        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%; the worst choice takes {worst:.3} times as long as the best strategy",
         sweep.device,
         sweep.date,
         sweep.rounds,
@@ -177,7 +178,8 @@ mod tests {
     #[test]
     fn the_choices_within_5_and_10_per_cent_of_the_best_are_counted_and_the_worst_is_told() {
         let class = Class::TilesInVectors;
-        // With a million triangles, the rule never chooses exhaustive casting, which is the fastest here.
+        // With a million triangles, the rule never chooses exhaustive casting. In this test's made-up times, however,
+        // exhaustive casting is the fastest.
         let task = Task { triangles: 1_000_000, pixels: 400_000, ..Task::default() };
         let choice = class.constants(false).unwrap().way(&task, 2).name();
         let case = |name: &str, chosen_ms: Option<f64>| {
@@ -199,12 +201,15 @@ mod tests {
         let told = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
         let told = told.replace(['│', '┆'], " ");
         assert!(told.starts_with("device    a device, 2026-01-02: least of 7 rounds\n"), "{told}");
-        let last = "choices   2 of 4 within 5% of the best, 3 within 10%; the worst choice takes 1.250 times as long as the best";
+        let last = "choices   2 of 4 take at most 5% longer than the best strategy, 3 at most 10%; the worst choice takes 1.250 times as long as the best strategy";
         assert!(told.ends_with(last), "{told}");
         let row = told.lines().find(|line| line.contains(" three ")).unwrap();
         let words: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(words, ["three", "1000000", "400000", choice, "5.000", "exhaustive", "4.000", "1.250"]);
         let refused = text(&sweep(vec![case("refused", None)])).unwrap();
-        assert!(refused.contains(" refused ") && refused.contains("0 of 1 within 5%"), "{refused}");
+        assert!(
+            refused.contains(" refused ") && refused.contains("0 of 1 take at most 5% longer"),
+            "{refused}"
+        );
     }
 }

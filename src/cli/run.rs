@@ -110,9 +110,9 @@ pub struct Args {
     /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With --cl-dir given twice: exit with 1 if the second folder causes a statistically significant slowdown of more
-    /// than PERCENT (of a point, of the mean of a strategy's points, or of the mean of all points except baselines), or
-    /// if a point can be measured only with the first folder
+    /// With --cl-dir given twice: exit with code 1 if the second folder's kernels cause a statistically significant
+    /// slowdown of more than PERCENT (of a point, of the mean of a strategy's points, or of the mean of all points
+    /// except baselines, which do not use OpenCL), or if a point can be measured only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
@@ -219,7 +219,7 @@ fn run_of<'a>(
     })
 }
 
-/// Returns all devices of this machine, or the stand-in device of `--asleep`.
+/// Returns all devices of this machine. For tests with `--asleep`, returns only a stand-in for a device.
 fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     match args.asleep {
         Some(frame_ms) => Ok(vec![asleep::device(frame_ms)]),
@@ -227,11 +227,12 @@ fn listed(args: &Args) -> Result<Vec<DeviceInfo>> {
     }
 }
 
-/// Refuses a folder of shards. The results in such a folder are merged from attempts, so a run must not write there.
+/// Refuses a folder into which `raycl run --shard` writes. `raycl merge` writes the results in such a folder, so a run
+/// without shards must not write results there.
 fn refuse_shards(out: &Path) -> Result<()> {
     match ShardPlan::read(out)? {
         Some(plan) => Err(Error::input(format!(
-            "{} holds an experiment in {} shards",
+            "{} holds an experiment that is divided into {} shards",
             out.display(),
             plan.header.shards
         ))
@@ -311,8 +312,8 @@ fn chosen<'d>(
     found.map_err(|error| if named { error } else { settings::blame_device(error) })
 }
 
-/// Returns the words that select devices: from the arguments, else from the config, else from the user's settings,
-/// else `all`.
+/// Returns the words by which devices are selected: those from the arguments, else from the config, else from the
+/// user's settings, else `all`.
 fn patterns(args: &Args, experiment: &Experiment) -> Vec<String> {
     match (args.device.as_slice(), experiment.devices.as_slice()) {
         ([], []) => vec![settings::device().unwrap_or_else(|| "all".to_owned())],
@@ -344,7 +345,8 @@ fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
 fn interrupt_flag() -> Result<Arc<AtomicBool>> {
     let interrupted = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        // The order matters: a signal first shuts raycl down if the flag is already set, and only then sets the flag.
+        // The order of the two calls matters: on a signal, the handler registered first ends raycl if the flag is
+        // already set; the handler registered second then sets the flag.
         flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
             .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
             .map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))?;
@@ -416,7 +418,7 @@ mod tests {
         assert_eq!((of([false, true]).resume, of([false, true]).force), (false, true));
         assert_eq!((args.config, args.out), (PathBuf::from("a.toml"), Some(PathBuf::from("out"))));
         assert_eq!((args.device, args.set), (words(&["cpu"]), set.to_vec()));
-        // Without `--hang-limit`, `raycl run` has the same time limit.
+        // If a run is started by another subcommand, its time limit equals the default of `raycl run --hang-limit`.
         let usual = fixtures::args(&["a.toml"]).hang_limit;
         assert_eq!((args.hang_limit, usual), (Duration::from_secs(600), Duration::from_secs(600)));
     }

@@ -12,7 +12,7 @@ use crate::{config, record, scene};
 
 If the first line of a TOML file is `#:schema PATH`, relative to the file, editors with support for JSON schemas (Even Better TOML, Taplo, Tombi) complete and check the file. The repository has all schemas in docs/schemas. raycl itself ignores that line. The schema of records describes the type of each field of records.jsonl.")]
 pub struct Args {
-    /// The kind of file
+    /// The kind of file that the schema describes
     #[arg(value_name = "WHAT")]
     what: What,
 }

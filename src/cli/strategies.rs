@@ -17,7 +17,7 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
   raycl render scenes/teapot.toml --strategy naive
   raycl render scenes/teapot.toml --strategy deferred,width=4,layout=soup
 
-A config lists presets in strategies = [\"naive\"]. A table [[strategy]] has a preset and axes; each axis has one value or a list of values.")]
+The config of an experiment lists presets in strategies = [\"naive\"]. A table [[strategy]] has a preset and axes; each axis has one value or a list of values.")]
 pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]
@@ -75,7 +75,7 @@ fn axis_text(axis: &AxisInfo) -> String {
     let wide = values.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
     let mut text = format!("{}: {}\n", axis.name, axis.about);
     for (name, about) in values {
-        // Writing to a String cannot fail.
+        // Writing to a `String` cannot fail, so the result is ignored.
         let _ = writeln!(text, "  {name:wide$}  {about}");
     }
     text + "\n"

@@ -22,10 +22,10 @@ pub struct Subject {
     /// A scene TOML, or a bare mesh (OBJ, PLY, STL, glTF or GLB, also compressed as .gz); - reads standard input
     pub scene: PathBuf,
     /// Pixels across
-    #[arg(long, default_value_t = 1280, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 1280, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub width: u32,
     /// Pixels down
-    #[arg(long, default_value_t = 800, allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, default_value_t = 800, value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub height: u32,
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
     /// else the most capable device]
@@ -59,15 +59,16 @@ impl Subject {
         [self.width, self.height]
     }
 
-    /// Loads the scene. A scene without a camera is framed so that it fills the picture.
+    /// Loads the scene. If the scene has no camera, raycl places one so that the scene fills the picture.
     pub fn load(&self, turns: bool, dressed: bool) -> Result<Loaded> {
         let aspect = f64::from(self.width) / f64::from(self.height);
         let most_triangles = self.needs_tree().then_some(WideBvh::MAX_INDEX as u64);
         load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed, most_triangles })
     }
 
-    /// Returns whether the requested strategy needs a tree. If no strategy is requested, a scene with many triangles
-    /// gets one that does, such as `tile`. Mistakes in the strategy are told later, when it is chosen.
+    /// Returns whether the requested strategy needs a tree. If no strategy is requested, returns true, since a scene
+    /// with many triangles is then cast with a strategy that needs a tree, such as `tile`. Mistakes in the requested
+    /// strategy are reported later, when the strategy is chosen.
     fn needs_tree(&self) -> bool {
         let strategy = preset("tile")
             .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));
@@ -90,7 +91,8 @@ impl Subject {
         Ok((strategy, self.local_size.unwrap_or(usual)))
     }
 
-    /// Builds the program and uploads the scene. If no local size is requested, a work-group gets as many tiles as fit.
+    /// Builds the program and uploads the scene. If no local size is requested and work-items share tiles, a work-group
+    /// gets as many tiles as fit on the device.
     pub fn prepare(
         &self,
         session: &mut Session,
@@ -158,7 +160,7 @@ mod tests {
         assert!(!needs_tree(Some("raster"), &[]) && !needs_tree(Some("naive"), &[]));
         assert!(!needs_tree(None, &[("traversal", "exhaustive")]));
         assert!(needs_tree(Some("deferred,traversal=bvh"), &[]));
-        // These are mistakes, which are told when the strategy is chosen.
+        // Both requests contain a mistake, which is reported later, when the strategy is chosen.
         assert!(!needs_tree(Some("nothing"), &[]) && !needs_tree(None, &[("width", "7")]));
     }
 
@@ -174,8 +176,8 @@ mod tests {
         assert!(away([10, 40]) > 1.5 * away([40, 10]), "{} {}", away([10, 40]), away([40, 10]));
     }
 
-    /// Not even a work-group with one tile fits on the device. The error message names the last local size that was
-    /// tried.
+    /// In this test, not even a work-group with one tile fits on the device, so the error message names the last local
+    /// size that was tried.
     #[test]
     fn a_local_size_is_made_smaller_unless_it_was_requested() {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");

@@ -94,7 +94,7 @@ struct Report {
     rays_per_s: f64,
 }
 
-/// Shows a scene until the user or a limit ends the view.
+/// Shows a scene until the user closes the view, or until `--frames` or `--seconds` ends it.
 pub fn run(args: Args) -> Result<()> {
     if let Some(graphics) = args.terminal {
         let terminal = Terminal::open(graphics)?;
@@ -166,13 +166,13 @@ fn text(report: &Report) -> String {
     .join("\n")
 }
 
-/// Says that the kernel's time is a median, if there are several frames.
+/// Returns a remark that the kernel's time is a median, if there are several frames.
 fn kernel_remark(report: &Report) -> String {
     let frames = || format!(", the median of {}", counted(report.frames as usize, "frame"));
     (report.frames > 1).then(frames).unwrap_or_default()
 }
 
-/// Returns the frames per second. One frame has no rate.
+/// Returns the frames per second as text. A single frame has no rate.
 fn frames_per_s(report: &Report) -> String {
     let rate = || format!("{:.1} frames/s, ", report.frames_per_s);
     (report.frames > 1).then(rate).unwrap_or_default()

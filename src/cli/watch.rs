@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Extensions of files that may affect the picture even if they have not been read. Formats of pictures are not listed,
-/// so that pictures that other commands write do not count.
+/// Extensions of files that may affect the picture even if they have not been read. Extensions of pictures are not
+/// listed, so that pictures that other commands write cause no new rendering.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
-/// Editors write a file in several steps. The file counts as complete this long after the last step.
+/// Editors write a file in several steps. A file counts as complete if this much time has passed since the last step.
 const QUIET: Duration = Duration::from_millis(80);
 
 /// Files that are watched.
@@ -27,8 +27,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Watches the source files in `folders` (and in their subfolders, if recursive) and all files of `inputs`, except
-    /// those of `written`.
+    /// Watches the source files in `folders` (and in their subfolders, if recursive) and all files of `inputs`. Files
+    /// of `written` are not watched.
     pub fn new(
         folders: &[(PathBuf, RecursiveMode)],
         written: &[PathBuf],
@@ -43,7 +43,7 @@ impl Watched {
         let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();
         let tell = move |event: notify::Result<notify::Event>| {
             if event.is_ok_and(|event| matters(&event, &written, inputs)) {
-                // The receiver is gone only when the program ends.
+                // Sending fails only if the receiver is gone, which happens only when the program ends.
                 let _ = sender.send(());
             }
         };
@@ -77,7 +77,7 @@ impl Watched {
     }
 }
 
-/// Returns whether watching the first folder, to its depth, also covers the second folder.
+/// Returns whether a watch on the first folder, recursive or not, also covers the second folder.
 fn covers((watched, depth): &(PathBuf, RecursiveMode), folder: &Path) -> bool {
     watched == folder || *depth == RecursiveMode::Recursive && folder.starts_with(watched)
 }
@@ -118,12 +118,13 @@ fn is_source(path: &Path) -> bool {
     path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
-/// Waits for a change, and then until changes have paused; returns false if no more changes can come.
+/// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes can
+/// come.
 fn next_change(changes: &Receiver<()>) -> bool {
     changes.recv().is_ok() && quiet(changes)
 }
 
-/// Waits for the pause after a change; returns false if no more changes can come.
+/// Waits until no file has changed for the time `QUIET`; returns false if no more changes can come.
 fn quiet(changes: &Receiver<()>) -> bool {
     loop {
         match changes.recv_timeout(QUIET) {

@@ -148,8 +148,8 @@ fn toml_line(key: &str, value: &str) -> Result<String> {
     }
 }
 
-/// Merges `above` into `below`: tables are merged, and all other values are replaced. [`merge`] also merges a table
-/// into an array if the table's keys are indices of the array.
+/// Merges the overrides `above` into the file's values `below`: tables are merged, and all other values are replaced.
+/// [`merge`] also merges a table into an array if the table's keys are indices of the array.
 fn merge_tables<'i>(below: &mut DeTable<'i>, above: DeTable<'i>) {
     for (key, value) in above {
         match below.get_mut(key.get_ref().as_ref()) {

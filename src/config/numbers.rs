@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in the range. For any other value, the error message uses the name `what`.
+/// Returns `value` if it is in the range. The error for any other value calls it `what`.
 pub fn whole(
     document: &Document,
     value: i64,

@@ -48,13 +48,13 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     })
 }
 
-/// Returns a short error for a file that is not a scene; `None` if it is one.
+/// Returns a short error for a file that is recognised as neither a scene nor a mesh; `None` for any other file.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let filetype = Opened::at(path).ok()?.filetype;
     filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)
 }
 
-/// Returns every combination of an entry's values.
+/// Returns a scene for every combination of the values in a `[[scene]]` entry.
 fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
     let mut choices = vec![find(document, &entry.file, folder)?];
     for (key, values) in &entry.set {

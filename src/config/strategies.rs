@@ -16,7 +16,8 @@ use crate::strategy::{AXES, Preset, Strategy, preset};
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,
-    /// The axes that are part of the name, as `axis=value`: those that differ from the preset or vary within the entry.
+    /// The axes that are part of the name, as `axis=value`: those that differ from the preset, or that have several
+    /// values in the `[[strategy]]` entry.
     told: Vec<String>,
 }
 
@@ -74,7 +75,7 @@ fn whole_preset(preset: &Preset, sizes: &[[u32; 2]], meant_for: Option<DeviceKin
     }
 }
 
-/// Returns a strategy for every combination of the entry's values.
+/// Returns a strategy for every combination of the values in a `[[strategy]]` entry.
 fn product(
     document: &Document,
     config: &wire::Experiment,
@@ -145,7 +146,7 @@ fn vary(
     Ok(varied)
 }
 
-/// Names a draft. Fails if the combination of its values is not allowed.
+/// Names a draft and makes a strategy from it. Fails if the combination of its values is not allowed.
 fn named(
     document: &Document,
     entry: &StrategyEntry,
@@ -170,8 +171,9 @@ fn named(
     })
 }
 
-/// Returns the entry's own name, followed by the axes for which the entry lists several values. If the entry has no
-/// name, returns the preset's name, followed by these axes and by every axis that differs from the preset.
+/// Returns the name that the `[[strategy]]` entry sets, followed by the axes for which the entry lists several values.
+/// If the entry sets no name, returns the preset's name, followed by these axes and by every axis that differs from the
+/// preset.
 fn full_name(entry: &StrategyEntry, draft: &Draft, preset: &Preset) -> String {
     let Some(name) = &entry.name else {
         return [&[preset.name.to_string()], draft.told.as_slice()].concat().join("+");

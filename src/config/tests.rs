@@ -89,6 +89,16 @@ fn every_config_of_the_repository_loads() {
 }
 
 #[test]
+fn scenes_have_a_limit_of_triangles_if_every_strategy_needs_a_tree() {
+    let most = |text: &str| load_with(text, &[]).unwrap().scenes[0].most_triangles;
+    let named = |strategies: &str| GOOD.replace(r#"["naive", "local-vectors"]"#, strategies);
+    let trees = named(r#"["bvh", "tile"]"#);
+    assert_eq!(most(&trees), Some(1 << 25));
+    assert_eq!(most(&named(r#"["bvh", "naive"]"#)), None);
+    assert_eq!(most(&format!("baselines = [\"serial\"]\n{trees}")), None);
+}
+
+#[test]
 fn lists_of_axes_give_their_product() {
     let text = format!(
         "{GOOD}[[strategy]]\npreset = \"compounded\"\nvectors = [\"private\", \"local\"]\n\
@@ -161,8 +171,14 @@ fn a_misspelt_key_names_the_nearest() {
 }
 
 #[test]
+fn an_experiment_without_a_question_is_named_after_its_file() {
+    let experiment = load_with(&GOOD.replace("question", "#").replace("expectation", "#"), &[]).unwrap();
+    assert_eq!((experiment.question.as_str(), experiment.expectation.as_str()), ("test", ""));
+}
+
+#[test]
 fn a_missing_key_is_named() {
-    refuses(&GOOD.replace("question", "#"), &["the key 'question' is missing", "test.toml:1:1"]);
+    refuses(&GOOD.replace("image_sizes", "#"), &["the key 'image_sizes' is missing", "test.toml:1:1"]);
     refuses(&format!("{GOOD}[[strategy]]\nwidth = 4\n"), &["no preset", "test.toml:7:1", "raycl strategies"]);
 }
 
@@ -290,7 +306,7 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     let origin = &experiment.scenes[2].overrides[1].origin;
     let line = GOOD.lines().count() + 3;
     assert!(origin.ends_with(&format!(":{line}: object.0.triangles = 2000")), "{origin}");
-    // `[[scene]]` entries are enough without `scenes`, and a repeated entry adds no scene.
+    // A config with `[[scene]]` entries needs no `scenes`, and a repeated entry adds no scene.
     let only = GOOD.replace("scenes = ", "# ") + entry + entry;
     assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
 }
@@ -429,7 +445,7 @@ fn a_message_and_its_label_are_not_mixed_up() {
         (format!("{GOOD}[[strategy]]\nwidth = 4\n"), "this strategy has no preset"),
         (GOOD.replace("local_sizes", "#"), "strategy 'naive' has no local sizes"),
         (GOOD.replace("teapot", "xyz"), "there is no scene file '../scenes/xyz.toml'"),
-        (GOOD.replace("question", "#"), "the key 'question' is missing"),
+        (GOOD.replace("image_sizes", "#"), "the key 'image_sizes' is missing"),
     ] {
         assert_eq!(load_with(&text, &[]).expect_err("it was accepted").to_string(), message);
     }

@@ -11,13 +11,13 @@ use crate::strategy::Strategy;
 /// A question, and the scenes, devices, image sizes and strategies whose combinations are measured to answer it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Experiment {
-    /// The config's file stem.
+    /// The config's file name without its extension.
     pub name: String,
     /// The config file.
     pub path: PathBuf,
-    /// The question that the experiment answers.
+    /// The question that the experiment answers; the config's name if it states none.
     pub question: String,
-    /// The expected answer, written before measuring.
+    /// The expected answer, written before measuring; empty if the config states none.
     pub expectation: String,
     /// The scenes. Each file existed when the config was read.
     pub scenes: Vec<SceneChoice>,
@@ -52,12 +52,21 @@ pub struct SceneChoice {
     pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
+    /// The largest number of triangles in a scene that at least one of the config's strategies and baselines can cast;
+    /// `None` if there is no such limit.
+    pub most_triangles: Option<u64>,
 }
 
 impl SceneChoice {
     /// Returns a choice of the file without changes.
     pub fn file(path: impl Into<PathBuf>) -> Self {
-        Self { path: path.into(), named_in: PathBuf::new(), overrides: Vec::new(), suffix: String::new() }
+        Self {
+            path: path.into(),
+            named_in: PathBuf::new(),
+            overrides: Vec::new(),
+            suffix: String::new(),
+            most_triangles: None,
+        }
     }
 
     /// Loads the scene with the changed values.
@@ -66,7 +75,8 @@ impl SceneChoice {
     ///
     /// The same as those of [`load_scene_named_in`].
     pub fn load(&self) -> Result<Loaded> {
-        let mut loaded = load_scene_named_in(&self.named_in, &self.path, &self.overrides)?;
+        let mut loaded =
+            load_scene_named_in(&self.named_in, &self.path, &self.overrides, self.most_triangles)?;
         loaded.scene.name.push_str(&self.suffix);
         Ok(loaded)
     }
@@ -94,10 +104,13 @@ pub struct NamedStrategy {
 }
 
 impl NamedStrategy {
-    /// Returns why the strategy is not measured on devices of this kind; `None` if it is.
+    /// Returns why the strategy is not measured on devices of this kind; `None` if it is measured on them.
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;
-        Some(format!("meant for {}; set any_kind = true in its entry to measure it here too", meant.plural()))
+        Some(format!(
+            "meant for {}; set any_kind = true in its [[strategy]] entry to measure it here too",
+            meant.plural()
+        ))
     }
 }
 
@@ -176,9 +189,9 @@ pub struct Timing {
     pub launches: u32,
     /// Smallest number of samples of a point, unless the time is up.
     pub min_samples: u32,
-    /// Largest number of samples of a point; its group stops at this number.
+    /// Largest number of samples of a point. A group stops when its points have this many samples.
     pub max_samples: u32,
-    /// Milliseconds for the samples of a point, averaged over its group.
+    /// Limit, in milliseconds, of the time for the samples of a point, averaged over the points of its group.
     pub time_limit_ms: f64,
     /// Seed for the order of launches (worker processes) and rounds.
     pub seed: u64,
@@ -226,6 +239,14 @@ mod tests {
         assert_eq!(choice.load().unwrap().scene.name, "dots+crease=40");
         assert_eq!(choice.label(), "dots+crease=40");
         assert_eq!(SceneChoice::file(&path).load().unwrap().scene.name, "dots");
+    }
+
+    #[test]
+    fn a_shape_of_more_triangles_than_can_be_cast_is_not_made() {
+        let terrain = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain.toml");
+        let choice = SceneChoice { most_triangles: Some(10), ..SceneChoice::file(terrain) };
+        let error = choice.load().expect_err("it has more");
+        assert!(error.to_string().contains("expected at most 10"), "{error}");
     }
 
     #[test]

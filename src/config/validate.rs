@@ -11,6 +11,7 @@ use super::numbers::{real, whole};
 use super::sizes::{image_sizes, local_sizes};
 use super::types::{Baseline, Emulate, Experiment, Timing};
 use super::{scenes, strategies, wire};
+use crate::accel::WideBvh;
 use crate::error::{Result, nearest};
 
 /// The largest number of launches (worker processes) of a group.
@@ -20,7 +21,7 @@ pub(super) const MOST_SAMPLES: i64 = 1_000_000;
 
 /// Makes all checks that need no device.
 pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> Result<Experiment> {
-    let scenes = scenes::expand(document, &wire, path)?;
+    let mut scenes = scenes::expand(document, &wire, path)?;
     let local_sizes = local_sizes(document, &wire.local_sizes)?;
     let strategies = strategies::expand(document, &wire, &local_sizes)?;
     let baselines = baselines(document, &wire.baselines)?;
@@ -28,11 +29,18 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
         return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
     }
+    if baselines.is_empty() && strategies.iter().all(|named| named.strategy.needs_tree()) {
+        scenes.iter_mut().for_each(|scene| scene.most_triangles = Some(WideBvh::MAX_INDEX as u64));
+    }
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let stated = |text: &Option<Spanned<String>>, key| {
+        text.as_ref().map(|text| sentence(document, text, key)).transpose()
+    };
     Ok(Experiment {
-        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         path: path.to_path_buf(),
-        question: sentence(document, &wire.question, "question")?,
-        expectation: sentence(document, &wire.expectation, "expectation")?,
+        question: stated(&wire.question, "question")?.unwrap_or_else(|| name.clone()),
+        expectation: stated(&wire.expectation, "expectation")?.unwrap_or_default(),
+        name,
         scenes,
         compare_scenes: wire.compare_scenes,
         devices: devices(document, wire.devices)?,

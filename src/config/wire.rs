@@ -18,12 +18,12 @@ use crate::strategy::AXES;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// The question that the experiment answers, in a sentence.
-    #[schemars(with = "String", length(min = 1))]
-    pub question: Spanned<String>,
-    /// The expected answer, written before measuring.
-    #[schemars(with = "String", length(min = 1))]
-    pub expectation: Spanned<String>,
+    /// The question that the experiment answers, in a sentence [default: the name of the file].
+    #[schemars(with = "Option<String>", length(min = 1))]
+    pub question: Option<Spanned<String>>,
+    /// The expected answer, written before measuring [default: none].
+    #[schemars(with = "Option<String>", length(min = 1))]
+    pub expectation: Option<Spanned<String>>,
     /// Scene files, relative to this file.
     #[serde(default)]
     #[schemars(with = "Vec<String>")]

@@ -22,8 +22,8 @@ pub fn cache_advice() -> Option<String> {
     let named = std::env::var_os(FOLDER).map(PathBuf::from);
     let folder = named.or_else(default_folder).filter(|folder| !can_be_written(folder))?;
     Some(format!(
-        "PoCL lists no device if it cannot write the folder for its compiled kernels, here '{}'; \
-         set {FOLDER} to a folder that you can write",
+        "PoCL lists no device if it cannot write to its folder for compiled kernels, '{}'; \
+         set {FOLDER} to a folder to which you can write",
         folder.display()
     ))
 }
@@ -35,19 +35,12 @@ fn default_folder() -> Option<PathBuf> {
     Some(caches.join("pocl/kcache"))
 }
 
-/// Returns whether this process can write into a folder, or can create it where it does not exist.
-#[cfg(unix)]
+/// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
+/// this by writing a file without a name into the nearest existing folder. Permission bits alone show too little: for
+/// the superuser they permit writing even if the file system does not.
 fn can_be_written(folder: &Path) -> bool {
-    use rustix::fs::{Access, access};
-    let Some(existing) = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok()) else {
-        return false;
-    };
-    existing.is_dir() && access(existing, Access::WRITE_OK | Access::EXEC_OK).is_ok()
-}
-
-#[cfg(not(unix))]
-fn can_be_written(_: &Path) -> bool {
-    true
+    let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
+    existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
 }
 
 #[cfg(all(test, unix))]
@@ -61,6 +54,8 @@ mod tests {
         std::fs::write(&file, "").expect("a file");
         assert!(can_be_written(folder.path()) && can_be_written(&folder.path().join("a/b/c")));
         assert!(!can_be_written(&file) && !can_be_written(&file.join("a/b")));
+        #[cfg(target_os = "linux")]
+        assert!(!can_be_written(Path::new("/proc/a/b")), "not even the superuser can");
         std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
         assert!(!can_be_written(&folder.path().join("broken/a")));
     }

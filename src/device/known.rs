@@ -11,7 +11,7 @@ use crate::sources::Sources;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// The kind of these cache entries.
+/// The kind of the cache entries that contain lists of devices.
 const KIND: &str = "devices";
 /// Environment variables that make loaders look for drivers elsewhere.
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];

@@ -40,7 +40,7 @@ const LANES: usize = GROUP_LANES as usize;
 const GROUPS: usize = 4;
 /// Number of values that the test's kernel writes per lane.
 const ANSWERS: usize = 8;
-/// The lanes among which the test computes a rank, one bit per lane.
+/// A mask with one bit per lane. The test computes each lane's rank among the lanes whose bits are set.
 const AMONG: u32 = 0x0f0f_00ff;
 
 /// The file of the kernel that tests the operations.
@@ -48,7 +48,7 @@ const PROBE: &str = "probe/lanes.cl";
 
 impl LaneOperations {
     /// Returns the fastest number of tiles per work-group: several, if the work-items of one tile need not wait for
-    /// those of another tile.
+    /// those of another tile, and otherwise one.
     pub fn usual_groups(self) -> u32 {
         if self == Self::Barriers { 1 } else { GROUPS as u32 }
     }
@@ -230,7 +230,8 @@ mod tests {
         }
     }
 
-    /// The answers of lane 2 of group 1, computed by hand: lane n has the number (7 n + 1) mod 32.
+    /// The expected answers of lane 2 of group 1 were computed by hand. In this group, lane n has the number (7 n + 1)
+    /// mod 32.
     #[test]
     fn a_lane_answers_with_its_own_number_and_those_of_others() {
         let [_, fifth, _, _, _, _, mirrored, own] = answers(1, 2);

@@ -117,9 +117,9 @@ pub struct DeviceInfo {
     pub kind: DeviceKind,
     /// OpenCL extensions.
     pub extensions: Vec<String>,
-    /// Its limits.
+    /// The device's limits.
     pub limits: DeviceLimits,
-    /// Further properties of its hardware.
+    /// Further properties of the device's hardware.
     #[serde(default)]
     pub hardware: Hardware,
     /// Environment variables that affect what the device's driver compiles or how the driver runs, with their values in
@@ -168,8 +168,8 @@ impl DeviceInfo {
         }
     }
 
-    /// Returns a text that identifies the device and its driver. The text is used to find the device again, and is part
-    /// of the keys of stored points.
+    /// Returns a text that identifies the device and its driver. The text is used to find the device again. It is also
+    /// part of the keys under which measured points are stored.
     pub fn identity(&self) -> String {
         let twin =
             if self.twins_before > 0 { format!(" | #{}", self.twins_before + 1) } else { String::new() };
@@ -189,7 +189,7 @@ impl DeviceInfo {
     }
 
     /// Returns the facts beyond the device's identity that affect its times: compute units, cores, threads and the
-    /// driver's variables. These facts are part of the keys of stored points.
+    /// driver's variables. These facts are part of the keys under which measured points are stored.
     pub fn state(&self) -> String {
         let units = Some(format!("{} compute units", self.limits.compute_units));
         let cores = self.cores.map(|cores| format!("{cores} cores"));
@@ -239,9 +239,9 @@ impl DeviceInfo {
         self.extensions.iter().any(|extension| extension == name)
     }
 
-    /// Returns the largest number of bytes of `__local` memory that a kernel's *arguments* may take. With NVIDIA's
-    /// driver (580), a kernel may declare 48 KiB, but a kernel with an argument of 48 KiB fails to start. An argument
-    /// of 47 KiB works.
+    /// Returns the largest number of bytes of `__local` memory that a kernel's *arguments* may take. With version 580
+    /// of NVIDIA's driver, a kernel may declare 48 KiB, but a kernel with an argument of 48 KiB fails to start. An
+    /// argument of 47 KiB works.
     pub fn local_argument_bytes(&self) -> u64 {
         let reserved = if self.vendor.to_lowercase().contains("nvidia") { 1024 } else { 0 };
         self.limits.local_bytes.saturating_sub(reserved)
@@ -251,11 +251,11 @@ impl DeviceInfo {
 /// A device, with the handles to use it.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// Its properties.
+    /// The device's properties.
     pub info: DeviceInfo,
-    /// Its platform's handle.
+    /// The handle of the device's platform.
     pub platform: ocl::Platform,
-    /// Its own handle.
+    /// The device's own handle.
     pub device: ocl::Device,
     /// False if `info.limits.lane_operations` is only assumed.
     pub lanes_are_tested: bool,

@@ -1,5 +1,5 @@
-//! Environment variables that drivers read. A run stores all of them. Those that affect times or pictures are also part
-//! of the keys of stored points.
+//! Environment variables that drivers read. A run stores all of them. Variables that affect times or pictures are also
+//! part of the keys under which measured points are stored.
 
 /// The environment variables of one driver that affect its compiled code, its number of threads or its launches of
 /// kernels. A name that ends in `*` stands for all names that begin with the part before the `*`.
@@ -9,9 +9,10 @@ struct Driver {
     deciding: &'static [&'static str],
 }
 
-/// The only list of variables that affect times or pictures. A point's key contains the variables of its device's
-/// driver, if they are set. Sources: the documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's
-/// CUDA programming guide, and Intel's guides to its OpenCL and DPC++ runtimes.
+/// The only list of variables that affect times or pictures. The key under which a measured point is stored contains
+/// the variables of the driver of the point's device, if they are set. Sources: the documentation of PoCL 3.1 and
+/// later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's guides to its OpenCL and DPC++
+/// runtimes.
 const DRIVERS: [Driver; 3] = [
     Driver {
         platform: "portable computing language",
@@ -63,11 +64,11 @@ const DRIVERS: [Driver; 3] = [
     },
 ];
 
-/// Variables that match a pattern above, but only make the driver print more.
+/// Variables that match a pattern in `DRIVERS`, but only make the driver print more.
 const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 
-/// The variable of `DRIVERS` that chooses the cores on which threads run. It affects times, but not the compiled
-/// code.
+/// The variable of `DRIVERS` that chooses the cores on which threads run. The choice of cores affects times, but not
+/// the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables of drivers and loaders, including those for caches, for logs and for hiding devices.

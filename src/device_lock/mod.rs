@@ -80,7 +80,7 @@ impl Locks {
                 told = Some(holder);
             }
             if interrupted.load(Ordering::Relaxed) {
-                return Err(Error::interrupted(format!("it was waiting for {device}")).with_help(
+                return Err(Error::interrupted(format!("raycl was waiting for {device}")).with_help(
                     "run the command again when the other process has ended; with --no-wait, raycl ends immediately instead of waiting",
                 ));
             }

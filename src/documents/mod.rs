@@ -44,7 +44,7 @@ impl Documents {
         Ok(Self { sheet: Sheet::read(root)?, texts: DOCUMENTS.into_iter().map(text).collect::<Result<_>>()? })
     }
 
-    /// Returns the places at which a text differs from the records.
+    /// Returns the places at which the text of a document differs from the records.
     pub fn check(&self, text: &str) -> Vec<Difference> {
         let page = Page::of(text, &self.sheet);
         page.stale.into_iter().chain(page.wrong).collect()
@@ -98,7 +98,7 @@ mod tests {
 
     const QUERY: &str = "<!-- published: teapot naive 8x8 -->";
 
-    /// Writes a repository with these texts of the four documents.
+    /// Writes a small repository whose four documents have these texts.
     fn repository(texts: [&str; 4]) -> tempfile::TempDir {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();

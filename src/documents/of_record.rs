@@ -2,7 +2,7 @@
 
 use crate::record::{Record, by, interval, median, significant};
 
-/// The form in which a figure is written.
+/// The form in which a figure is written into a document.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// With significant digits.
@@ -22,7 +22,7 @@ pub enum Told {
     Number(f64, Form),
     /// Words.
     Words(String),
-    /// The reason why there is no figure: "infeasible".
+    /// The reason why there is no figure, such as "infeasible".
     Nothing(String),
 }
 
@@ -81,7 +81,7 @@ pub fn is_figure(word: &str) -> bool {
         || TEXTS.iter().any(|(name, _)| *name == word)
 }
 
-/// Returns the figure of this name.
+/// Returns the figure with this name from a record.
 pub fn figure(record: &Record, name: &str) -> Told {
     if let Some((_, text)) = TEXTS.iter().find(|(known, _)| *known == name) {
         return text(record).map_or_else(|| nothing(record), Told::Words);
@@ -161,7 +161,7 @@ mod tests {
             ("groups", 3.0, Count),
             ("items", 60.0, Count),
             ("occupancy", 0.5, Percent),
-            // 20 of the 32 lanes of a warp.
+            // A work-group of 20 work-items uses 20 of a warp's 32 lanes: 0.625.
             ("lanes", 0.625, Percent),
             ("pixels", 400_000.0, Count),
         ] {

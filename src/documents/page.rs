@@ -1,5 +1,5 @@
-//! A document. Documents contain blocks between markers, numbers that are followed by a query in a comment, and
-//! other numbers.
+//! A document. Documents contain blocks between markers, numbers that are each followed by a query in a comment, and
+//! numbers without a query.
 
 use super::of_record::Told;
 use super::query::Query;
@@ -22,7 +22,7 @@ pub struct Difference {
     pub records_say: String,
 }
 
-/// A document, rewritten from the records, and its differences.
+/// A document rewritten from the records, and the differences between the two versions.
 #[derive(Debug, Default, PartialEq)]
 pub struct Page {
     /// The whole text.
@@ -102,7 +102,8 @@ impl Page {
         self.push(&made);
     }
 
-    /// Returns the answer to a comment's query. Without an answer, returns `stands`, the number before the comment.
+    /// Returns the answer to the query in a comment. If the query has no answer, returns `stands`, the number before
+    /// the comment.
     fn answer(&mut self, line: usize, stands: &str, query: &str, sheet: &Sheet) -> String {
         let told = Query::parse(query).and_then(|query| query.answer(&sheet.sources));
         let stands = stands.to_owned();

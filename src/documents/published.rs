@@ -3,7 +3,7 @@
 use super::of_record::{Form, Told};
 use crate::report::paper::curve;
 
-/// Returns the published time for "SCENE PRESET WxH"; `Nothing` if the paper's plot has no such point.
+/// Returns the published time for "SCENE PRESET WxH"; `Nothing` if the paper's plot has no point for this combination.
 pub fn published(words: &[&str]) -> Result<Told, String> {
     let [scene, preset, size] = words[..] else {
         return Err(format!("'{}' is not a published point; expected \"SCENE PRESET WxH\"", words.join(" ")));

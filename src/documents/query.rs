@@ -18,9 +18,10 @@ use serde_json::Value;
 const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The program itself contains these times.
 const PUBLISHED: &str = "published";
-/// The source name for the number of threads on a multiprocessor, which is computed.
+/// The source name for numbers of threads on a multiprocessor. These numbers are computed, not read from a file.
 const OCCUPANCY: &str = "occupancy";
-/// The units of results: the name of each unit, and the factor by which a figure is multiplied.
+/// The units in which a query can ask for a result: the name of each unit, and the factor by which the figure is
+/// multiplied.
 const UNITS: [(&str, f64); 8] =
     [("T", 1e-12), ("G", 1e-9), ("M", 1e-6), ("k", 1e-3), ("s", 1e-3), ("us", 1e3), ("%", 100.0), ("1", 1.0)];
 
@@ -107,7 +108,7 @@ struct Side {
 }
 
 impl Side {
-    /// Returns " (n = 3)" if the record has too few samples for a verdict.
+    /// Returns the number of samples, as in " (n = 3)", if the record has too few samples for a 95% interval.
     fn few(&self) -> String {
         let few = self.median_of.as_ref().filter(|record| not_enough(record).is_some());
         few.map_or(String::new(), |record| format!(" (n = {})", fewest(record)))
@@ -246,7 +247,7 @@ mod tests {
         assert_eq!(answer("published: teapot naive 14x14"), Ok(Told::Nothing("no point".into())));
         assert_eq!(words("occupancy: groups=8 threads=1536 10x10"), "800");
         assert_eq!(words("occupancy: capability=2.0 registers=63 16x16"), "512 (registers)");
-        // Seven groups of 196 work-items fit.
+        // Seven work-groups of 196 work-items fit into 1536 threads.
         assert_eq!(words("occupancy: groups=8 threads=1536 14x14"), "1372");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4"), "10.8");
         assert_eq!(words("published: teapot naive 1x1 / teapot naive 4x4, 2 digits"), "11");

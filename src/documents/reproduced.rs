@@ -6,7 +6,7 @@ use super::sources::Sources;
 use crate::report::Reproduction;
 use serde_json::Value;
 
-/// The verdicts that are counted, in the order of the counts.
+/// The verdicts on claims that are counted, in the order in which a document lists the counts.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
 /// Returns the results of a reproduction as JSON, for the only device in its records.

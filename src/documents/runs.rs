@@ -1,4 +1,4 @@
-//! Generates a table of the records' origin: each folder's device, date, program and command.
+//! Generates a table that shows where the records come from: each folder's device, date, program and command.
 
 use super::sheet::line;
 use super::sources::Sources;

@@ -30,12 +30,12 @@ struct Wire {
 enum Block {
     /// A table with a query per cell.
     Table(Table),
-    /// The paper's claims with their verdicts.
+    /// The paper's claims with raycl's verdicts.
     Claims { devices: Vec<Device> },
     /// For each device, the answer to the paper's question in four lines: best memory strategy, best local size, why,
     /// how sure.
     Answer { devices: Vec<Device> },
-    /// The origin of the records.
+    /// A table that shows where the records come from.
     Runs { folders: Vec<String> },
 }
 
@@ -58,8 +58,8 @@ struct Table {
     columns: Vec<Column>,
 }
 
-/// A row. Its words are part of the query of each of its cells. The words are also the row's heading, unless a
-/// separate heading is given.
+/// A row of a table. The row's words are part of the query of each cell in the row. The words are also the row's
+/// heading, unless a separate heading is given.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -80,8 +80,8 @@ impl Row {
         }
     }
 
-    /// Returns the modifiers that define how the row's numbers are rounded. They follow the
-    /// column's modifiers.
+    /// Returns the modifiers that define how the row's numbers are rounded. In a query, they follow the column's
+    /// modifiers.
     fn modifiers(&self) -> String {
         match self {
             Self::Headed { with: Some(with), .. } => format!(", {with}"),
@@ -90,7 +90,7 @@ impl Row {
     }
 }
 
-/// A column, with a query in which the words of the row replace `{}`.
+/// A column of a table, with a query in which the words of a row replace `{}`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Column {

@@ -3,7 +3,7 @@
 /// The state after some lines of a document, which affects how the next line is read.
 #[derive(Default)]
 pub struct Fences {
-    /// True if the line is in a fenced block of code.
+    /// True if the next line is in a fenced block of code.
     within: bool,
     /// The number of the last item in a numbered list.
     item: usize,
@@ -79,7 +79,8 @@ fn without_links(line: &str) -> String {
     parts.fold(first, |text, part| text + "] " + part.split_once(')').map_or(part, |(_, after)| after))
 }
 
-/// Returns a text without a phrase. The phrase remains where it adjoins a letter, a digit or a part of a number.
+/// Returns a text without a phrase. The phrase is not removed at places where it adjoins a letter, a digit or a part of
+/// a number.
 fn without(text: &str, phrase: &str) -> String {
     let mut rest = text;
     let mut kept = String::new();

@@ -20,12 +20,12 @@ use std::time::{Duration, Instant};
 
 /// The interval at which a waiting process checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
-/// A program, identified by its device and the hash of its source and options. A program that uses
-/// a tree also depends on the depth of the tree's stack. The hash does not contain this depth; the
-/// scene determines it.
+/// A program, identified by its device and the hash of its source and options. A program that traverses a tree also
+/// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
+/// scene, so such a program is also identified by its scene.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Program {
-    /// The number of the device's worker.
+    /// The number of the worker that measures on the program's device.
     pub device: usize,
     /// The hash of the source and the options, as far as they are known before the tree is built.
     pub hash: String,
@@ -90,7 +90,7 @@ impl Tally {
         let seconds = |ms: f64| format!("{:.1} s", 1e-3 * ms);
         (compiled + kept > 0).then(|| {
             format!(
-                "Built: {} compiled, {kept} taken from the cache; {} of work in all; the run waited {} for programs",
+                "Built: {} compiled, {kept} taken from the cache; this took {} of work in all, and the run waited {} for programs",
                 programs(compiled),
                 seconds(work_ms),
                 seconds(waited_ms)

@@ -43,7 +43,7 @@ impl<'a> Checker<'a> {
     /// Opens the device. Without a device, only casters on the host can be checked.
     pub fn open(drafter: Drafter<'a>, device: Option<&'a Device>, pictures: Pictures) -> Result<Self> {
         let device = match device {
-            Some(device) => Some((device, Queue::open(device.platform, device.device)?)),
+            Some(device) => Some((device, Queue::open(device)?)),
             None => None,
         };
         Ok(Self { drafter, device, session: None, pictures, references: ReferenceCache::default() })
@@ -107,7 +107,7 @@ impl<'a> Checker<'a> {
             Ok(cast) if verified == Some(&*Pictures::hash(&cast.image)) => Ok(Ok(cast.ready)),
             Ok(cast) => Ok(self.judge(&cast, point.scene, scene, record)?.map(|()| cast.ready)),
             Err(Refused::Mistake(error)) => Err(error),
-            Err(refused) => Ok(Err(refused.into())),
+            Err(refused) => Ok(Err(PointFailure::of(&refused, self.device().map(|device| &device.info)))),
         }
     }
 
@@ -243,7 +243,7 @@ mod tests {
         let needed = [needs.local_bytes, needs.constant_bytes, needs.scratch_bytes, needs.private_bytes];
         assert_eq!(bytes, needed.map(Some));
         let expected = reference(&scene, record.image_size, Culling::None);
-        // Each hit has a shadow ray to each light and one to the sky.
+        // The scene has two lights and a sky, so each hit has three shadow rays.
         assert_eq!(record.shadow_rays, Some((expected.hits * 3) as u64));
         assert!(expected.hits > 0 && scene.lights.len() == 2);
         assert_eq!(record.unexplained_pixels, Some(0));

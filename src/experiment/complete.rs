@@ -80,8 +80,8 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     })
 }
 
-/// Computes rays and tests per second. If a strategy has no separate pass for primary rays, the time of the whole frame
-/// is used.
+/// Computes the rates of a record: rays and tests per second. If a strategy has no separate pass for primary rays, the
+/// rates of primary rays and of tests are computed from the time of the whole frame.
 fn rates(record: &mut Record) {
     let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };
@@ -144,7 +144,7 @@ mod tests {
         assert!(warning.contains("batches of 13"), "{warning}");
         assert_eq!(completed(0.004, 0.0075, None).warning, None);
         assert_eq!(completed(5.0, 5.1, None).warning, None);
-        // A caster on the host is not launched.
+        // A caster on the host starts no kernels, so its record has no such warning.
         let mut host = Record { device: crate::record::HOST.into(), image_size: [8, 5], ..Record::default() };
         complete(&mut host, &[taken(FrameTimes::whole(0.004, 0.03)); 5], Some(StopReason::Precise));
         assert_eq!(host.warning, None);

@@ -1,6 +1,6 @@
-//! Lists devices in a child process. If a driver crashes, only this child process ends. Besides, the run itself
-//! never starts a driver, so that its workers inherit no driver state. For example, after a process has started
-//! NVIDIA's driver (580), the driver lists no device in the process's children.
+//! Lists devices in a child process. If a driver crashes, only this child process ends. Besides, the process of the
+//! run itself never starts a driver, so that its workers inherit no driver state. For example, after a process has
+//! started NVIDIA's driver (version 580), the driver lists no device in the process's children.
 
 use super::protocol::DeviceList;
 use crate::cache::Cache;

@@ -1,4 +1,4 @@
-//! The data that is known about a point before it is tried: the first half of its record, and its key.
+//! The draft of a point: the part of the point's record that is known before the point is tried, including the key.
 
 use super::host::Identity;
 use super::{KeyParts, Point, Work, key};
@@ -77,8 +77,8 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The key does not require a built tree: the tree's depth follows from the scene, the strategy and
-                // the code that builds trees.
+                // The point's key can be computed before its tree is built: the tree's depth follows from the scene,
+                // the strategy and the code that builds trees.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = builder_of(&named.strategy);

@@ -82,7 +82,7 @@ impl Run<'_> {
         if self.blocks.is_none() {
             expected.others = not_planned(&groups, done);
         }
-        // A file may contain anything; an invalid time counts as zero.
+        // The times come from a file of records, which may contain anything; an invalid time counts as zero.
         let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
         (expected.time, expected.additional) = (duration(all_ms), duration(additional_ms));
         Ok(expected)
@@ -196,7 +196,7 @@ fn guessed(draft: &Record) -> Known {
     Known { sample_ms, check_ms: [COMPILE_MS + sample_ms, COMPILE_MS + 2.0 * sample_ms], rounds: None }
 }
 
-/// Returns the names of a record's scene, device and strategy, without the sizes.
+/// Returns the names of a record's scene, device and strategy, without the local size and the image size.
 fn strategy(record: &Record) -> String {
     format!("{}|{}|{}", record.scene, record.device, record.name)
 }
@@ -205,7 +205,7 @@ impl fmt::Display for Expected {
     /// Formats as "33 points in 3 launches: about 6m 10s, based on earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let launches = if self.launches == 1 {
-            "1 launch (a quick look)".to_owned()
+            "1 launch (other launches may differ)".to_owned()
         } else {
             format!("{} launches", self.launches)
         };
@@ -227,7 +227,7 @@ impl Expected {
         let [points, known] = self.points;
         if known == 0 {
             let frames = counted(self.least_frames, "frame");
-            return format!("at least {frames} of each; how long this takes is unknown");
+            return format!("at least {frames} of each point; how long this takes is unknown");
         }
         let more = match self.additional {
             Duration::ZERO => String::new(),
@@ -257,8 +257,8 @@ mod tests {
     use super::*;
     use crate::experiment::fixtures;
 
-    /// Three points. Two were sampled four times per launch. The third has no known number of rounds, so the
-    /// estimate assumes four rounds for it too.
+    /// The earlier times of three points. The first two points were sampled four times per launch. The third has no
+    /// known number of rounds, so the estimate assumes four rounds for it too.
     const POINTS: [Known; 3] = [
         Known { sample_ms: 2.0, check_ms: [10.0, 300.0], rounds: Some(4) },
         Known { sample_ms: 5.0, check_ms: [20.0, 400.0], rounds: Some(4) },
@@ -286,8 +286,8 @@ mod tests {
         let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
         let locks = fixtures::own_locks();
         let run = fixtures::run(&experiment, &[], &locks);
-        // Three launches are replaced, each by a launch with a start, checks and four rounds of 20 ms. Each of the six
-        // launches may take four more rounds.
+        // At most, all three launches are replaced. A replacement consists of the start of a worker, the checks (100
+        // ms) and four rounds of 20 ms. Each of the six launches may take four more rounds.
         let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
         assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 80.0);
         assert_eq!(run.most_additional_ms(&[]), 0.0);
@@ -312,7 +312,7 @@ mod tests {
             others,
             ..Expected::default()
         };
-        let plan = "2 points in 3 launches: at least 15 frames of each; how long this takes is unknown";
+        let plan = "2 points in 3 launches: at least 15 frames of each point; how long this takes is unknown";
         assert_eq!(of(0).to_string(), plan);
         let one = "1 record in this folder is of an earlier plan; it is kept, but not shown";
         assert_eq!(of(1).to_string(), format!("{plan}\n{one}"));
@@ -348,7 +348,7 @@ mod tests {
             let points = [points, 0];
             Expected { points, launches: 3, least_frames, ..Expected::default() }.to_string()
         };
-        let unknown = "of each; how long this takes is unknown";
+        let unknown = "of each point; how long this takes is unknown";
         assert_eq!(expected(1, 1), format!("1 point in 3 launches: at least 1 frame {unknown}"));
         assert_eq!(expected(2, 15), format!("2 points in 3 launches: at least 15 frames {unknown}"));
     }
@@ -385,8 +385,8 @@ mod tests {
 
     #[test]
     fn a_warm_up_of_long_frames_ends_early() {
-        // The point with frames of 2 ms casts both of its warm-up frames. For the other points, the estimate is
-        // capped at a tenth of the 30 ms limit, plus one frame.
+        // The point with frames of 2 ms casts both of its warm-up frames. For the other points, the estimate of the
+        // warm-up is a tenth of the 30 ms limit, plus one frame.
         let warm_ms = 4.0 + (3.0 + 5.0) + (3.0 + 13.0);
         assert_eq!(group_ms(1, 2) - group_ms(1, 0), warm_ms);
     }

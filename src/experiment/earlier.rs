@@ -8,7 +8,8 @@ use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Records, and samples of launches in which at least one point has no record.
+/// The results of earlier attempts: all records, and all samples of each launch in which a point without a record was
+/// measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// For each point, records of later attempts follow those of earlier attempts.
@@ -59,7 +60,8 @@ fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Reads a journal. An attempt that was killed early has no journal.
+/// Reads a journal, which is a file with one JSON object per line. Returns nothing if the file is missing, as in the
+/// folder of an attempt that was killed early.
 fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>> {
     if path.is_file() { Ok(read_lines(path)?.lines) } else { Ok(Vec::new()) }
 }

@@ -10,7 +10,8 @@ use std::time::Duration;
 /// The file that a hanging worker creates.
 const HANGS: &str = ".hangs";
 
-/// How and when a worker fails: `segv@cast:3`, `hang@check:0`, `abort@cast:1:once`.
+/// How and when a worker fails. For example, `segv@cast:3` makes it crash when it casts point 3, `hang@check:0` makes
+/// it hang when it checks point 0, and `abort@cast:1:once` makes only the first worker of each device abort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Fault {
     kind: Kind,
@@ -89,7 +90,7 @@ impl Fault {
 impl Kind {
     #[allow(clippy::panic, reason = "a panic is one of the faults")]
     fn happen(self, folder: &Path) {
-        // If a signal cannot be raised, the test fails.
+        // If a signal cannot be raised, the worker goes on, and the test that expected its end fails.
         let raise = |signal| drop(signal_hook::low_level::emulate_default_handler(signal));
         match self {
             Self::Abort => raise(SIGABRT),

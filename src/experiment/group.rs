@@ -24,8 +24,7 @@ use std::time::Instant;
 use timed::{Latency, Timed};
 
 /// What a run says before the first additional launch of a group.
-const ADDITIONAL: &str =
-    "the host moved this virtual machine's processors, so additional launches replace some launches";
+const ADDITIONAL: &str = "the host moved this virtual machine's processors to other cores, so additional launches replace some launches";
 
 /// A group of points that are compared with each other, and its progress.
 pub struct OpenGroup {
@@ -92,8 +91,8 @@ impl OpenGroup {
         are_enough(&self.whole, run.experiment.timing.launches as usize, self.near_ns(run, sink))
     }
 
-    /// Returns the core-to-core latency of near processors in nanoseconds; the latency of each launch is compared with
-    /// it. Returns infinity if all samples count.
+    /// Returns the core-to-core latency, in nanoseconds, of near processors (processors at their usual distance). A
+    /// sample with a much larger or smaller latency does not count. Returns infinity if all samples count.
     fn near_ns(&self, run: &Run<'_>, sink: &impl ResultSink) -> f64 {
         if leaves_out_moved(run, &self.points) { sink.near_ns() } else { f64::INFINITY }
     }
@@ -138,8 +137,8 @@ impl OpenGroup {
         if self.has_enough(run, sink) { self.finish(run, sink) } else { Ok(()) }
     }
 
-    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches
-    /// are dropped, since other worker processes would measure the rest of them.
+    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
+    /// dropped, since the same worker processes must measure a whole launch, and they have ended.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let least = run.stopping_rule().least();
         let past: Vec<Vec<Taken>> =
@@ -293,9 +292,9 @@ fn device_of<'a>(run: &Run<'a>, pending: &PendingPoint) -> Option<&'a DeviceInfo
     device.filter(|_| !pending.record.is_baseline()).copied()
 }
 
-/// Returns whether a group leaves out the samples during which processors were moved. This is true if
-/// processors cast all points of the group, through a caster on the host or an OpenCL driver, and if the run does not
-/// keep these samples.
+/// Returns whether a group leaves out the samples during which the host moved this virtual machine's processors to
+/// other cores. This is true if the rays of all points are cast on processors, by a caster on the host or by an OpenCL
+/// driver, unless the run keeps these samples.
 pub(super) fn leaves_out_moved(run: &Run<'_>, points: &[PendingPoint]) -> bool {
     let is_on_processors =
         |pending| device_of(run, pending).is_none_or(|device| device.kind == DeviceKind::Cpu);
@@ -310,7 +309,7 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
 }
 
-/// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know them.
+/// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know these values.
 fn named((mut record, ready): Checked, draft: &Record) -> Checked {
     record.name.clone_from(&draft.name);
     record.preset.clone_from(&draft.preset);

@@ -13,7 +13,7 @@ use std::time::Instant;
 pub struct Identity {
     /// The model of the processor.
     pub device: String,
-    /// The number of cores that raycl may use, and the number of its threads.
+    /// The number of cores that raycl may use, and the number of raycl's threads.
     pub state: String,
     /// The baselines' source, and the compiler's options.
     pub program: String,

@@ -8,10 +8,11 @@ pub struct KeyParts<'a> {
     pub scene_hash: &'a str,
     /// Platform, version, device and driver; "host" and the processor's model for a baseline.
     pub device: &'a str,
-    /// The number of compute units, the numbers of usable cores and of threads if they are known, and the driver's
-    /// variables; for a baseline, the numbers of usable cores and of threads.
+    /// The number of compute units, the numbers of usable cores and of threads if they are known, and the environment
+    /// variables of the driver. For a baseline, only the numbers of usable cores and of threads.
     pub state: &'a str,
-    /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), as displayed.
+    /// The smaller device that is imitated ([`Emulate`](crate::config::Emulate)), in the form in which raycl displays
+    /// it.
     pub emulate: &'a str,
     /// All axes with their values, or [`Baseline::strategy`](crate::config::Baseline::strategy).
     pub strategy: &'a str,
@@ -22,7 +23,7 @@ pub struct KeyParts<'a> {
     /// The hash of the source, the defines and the build options; for a baseline, of its source and of raycl's own
     /// build options.
     pub program_hash: &'a str,
-    /// [`Timing`](crate::config::Timing), as displayed.
+    /// The settings of [`Timing`](crate::config::Timing), in the form in which raycl displays them.
     pub timing: &'a str,
     /// `accel::FINGERPRINT` if the strategy uses a tree, else empty.
     pub tree: &'a str,

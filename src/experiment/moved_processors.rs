@@ -1,21 +1,26 @@
-//! Finds samples during which the processors of a virtual machine were not at their usual distance.
+//! Finds samples during which the processors of a virtual machine ran on cores that were not at their usual distance.
 //!
-//! A host moves the processors of a virtual machine from core to core, often for some seconds. While they are on cores
-//! far from each other, kernels whose work-groups share data take up to 1.5 times as long. While two of them share a
-//! core, all kernels take about 1.4 times as long. The core-to-core latency around a sample shows both, and does not depend on the times of the
-//! points. Samples with a much larger or smaller latency than that of near processors in the same run do not count.
-//! Launches in which too few samples count are replaced by additional launches.
+//! A host moves the processors of a virtual machine from one core to another, often for some seconds. While these
+//! processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times as long as
+//! usual. While two of these processors share a core, all kernels take about 1.4 times as long as usual. The
+//! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. It is
+//! larger than usual in the first case, smaller in the second, and does not depend on the times of the points. *Near*
+//! processors run on cores at their usual distance. A sample does not count if its latency is much larger or smaller
+//! than that of near processors in the same run. Launches in which too few samples count are replaced by additional
+//! launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
-/// If the latency around a sample is more than this many times the latency of near processors, the processors were
-/// further apart. Latencies between the same two cores differ by a factor of up to 1.7.
+/// If the core-to-core latency around a sample is more than this many times that of near processors, the processors ran
+/// on cores further apart than usual. Readings of the latency between the same two cores differ by a factor of up to
+/// 1.7.
 const FAR: f64 = 2.0;
 /// If the latency around a sample is less than this many times the latency of near processors, two processors shared a
-/// core. On the machines of docs/log.md (2026-11-26), it is then 0.45 to 0.5 times that latency.
+/// core. On the machines of docs/log.md (2026-11-26), processors that share a core have 0.45 to 0.5 times the latency
+/// of near processors.
 const SHARED: f64 = 0.65;
 
 /// A complete launch of a group.
@@ -37,7 +42,8 @@ impl Launch {
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns whether five samples of each point count, or all samples of a point with fewer than five of known latency.
+    /// Returns whether the launch counts: at least five samples of each point count. For a point with fewer than five
+    /// samples of known latency, all of these must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
             let near = point.iter().filter(|ns| is_near(Some(**ns), near_ns)).count();
@@ -46,16 +52,17 @@ impl Launch {
     }
 }
 
-/// Returns the latency of near processors: the 20th percentile of all latencies of the run, which are in ascending order;
-/// infinity if there are none. The smallest latency would not do: for moments, two processors of a virtual machine share a
-/// core, and all other samples would then be far. The median would not do either: in some runs, processors are far apart
-/// for most of the time.
+/// Returns the latency of near processors: the 20th percentile of all latencies of the run, which are in ascending
+/// order; infinity if there are none. The smallest latency is no suitable value: it may come from a moment in which
+/// two processors of the virtual machine shared a core, and all other samples would then be treated as far. The median
+/// is no suitable value either: in some runs, processors are far apart for most of the time.
 pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
     latencies_ns.get(latencies_ns.len() / 5).copied().unwrap_or(f64::INFINITY)
 }
 
-/// Returns whether a sample of this latency counts: the latency is unknown, or near to `near_ns`, the latency of near
-/// processors. If that is infinite, no latency of the run is known yet, or all samples count.
+/// Returns whether a sample counts. A sample counts if its core-to-core latency is unknown or close to `near_ns`, the
+/// latency of near processors. If `near_ns` is infinite, every sample counts: either no latency of the run is known
+/// yet, or the run keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
@@ -72,8 +79,8 @@ pub(super) fn most_additional(wanted: usize) -> usize {
     (MOST - 1) * wanted
 }
 
-/// Returns the numbers of the launches that do not count: those in which too few samples count. If this is true of all
-/// launches, all of them count.
+/// Returns the numbers of the launches that do not count: those in which too few samples count. If too few samples
+/// count in every launch, all launches count.
 fn moved_launches(launches: &[Launch], near_ns: f64) -> Vec<u32> {
     let moved = launches.iter().filter(|launch| !launch.counts(near_ns));
     let moved: Vec<u32> = moved.map(|launch| launch.number).collect();
@@ -106,7 +113,8 @@ mod tests {
     use super::*;
     use crate::launch::FrameTimes;
 
-    /// Returns launches of a point with five samples of these latencies; 0 means that a latency is unknown.
+    /// Returns one launch for each of these core-to-core latencies. In each launch, a point has five samples with the
+    /// launch's latency; 0 means that the latency is unknown.
     fn launches(latencies: &[f64]) -> Vec<Launch> {
         let launch = |(number, ns): (u32, &f64)| Launch {
             number,
@@ -119,7 +127,7 @@ mod tests {
         (ns > 0.0).then_some(ns)
     }
 
-    /// Returns samples of a launch with these latencies.
+    /// Returns samples of a launch, one for each of these core-to-core latencies.
     fn samples(launch: u32, latencies: &[f64]) -> Vec<Taken> {
         let sample = |ns: &f64| {
             let times = FrameTimes::whole(1.0, 1.0);
@@ -176,7 +184,8 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // In another group of the run, the processors were closer together.
+        // Both launches count beside a latency of near processors of 180 ns. They do not count if another group of the
+        // run had samples with a latency of 20 ns, so that near processors have 20 ns.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }

@@ -120,8 +120,9 @@ impl Run<'_> {
         }
     }
 
-    /// Returns the points of these pieces, one list per piece. The lists also contain points that already have a result,
-    /// and points that will not be measured (their `not_for` or `fits` says so). Scenes are loaded one at a time.
+    /// Returns the points of these pieces, one list per piece. The lists also contain points that already have a
+    /// result, and points that will not be measured (their `not_for` or `fits` says so). The function loads one scene
+    /// at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
         let drafters: Vec<_> =
             self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
@@ -224,7 +225,7 @@ mod tests {
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let told: Vec<_> =
             groups.iter().flatten().map(|one| (one.record.name.as_str(), one.not_for.as_deref())).collect();
-        let reason = "meant for CPUs; set any_kind = true in its entry to measure it here too";
+        let reason = "meant for CPUs; set any_kind = true in its [[strategy]] entry to measure it here too";
         assert_eq!(told, [("serial", None), ("naive", None), ("wide", Some(reason))]);
     }
 

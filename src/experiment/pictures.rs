@@ -107,7 +107,7 @@ mod tests {
         let white = Radiance { pixels: vec![[1.0; 3]; 6], ..black.clone() };
         let grey = Radiance { pixels: vec![[0.01; 3]; 6], ..black.clone() };
         for _ in 0..2 {
-            // The second pass imitates a new worker, which has no list of saved pictures.
+            // The loop's second iteration imitates a new worker, which has no list of saved pictures.
             let mut pictures = Pictures::of(folder.path());
             let mut save = |image| pictures.picture(&["a", "a-8x8"], image, Display::default()).unwrap();
             assert_eq!(save(&black), "images/a.png");

@@ -42,8 +42,8 @@ pub enum Work {
 }
 
 impl Plan {
-    /// Makes all combinations of the experiment's lists, on `device_count` devices. A strategy with two names in
-    /// the experiment runs once at each local size.
+    /// Makes all combinations of the experiment's lists, on `device_count` devices. If a strategy has two names in the
+    /// experiment, it still forms only one point at each local size.
     pub fn new(experiment: &Experiment, device_count: usize) -> Self {
         let host = experiment.baselines.iter().map(|&baseline| Work::Host(baseline)).collect::<Vec<_>>();
         let kernels = kernels(experiment);

@@ -1,5 +1,6 @@
 //! The reason why a point is not timed, for its record.
 
+use crate::device::DeviceInfo;
 use crate::launch::{LaunchError, Refused};
 use crate::record::{Outcome, Record};
 use serde::{Deserialize, Serialize};
@@ -29,33 +30,23 @@ impl PointFailure {
         Self::new(Outcome::WrongImage, reason)
     }
 
+    /// Returns the failure of a strategy that a device (none for a caster on the host) refused to cast.
+    pub fn of(refused: &Refused, device: Option<&DeviceInfo>) -> Self {
+        let outcome = match refused {
+            Refused::Launch { error: LaunchError::WorkGroup { .. }, .. }
+            | Refused::Device(_)
+            | Refused::Host(_) => Outcome::Infeasible,
+            Refused::Build(_) => Outcome::BuildFailed,
+            Refused::Mistake(_) | Refused::Launch { .. } => Outcome::LaunchFailed,
+        };
+        Self::new(outcome, device.map_or_else(|| refused.reason(), |device| refused.reason_on(device)))
+    }
+
     /// Returns the record with this failure.
     pub fn write_into(self, mut record: Record) -> Record {
         record.outcome = self.outcome;
         record.reason = Some(self.reason);
         record
-    }
-}
-
-impl From<LaunchError> for PointFailure {
-    fn from(error: LaunchError) -> Self {
-        let outcome = match error {
-            LaunchError::WorkGroup { .. } => Outcome::Infeasible,
-            _ => Outcome::LaunchFailed,
-        };
-        Self::new(outcome, error.to_string())
-    }
-}
-
-impl From<Refused> for PointFailure {
-    fn from(refused: Refused) -> Self {
-        let outcome = match refused {
-            Refused::Launch { error, .. } => return error.into(),
-            Refused::Device(_) | Refused::Host(_) => Outcome::Infeasible,
-            Refused::Build(_) => Outcome::BuildFailed,
-            Refused::Mistake(_) => Outcome::LaunchFailed,
-        };
-        Self::new(outcome, refused.reason())
     }
 }
 

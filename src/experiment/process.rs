@@ -41,7 +41,8 @@ impl Processes {
         Self { driver_cache: true, ..self }
     }
 
-    /// Returns the command that starts a worker. `disabled` is the user's variable that disables the driver's cache.
+    /// Returns the command that starts a worker. `disabled` is the user's value of the environment variable that
+    /// disables the driver's cache, if the user has set it.
     fn command(&self, disabled: Option<OsString>) -> Result<Command> {
         let mut command = own_program()?;
         command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -49,7 +50,8 @@ impl Processes {
         // long.
         command.env("RUST_BACKTRACE", "0");
         // A compiler prints numbers of registers only when it compiles, so workers use the driver's cache only if
-        // `driver_cache` is set. Users who want the driver's cache can set the variable themselves.
+        // `driver_cache` is set. If the user has set the driver's variable, for example to 0 to enable the cache,
+        // raycl leaves the variable unchanged.
         if !self.driver_cache && disabled.is_none() {
             command.env(CACHE_DISABLE, "1");
         }

@@ -26,7 +26,7 @@ pub struct Job {
     /// The device whose name is in records, if points are distributed over several devices of the same model.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
-    /// The folder of kernels that replaces the built-in ones.
+    /// The folder whose kernel files replace the built-in ones.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.
     pub folder: PathBuf,

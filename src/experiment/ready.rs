@@ -1,9 +1,8 @@
 //! A point that has passed its check and can be cast.
 
 use super::host;
-use super::point_failure::PointFailure;
 use crate::config::Baseline;
-use crate::launch::{Caster, FrameTimes};
+use crate::launch::{Caster, FrameTimes, Refused};
 use crate::scene::Scene;
 
 /// A point that can be cast repeatedly.
@@ -16,9 +15,9 @@ pub enum Ready {
 
 impl Ready {
     /// Casts `batch` frames on a device, or one on the host; returns the mean times of one frame.
-    pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, PointFailure> {
+    pub fn frame(&self, scene: &Scene, image_size: [u32; 2], batch: u32) -> Result<FrameTimes, Refused> {
         match self {
-            Self::Kernel(caster) => Ok(caster.cast_batch(batch)?),
+            Self::Kernel(caster) => caster.cast_batch(batch).map_err(Refused::at("the launch")),
             Self::Host(baseline) => Ok(host::cast(*baseline, scene, image_size).1),
         }
     }

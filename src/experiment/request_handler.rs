@@ -9,7 +9,7 @@ use super::{Plan, Point};
 use crate::anchor::Anchor;
 use crate::device::{Device, DeviceInfo, DeviceKind};
 use crate::error::{Error, Result};
-use crate::launch::FrameTimes;
+use crate::launch::{FrameTimes, Refused};
 use crate::load::processor_time;
 use crate::measure::batch_size;
 use crate::sensor::{Watch, watch};
@@ -164,16 +164,19 @@ impl<'a> RequestHandler<'a> {
                 Reply::Sample(FrameTimes { processor_ms, sensed: sense(times.frame_ms), ..times })
             }
             Ok(times) => Reply::Sample(FrameTimes { processor_ms, ..times }),
-            Err(refusal) => Reply::Refused(refusal),
+            Err(refused) => {
+                Reply::Refused(PointFailure::of(&refused, self.checker.device().map(|device| &device.info)))
+            }
         })
     }
 }
 
-/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer frames than requested
-/// are cast, since the check has already cast one. A frame that fails here will fail again when it is timed, and is
-/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
+/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer frames than requested are
+/// cast, since the check has already cast one. If a frame fails here, it will fail again when it is timed, and the
+/// failure is reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no
+/// frame.
 fn warm_up(
-    frame: impl Fn() -> std::result::Result<FrameTimes, PointFailure>,
+    frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,
     time_limit_ms: f64,
 ) -> f64 {
@@ -348,7 +351,8 @@ mod tests {
         // gets the largest number of frames, 256.
         let batch = sample(DeviceKind::Cpu, Some(1_000_000_000));
         assert_eq!(batch.batch, Some(256));
-        // Both times are per frame. The limit assumes that no machine has more than 1000 processors.
+        // Processor time and elapsed time are both per frame. The limit of their ratio assumes that no machine has more
+        // than 1000 processors.
         let most_ms = 1e3 * batch.host_ms;
         assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);

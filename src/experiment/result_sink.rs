@@ -27,7 +27,8 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;
-    /// Returns the core-to-core latency of near processors in the folder, in nanoseconds; infinity if it is unknown.
+    /// Returns the core-to-core latency of near processors (processors at their usual distance), in nanoseconds, from
+    /// all samples in the folder; infinity if it is unknown.
     fn near_ns(&self) -> f64;
 }
 
@@ -195,7 +196,7 @@ mod tests {
         assert_eq!((stored[0].host.as_deref(), stored[0].fma_per_s), (Some("node7"), Some(3e12)));
         let timestamp = stored[0].timestamp.as_deref().unwrap();
         assert!(timestamp.parse::<jiff::Timestamp>().is_ok(), "{timestamp}");
-        // A later session knows the rates without measuring them again.
+        // A later session reads the device's peak rate from the folder, and does not measure it again.
         let results = Results::resume(&folder, &Environment::default()).unwrap();
         assert_eq!(results.peak(), [peak]);
     }

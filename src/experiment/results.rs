@@ -183,7 +183,8 @@ impl Results {
         self.rounds.append(load)
     }
 
-    /// Returns the core-to-core latency of near processors in this folder, in nanoseconds; infinity if it is unknown.
+    /// Returns the core-to-core latency of near processors (processors at their usual distance) in this folder, in
+    /// nanoseconds; infinity if it is unknown.
     pub fn near_ns(&self) -> f64 {
         near_ns(&self.latencies_ns)
     }
@@ -198,8 +199,8 @@ impl Results {
         plan.write(&self.folder)
     }
 
-    /// Writes the summaries of the points in the folder's plan, and updates the intervals in the journal. Returns
-    /// the records of these points.
+    /// Writes the summaries of the points in the folder's plan, and updates the 95% intervals in the journal of
+    /// records. Returns the records of these points.
     pub fn summarise(&mut self, question: &str, expectation: &str) -> Result<Vec<Record>> {
         let shown = Folder::read(&self.folder)?;
         let journal = self.folder.join("records.jsonl");

@@ -10,8 +10,8 @@ pub trait Rounds {
     /// Casts one frame of a point. Returns `None` if the worker process was lost or the point failed. A failed
     /// point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns whether the sample counts. A sample does not count if the processors of a
-    /// virtual machine were further apart than in other samples, or shared a core.
+    /// Is called after each sample. Returns whether the sample counts. A sample does not count if, during it, the
+    /// processors of a virtual machine ran on cores further apart than in other samples, or shared a core.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
@@ -34,16 +34,17 @@ pub enum End {
     Broken,
 }
 
-/// The largest number of rounds of a launch in which some samples do not count, as a multiple of the number of rounds
-/// that the launch would need if all samples counted.
+/// If some samples do not count, the launch has at most this many times the number of rounds that it would need if all
+/// samples counted.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);
 
-/// Measures rounds of `points` points until there are enough samples that count. Once the launch would have ended if
-/// all samples counted, it also ends if a point has no sample that counts, or as soon as its number of rounds has
-/// doubled.
+/// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
+/// number after which the launch would end if all samples counted. If some samples do not count, the launch continues
+/// beyond the usual number, up to [`MOST`] times this number. If no sample of a point counts, the launch ends after the
+/// usual number.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let mut elapsed_ms = 0.0;
@@ -147,7 +148,8 @@ mod tests {
     #[test]
     fn a_launch_in_which_no_sample_counts_is_no_longer_than_usual() -> Result<()> {
         assert_eq!(rounds_if_far(0..100)?, (7, End::Enough(StopReason::MaxSamples)));
-        // The first sample that counts comes when the launch has its usual number of rounds.
+        // The first sample that counts comes in round 7, the last of the usual number of rounds. Six more rounds give
+        // the seven samples that the launch needs.
         assert_eq!(rounds_if_far(0..6)?, (13, End::Enough(StopReason::MaxSamples)));
         Ok(())
     }

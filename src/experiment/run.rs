@@ -28,8 +28,8 @@ pub struct Run<'a> {
     pub sources: &'a Sources,
     /// Kernels to compare with `sources`, in the same rounds.
     pub other_sources: Option<&'a Sources>,
-    /// The time limit for one step of a point: building its program and casting its first image, or casting a
-    /// frame.
+    /// The time limit for one step of a point. A step either builds the point's program and casts its first image, or
+    /// casts one frame.
     pub limit: Duration,
     /// True if failed points of an earlier run are measured again.
     pub retry_failed: bool,
@@ -43,14 +43,16 @@ pub struct Run<'a> {
     /// Builds programs before their points are checked; with `None`, each program is built during
     /// its point's check.
     pub ahead: Option<&'a Ahead>,
-    /// True if samples count even if a virtual machine's processors were moved.
+    /// True if samples count even if a virtual machine's processors were moved to other cores during them.
     pub keeps_moved_samples: bool,
 }
 
-/// If this environment variable is `keep`, all samples count, wherever processors are.
+/// If this environment variable is `keep`, all samples count, even those during which a virtual machine's processors
+/// were moved to other cores.
 const MOVED_SAMPLES: &str = "RAYCL_MOVED_SAMPLES";
 
-/// Returns whether the user wants to keep all samples, wherever processors are.
+/// Returns whether the user wants to keep all samples, even those during which a virtual machine's processors were
+/// moved.
 pub fn keeps_moved_samples() -> bool {
     std::env::var_os(MOVED_SAMPLES).is_some_and(|value| value == "keep")
 }

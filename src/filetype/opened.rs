@@ -1,4 +1,4 @@
-//! A file that was opened and recognised. A packed file is unpacked.
+//! A file that was opened, and whose type was recognised. A packed file (gzip) is unpacked.
 
 use super::{FileType, Foreign, JSON, MeshFormat, UNKNOWN, stl};
 use crate::memory::Available;
@@ -15,8 +15,8 @@ const GZIP: &[u8] = b"\x1f\x8b";
 /// The path that means standard input.
 pub const STANDARD_INPUT: &str = "-";
 
-/// An open file. A packed file or standard input has been read completely. Of any other file, only the first bytes have
-/// been read.
+/// An open file. A packed file (gzip) or standard input has been read completely. Of any other file, only the first
+/// bytes have been read.
 #[derive(Debug)]
 pub struct Opened {
     /// The part that has not been read yet.
@@ -110,10 +110,10 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
     Ok(Opened::held(bytes, path))
 }
 
-/// Returns a file's type. A file whose first bytes match no type is STL if its name ends in `.stl`, or if it begins
-/// with triangles and is cut off; the STL reader then reports the error. A complete binary STL file is recognised
-/// by its length, which matches its count of triangles. A JSON file whose name ends in `.gltf` is glTF if it is
-/// longer than the bytes that were read, even if these bytes contain no key of glTF.
+/// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of triangles.
+/// A binary file that matches no known type is STL if its name ends in `.stl`, or if it begins with triangles and is
+/// cut off; the STL reader then reports the error. A JSON file whose name ends in `.gltf` is glTF if it is longer than
+/// the bytes that were read, even if these bytes contain no key of glTF.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(of(r#"{"nodes":[]}"#, "a.gltf"), json);
     }
 
-    /// Only the first bytes are read when a file is opened.
+    /// When a file is opened, only its first bytes are read; this test checks that `bytes` returns the others too.
     #[test]
     fn all_bytes_of_a_long_file_are_returned_whether_or_not_it_is_packed() {
         let folder = tempfile::tempdir().unwrap();
@@ -175,7 +175,7 @@ mod tests {
         let is_damage = |error: io::Error| Damaged::caused(&Damaged::mark(error));
         assert!(is_damage(io::Error::new(io::ErrorKind::UnexpectedEof, "it ends")));
         assert!(!is_damage(io::Error::new(io::ErrorKind::OutOfMemory, "it is large")));
-        // 5 is the system's number of an error of the disk (EIO).
+        // 5 is the system's number for a disk error (EIO), which is not damage of the packed file.
         assert!(!is_damage(io::Error::from_raw_os_error(5)));
     }
 }

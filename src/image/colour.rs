@@ -183,7 +183,7 @@ mod tests {
         draw_scale(&mut decades, 7);
         draw_count_scale(&mut counts, 7, 29);
         for picture in [decades, counts] {
-            // Column 100 has no tick: two empty rows, six of colour, and nothing below.
+            // Column 100 has no tick: from row 7 down, there are two empty rows, six rows of colour, and then nothing.
             let coloured: Vec<u32> = (0..30).filter(|&y| picture[(100, y)].0 != [0; 3]).collect();
             assert_eq!(coloured, [9, 10, 11, 12, 13, 14]);
             let written: Vec<u32> =

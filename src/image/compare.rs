@@ -127,7 +127,8 @@ mod tests {
         let mut found = expected.clone();
         (found.pixels[0], found.pixels[1]) = ([1e-3; 3], [1e6; 3]);
         let picture = difference_image(&found, &expected);
-        // The black pixel differs by a thousandth of the brightest expected pixel.
+        // The black pixel differs by a thousandth of the brightest expected pixel. A dark pixel's difference is divided
+        // by exactly this value, so it is 1.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
     }
 

@@ -46,7 +46,7 @@ pub struct Shown(Thresholds);
 impl Shown {
     /// Number of values of a channel.
     pub const VALUES: usize = 256;
-    /// Number of low bits of a radiance that are ignored when the second table is read.
+    /// Number of low bits of a radiance that the second table of [`Self::tables`] ignores.
     pub const PLACE_SHIFT: u32 = 16;
 
     /// Makes the tables for a scene's display settings.

@@ -24,7 +24,7 @@ pub fn png(picture: &RgbImage, file: &mut File) -> Result<()> {
 }
 
 /// Writes an image as PNG, with an alpha channel if the background is transparent. If the image is one of several
-/// frames, the PNG has a key next to raycl's mark.
+/// frames, the PNG has a key that identifies the frame, next to the mark by which raycl recognises its own files.
 pub fn shown_png(image: &Radiance, display: Display, key: Option<&str>, file: &mut File) -> Result<()> {
     let piece = key.map_or_else(mark::png, mark::keyed_png);
     match to_rgba8(image, display) {

@@ -104,13 +104,13 @@ pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target
     target.write(|file| shown_png(image, display, Some(key), file))
 }
 
-/// Returns the key of a frame that raycl wrote and that has not been changed since; `None` for any other
-/// file.
+/// Returns the key that identifies a frame, from the frame's PNG file. Returns `None` if raycl did not write the file
+/// as a frame, or if the file has been changed since.
 pub fn frame_key(path: &Path) -> Option<String> {
     mark::key(&mut std::fs::File::open(path).ok()?)
 }
 
-/// Checks a target of [`save_rgb8`] that must be a PNG.
+/// Checks a target of [`save_rgb8`] for which PNG is the only permitted format.
 pub fn check_png(target: &Target) -> Result<()> {
     if format(target.path())? != Format::Png {
         let name = target.path().display();
@@ -299,7 +299,8 @@ mod tests {
         }
     }
 
-    /// Returns a picture file whose first bytes, with the mark, come from another picture.
+    /// Returns a file whose beginning, up to the end of the mark, comes from one picture, and whose rest comes from
+    /// another picture.
     fn with_the_mark_of_another(name: &str) -> Vec<u8> {
         let mut pictures = [0.0, 1.0].map(|light| {
             let image = Radiance { pixels: vec![[light; 3]; 64 * 64], ..Radiance::new(64, 64) };

@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 const BLOCK: usize = 8;
 /// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Number of block rows in a band: enough to be worth a task.
+/// Number of block rows (rows of blocks) in a band: enough work for a task of its own.
 const BAND_ROWS: usize = 16;
 const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
@@ -175,8 +175,8 @@ mod tests {
 
     #[test]
     fn bands_show_what_the_whole_shows() {
-        // The cases: one band, a band and a row, whole bands, more bands than restart markers, a width that
-        // is not a multiple of 8.
+        // The cases: one band, a band and a row, whole bands, more bands than the eight numbers of restart markers, a
+        // width that is not a multiple of 8.
         for (width, height) in [(40, 30), (40, 129), (64, 256), (33, 128 * 11 + 5), (9, 1)] {
             let picture = picture(width, height);
             let (bands, whole) = (encode(&picture, 95).unwrap(), band(picture.as_raw(), width, 95).unwrap());
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn restart_markers_are_numbered_from_0_to_7_again_and_again() {
-        // Eleven bands.
+        // The picture has eleven bands, so ten restart markers.
         let file = encode(&picture(40, 128 * 10 + 1), 95).unwrap();
         let scan = segment(&file, START_OF_SCAN).unwrap();
         let restart = |pair: &[u8]| match pair {

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 /// Suffixes of the PNG files' names, one per layer.
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
-/// Returns the files to which layers are written; their names follow from the target's name. Fails
-/// if a file cannot be written. One EXR may contain both the layers and the picture.
+/// Returns the files to which layers are written; their names follow from the target's name. Fails if a file cannot be
+/// written. If the target is an EXR, one file has all layers, and may also contain the picture.
 pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
@@ -107,7 +107,7 @@ fn grey(layers: &Layers) -> RgbImage {
     let (near, far) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     picture(layers, |pixel| {
         let depth = layers.depth[pixel];
-        // If all depths are the same, all of them count as nearest.
+        // If all depths are the same, all hits count as nearest, so they are white.
         let part = if near < far { (far - depth) / (far - near) } else { 1.0 };
         let value = if depth.is_finite() { 40.0 + 215.0 * part } else { 0.0 };
         [value.round() as u8; 3]

@@ -130,7 +130,7 @@ fn yuv(frame: &RgbImage) -> Vec<u8> {
         let four = [rgb(x, y), rgb(x + 1, y), rgb(x, y + 1), rgb(x + 1, y + 1)];
         let mean: [f32; 3] = std::array::from_fn(|i| four.iter().map(|rgb| rgb[i]).sum::<f32>() / 4.0);
         let grey = luma(mean);
-        // Blue first: Cb, then Cr.
+        // The plane Cb, which is made from blue, comes before the plane Cr, which is made from red.
         for (plane, channel) in chroma.iter_mut().zip([2, 0]) {
             let difference = (mean[channel] - grey) / (2.0 * (1.0 - WEIGHTS[channel]));
             plane.push((128.0 + 224.0 * difference).round() as u8);
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn known_colours_have_the_standards_numbers() {
-        // BT.709 in 8 bits: white, black, and the primaries.
+        // The expected Y, Cb and Cr of white, black, red, green and blue, by BT.709 in 8 bits.
         for (rgb, expected) in [
             ([255, 255, 255], [235, 128, 128]),
             ([0, 0, 0], [16, 128, 128]),

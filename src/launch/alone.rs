@@ -20,7 +20,7 @@ impl Alone {
     /// kernel files, and `after` has kernels that use them.
     pub fn of([before, after]: [&str; 2], files: &[&str], options: &str) -> Self {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        let queue = Queue::open(device.platform, device.device).unwrap();
+        let queue = Queue::open(&device).unwrap();
         let read = |name: &&str| Sources::Embedded.read_joined(name).unwrap();
         let source = [before, &files.iter().map(read).collect::<String>(), after].join("\n");
         let program =

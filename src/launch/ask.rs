@@ -16,7 +16,7 @@ const ABSENT: i64 = i64::MIN;
 pub fn preprocess_for(queue: &Queue, spec: &ProgramSpec) -> Result<Preprocessed> {
     let (mut given, mut absent) = (BTreeMap::new(), BTreeSet::new());
     loop {
-        // An answer may enable a branch that asks for more macros.
+        // The value of a macro may enable a branch of the source in which a condition uses further macros.
         let text = preprocess(&spec.source, &spec.options, &given)?;
         let asked: Vec<&String> = text.asked.iter().filter(|name| !absent.contains(*name)).collect();
         if asked.is_empty() {

@@ -59,7 +59,8 @@ pub fn balance(costs: &[Cost]) -> (Vec<f64>, f64) {
         };
         parts.iter().map(&mut end).collect()
     };
-    // In the time that the fastest device needs alone, all devices together can always cast the whole frame.
+    // The fastest device alone needs this much time for the whole frame, so all devices together can always cast the
+    // frame in this time.
     let (mut short, mut enough) = (0.0, costs.iter().map(|cost| cost.whole_ms).fold(f64::INFINITY, f64::min));
     for _ in 0..HALVINGS {
         let middle = (short + enough) / 2.0;
@@ -112,8 +113,8 @@ mod tests {
         let lower = [1.0, 3.0];
         assert_eq!(cut(&vec![cost(1.0, &lower); 2], 80), [[0, 53], [53, 80]]);
         assert_eq!(cut(&[cost(1.0, &[1.0]), cost(3.0, &[1.0])], 80), [[0, 60], [60, 80]]);
-        // Each device has its own costs: the upper half costs the second device nothing, yet the second device casts
-        // the lowest third.
+        // Each device has its own costs. The second device spends all of its time on the lower half. Both devices take
+        // equally long if the first casts the upper two thirds and the second the lowest third.
         let (ends, ms) = balance(&[cost(4.0, &[1.0, 1.0]), cost(4.0, &[0.0, 1.0])]);
         assert!((ends[0] - 2.0 / 3.0).abs() < 1e-9 && (ms - 8.0 / 3.0).abs() < 1e-9, "{ends:?} {ms}");
     }
@@ -122,7 +123,7 @@ mod tests {
     fn a_part_begins_where_its_devices_work_groups_do() {
         let ends = balance(&vec![cost(1.0, &[]); 3]).0;
         assert_eq!(rows(&ends, 100, &[8, 16, 1]), [[0, 32], [32, 67], [67, 100]]);
-        // A device whose work-groups are higher than its part gets no part.
+        // A device gets no part if one of its work-groups has more rows of pixels than its part would have.
         assert_eq!(rows(&ends, 10, &[1, 64, 1]), [[0, 0], [0, 7], [7, 10]]);
         assert_eq!(rows(&ends, 10, &[1, 1, 64]), [[0, 3], [3, 10], [10, 10]]);
     }

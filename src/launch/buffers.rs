@@ -26,8 +26,8 @@ pub fn upload<T: OclPrm>(queue: &Queue, values: &[T]) -> ocl::Result<Buffer<T>> 
 }
 
 /// Makes a read-only buffer of `rows` rows with `row` values each. `fill` writes the requested rows: directly into the
-/// buffer if the device shares the host's memory, otherwise into memory from which they are transferred. Filling in
-/// place writes to new memory only once; writing the values to a second place would take longer than computing them.
+/// buffer if the device shares the host's memory, otherwise into memory from which they are transferred. Writing
+/// directly into the buffer avoids a copy, which would take longer than computing the values.
 pub fn upload_rows<T: OclPrm>(
     queue: &Queue,
     [rows, row]: [usize; 2],

@@ -49,8 +49,8 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band,
-    /// buffers have the size of the whole frame, and preparation and rasterisation cover the whole frame.
+    /// Makes buffers and kernels for a frame of `workload.image_size`, or for a band of it. Even for a band, buffers
+    /// have the size of the whole frame, and all triangles are prepared and rasterised, as for a whole frame.
     pub(super) fn new(setup: Setup<'_>, band: Option<Band>, bytes: FrameBytes) -> Result<Self, LaunchError> {
         let caster = Self { _bytes: Some(bytes), ..Self::of(setup, band)? };
         let half_light =
@@ -217,7 +217,8 @@ impl Caster {
         self.half_light.as_deref().filter(|_| sampling.half_light > 0)
     }
 
-    /// Casts both rounds of samples, without soft light at half resolution.
+    /// Casts both rounds of samples (the first samples of every pixel, then the later samples of rough blocks),
+    /// without soft light at half resolution.
     fn cast_rounds(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let [first, rest] = sampling.rounds();
         let Some(samples) = &self.samples else { return self.cast_round(camera, &first, None) };

@@ -1,5 +1,8 @@
 //! Errors of a device or its driver.
 
+use crate::device::DeviceInfo;
+use crate::sensor::{UsedMemory, used_memory};
+use ocl::enums::Status;
 use thiserror::Error;
 
 /// A kernel launch that the device or its driver refused, or whose result is not valid.
@@ -8,6 +11,10 @@ pub enum LaunchError {
     /// OpenCL's own error.
     #[error("{0}")]
     OpenCl(String),
+    /// OpenCL's error where memory or another resource is missing, on the device or on the host. Other processes may
+    /// use this memory.
+    #[error("{0}")]
+    Resources(String),
     /// The local size has more work-items than the kernel supports.
     #[error("the local size has {items} work-items; the compiled kernel {kernel} supports at most {most}")]
     WorkGroup {
@@ -47,6 +54,22 @@ pub enum LaunchError {
     },
 }
 
+impl LaunchError {
+    /// Returns the message of an error on a device. If memory may be missing, the message says how much of the
+    /// device's memory other processes use.
+    pub fn on(&self, device: &DeviceInfo) -> String {
+        self.with(|| used_memory(&device.hardware))
+    }
+
+    fn with(&self, used: impl FnOnce() -> Option<UsedMemory>) -> String {
+        let used = matches!(self, Self::Resources(_)).then(used).flatten();
+        match used.filter(UsedMemory::may_be_others) {
+            Some(used) => format!("{self}; {used}"),
+            None => self.to_string(),
+        }
+    }
+}
+
 impl From<ocl::core::Error> for LaunchError {
     fn from(error: ocl::core::Error) -> Self {
         Self::from(ocl::Error::from(error))
@@ -54,14 +77,82 @@ impl From<ocl::core::Error> for LaunchError {
 }
 
 impl From<ocl::Error> for LaunchError {
-    /// Keeps the status and the name of the OpenCL function that failed, without the formatting of the `ocl` crate.
     fn from(error: ocl::Error) -> Self {
-        let message = error.to_string();
-        let lines: Vec<_> = message
-            .lines()
-            .map(str::trim)
-            .filter(|line| !line.is_empty() && !line.contains("####"))
-            .collect();
-        Self::OpenCl(lines.join(" "))
+        let message = without_frame(&error.to_string());
+        match error.api_status().is_some_and(lacks_resources) {
+            true => Self::Resources(message),
+            false => Self::OpenCl(message),
+        }
+    }
+}
+
+/// Returns whether a driver returns this status if memory or another resource is missing. For example, if other
+/// processes use nearly all memory of a GPU, NVIDIA's driver returns `CL_OUT_OF_HOST_MEMORY` when a context is made,
+/// and `CL_MEM_OBJECT_ALLOCATION_FAILURE` when data is transferred.
+fn lacks_resources(status: Status) -> bool {
+    matches!(
+        status,
+        Status::CL_MEM_OBJECT_ALLOCATION_FAILURE
+            | Status::CL_OUT_OF_RESOURCES
+            | Status::CL_OUT_OF_HOST_MEMORY
+    )
+}
+
+/// Rewrites a message of the `ocl` crate, which has a frame of `#` around it and ends with a link, as a sentence: the
+/// OpenCL function and its status.
+fn without_frame(message: &str) -> String {
+    let lines = message.lines().map(str::trim);
+    let mut lines = lines.filter(|line| !line.is_empty() && !line.contains("####")).peekable();
+    let function = lines.peek().and_then(|line| line.strip_prefix("Error executing function: "));
+    if let Some(function) = function {
+        lines.next();
+        if let Some(status) = lines.peek().and_then(|line| line.strip_prefix("Status error code: ")) {
+            return format!("{function} returned {status}");
+        }
+        return format!("{function} failed: {}", lines.collect::<Vec<_>>().join(" "));
+    }
+    lines.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_is_the_function_and_its_status() {
+        let message = "\n\n####### OPENCL ERROR ####### \n\nError executing function: clCreateBuffer  \n\n\
+            Status error code: CL_INVALID_BUFFER_SIZE (-61)  \n\nPlease visit the following url for more \
+            information: \n\nhttps://example.org/clCreateBuffer.html#errors  \n\n####### \n";
+        assert_eq!(without_frame(message), "clCreateBuffer returned CL_INVALID_BUFFER_SIZE (-61)");
+        assert_eq!(
+            without_frame("Error executing function: clFinish\n\nno status"),
+            "clFinish failed: no status"
+        );
+        assert_eq!(without_frame("a text\nof  two lines "), "a text of  two lines");
+    }
+
+    #[test]
+    fn memory_or_resources_may_be_missing_by_the_status() {
+        let missing = [
+            Status::CL_MEM_OBJECT_ALLOCATION_FAILURE,
+            Status::CL_OUT_OF_RESOURCES,
+            Status::CL_OUT_OF_HOST_MEMORY,
+        ];
+        assert!(missing.into_iter().all(lacks_resources));
+        let other = [Status::CL_INVALID_BUFFER_SIZE, Status::CL_INVALID_WORK_GROUP_SIZE, Status::CL_SUCCESS];
+        assert!(!other.into_iter().any(lacks_resources));
+    }
+
+    #[test]
+    fn memory_that_others_use_is_told_only_where_memory_may_be_missing() {
+        let used = |used_bytes| Some(UsedMemory { total_bytes: 1000, used_bytes, own_bytes: Some(100) });
+        let missing = LaunchError::Resources("clFinish returned -5".to_owned());
+        assert_eq!(
+            missing.with(|| used(900)),
+            "clFinish returned -5; other processes use 800 B of the device's 1.0 kB of memory"
+        );
+        assert_eq!(missing.with(|| used(110)), "clFinish returned -5", "others use next to nothing");
+        assert_eq!(missing.with(|| None), "clFinish returned -5");
+        assert_eq!(LaunchError::OpenCl("no".to_owned()).with(|| used(900)), "no");
     }
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// The purpose of a step of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Finding the hits of primary rays, including preparation.
+    /// Finding the hits of primary rays, including the preparation of planes and the clearing of buffers.
     Primary,
     /// Casting shadow rays, including shading if no separate kernel shades.
     Shadow,

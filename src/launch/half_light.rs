@@ -54,7 +54,8 @@ pub(super) struct HalfLight {
 }
 
 impl HalfLight {
-    /// Allocates the half pictures of a frame whose whole picture is `image`. They use the frame's program.
+    /// Allocates the half pictures of a frame whose whole picture is `image`. The half pictures are cast by the
+    /// frame's program.
     pub fn new(setup: &Setup<'_>, image: &Buffer<Float4>) -> Result<Self, LaunchError> {
         let workload = setup.workload.halved();
         let half = Setup { workload: &workload, ..*setup };
@@ -136,8 +137,9 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// For even sizes, the kernel reads the half-picture pixels of a vector in a quicker way. Some rows are filled
-    /// exactly by vectors of 16 pixels, and some are not.
+    /// Sizes of the pictures to be filtered. For even sizes, the kernel reads the half-picture pixels of a vector in a
+    /// quicker way than for odd sizes. Vectors of 16 pixels fill the rows of the first picture exactly, but not those
+    /// of the others.
     const SIZES: [[u32; 2]; 5] = [[96, 64], [75, 61], [38, 22], [7, 5], [1, 1]];
 
     /// Compares the device's filter with the reference filter in double precision, in every kernel

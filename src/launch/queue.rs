@@ -1,9 +1,11 @@
 //! An open device.
 
+use super::LaunchError;
 use super::staging::Staging;
+use crate::device;
 use crate::error::{Error, Result};
 use ocl::enums::{DeviceInfo, DeviceInfoResult};
-use ocl::{CommandQueueProperties, Context, Device, Platform};
+use ocl::{CommandQueueProperties, Context, Device};
 use std::sync::Arc;
 
 /// A context and an in-order queue with timestamps on one device.
@@ -23,7 +25,7 @@ pub struct Queue {
 
 impl Queue {
     /// Opens a device.
-    pub fn open(platform: Platform, device: Device) -> Result<Self> {
+    pub fn open(&device::Device { platform, device, ref info, .. }: &device::Device) -> Result<Self> {
         let open = || -> ocl::Result<Self> {
             let context = Context::builder().platform(platform).devices(device).build()?;
             let commands = ocl::Queue::new(&context, device, Some(CommandQueueProperties::PROFILING_ENABLE))?;
@@ -32,7 +34,8 @@ impl Queue {
             Ok(Self { context, commands, device, shares_memory, staging: Arc::default() })
         };
         open().map_err(|error| {
-            Error::run(format!("cannot open the OpenCL device: {error}")).with_help(
+            let reason = LaunchError::from(error).on(info);
+            Error::run(format!("cannot open the OpenCL device: {reason}")).with_help(
                 "another process may be using the device's memory; `raycl devices` lists other devices",
             )
         })

@@ -1,6 +1,7 @@
 //! The reasons why a strategy cannot be cast on a device.
 
 use super::LaunchError;
+use crate::device::DeviceInfo;
 use crate::error::Error;
 use crate::program::BuildError;
 use crate::strategy::{Cause, Infeasible};
@@ -34,6 +35,11 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
+/// The remedy if a launch fails.
+const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
+/// The remedy if a launch fails because memory is missing.
+const FREE_MEMORY: &str = "a smaller picture or scene needs less memory; other processes may also be using the memory; `raycl devices` lists other devices";
+
 /// The remedy for an error in a kernel file of the user.
 const OWN_FILE: &str =
     "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
@@ -54,9 +60,27 @@ impl Refused {
         }
     }
 
+    /// Returns the reason in a sentence. If the device lacks memory, the sentence says how much other processes use.
+    pub fn reason_on(&self, device: &DeviceInfo) -> String {
+        match self {
+            Self::Launch { error, .. } => error.on(device),
+            _ => self.reason(),
+        }
+    }
+
     /// Returns the error that ends a command, for a command that casts nothing else on `device`.
-    pub fn into_error(self, device: &str) -> Error {
+    pub fn into_error(self, device: &DeviceInfo) -> Error {
+        let reason = self.reason_on(device);
+        self.with_reason(&reason, &device.label)
+    }
+
+    /// Returns the error that ends a command, where no device is involved.
+    pub fn into_host_error(self) -> Error {
         let reason = self.reason();
+        self.with_reason(&reason, "this machine")
+    }
+
+    fn with_reason(self, reason: &str, device: &str) -> Error {
         let cannot = |what: &str, remedy: &str| {
             Error::input(format!("{what} cannot cast this frame: {reason}")).with_help(remedy)
         };
@@ -76,8 +100,10 @@ impl Refused {
             Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
-            Self::Launch { step, .. } => Error::run(format!("{step} failed: {reason}"))
-                .with_help("a smaller picture, another --strategy or another --device may work"),
+            Self::Launch { step, error } => {
+                let remedy = if matches!(error, LaunchError::Resources(_)) { FREE_MEMORY } else { OTHERWISE };
+                Error::run(format!("{step} failed: {reason}")).with_help(remedy)
+            }
         }
     }
 }
@@ -91,11 +117,28 @@ impl From<Error> for Refused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::{DeviceKind, tests::example};
+
+    fn device() -> DeviceInfo {
+        example("a platform", "the device", DeviceKind::Gpu, 4)
+    }
+
+    #[test]
+    fn a_launch_without_memory_advises_to_need_less_or_to_free_some() {
+        for (error, remedy) in [
+            (LaunchError::Resources("no".into()), FREE_MEMORY),
+            (LaunchError::OpenCl("no".into()), OTHERWISE),
+        ] {
+            let error = Refused::at("the launch")(error).into_error(&device());
+            assert_eq!((error.to_string().as_str(), error.remedy()), ("the launch failed: no", remedy));
+            assert_eq!(error.exit_code(), 1);
+        }
+    }
 
     #[test]
     fn a_smaller_picture_is_advised_only_for_what_a_device_cannot_hold() {
         let told = |infeasible| {
-            let error = Refused::Device(infeasible).into_error("the device");
+            let error = Refused::Device(infeasible).into_error(&device());
             assert_eq!(error.exit_code(), 2);
             (error.to_string(), error.remedy().to_owned())
         };
@@ -114,7 +157,7 @@ mod tests {
     #[test]
     fn the_hosts_memory_is_not_blamed_on_the_device() {
         let refused = Refused::Host(Infeasible::beyond("memory: 2 B > 1 B".to_owned()));
-        let message = refused.into_error("the device").to_string();
+        let message = refused.into_error(&device()).to_string();
         assert_eq!(message, "this machine cannot cast this frame: memory: 2 B > 1 B");
     }
 
@@ -122,7 +165,7 @@ mod tests {
     fn an_error_in_the_users_own_kernel_file_is_the_users_mistake() {
         for (in_own_file, code) in [(true, 2), (false, 1)] {
             let error = BuildError { log: "mine/a.cl:7:1: error: no".to_owned(), in_own_file };
-            let error = Refused::Build(error).into_error("the device");
+            let error = Refused::Build(error).into_error(&device());
             assert_eq!(error.exit_code(), code);
             assert!(error.to_string().contains("mine/a.cl:7:1"), "{error}");
         }

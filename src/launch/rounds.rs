@@ -1,4 +1,5 @@
-//! The kernels of a frame in which the work-items of a group share each tile. Lights are processed in rounds.
+//! The kernels of a frame in which the work-items of a group share each tile. The frame's lights are processed in
+//! rounds, each with a fixed number of lights.
 
 use super::frame::Phase;
 use super::parts::{Parts, size_for_preparing};

@@ -35,14 +35,14 @@ pub struct Session {
     held: Held,
 }
 
-/// [`Session::rounding_stacks`] rounds stacks up to a multiple of this number of entries. Most trees need fewer
-/// entries.
+/// [`Session::rounding_stacks`] rounds the stacks with which kernels traverse a tree up to a multiple of this number
+/// of entries. Most trees need fewer entries.
 pub const ROUNDED_STACK: usize = 128;
 
 impl Session {
     /// Opens a device for a scene.
     pub fn open(device: &Device, sources: &Sources, scene: Arc<Scene>) -> Result<Self> {
-        Ok(Self::new(Queue::open(device.platform, device.device)?, &device.info, sources, scene))
+        Ok(Self::new(Queue::open(device)?, &device.info, sources, scene))
     }
 
     /// Makes a session on a device that is already open.
@@ -329,7 +329,7 @@ mod tests {
         let limits =
             DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..device.info.limits };
         for shares_memory in [true, false] {
-            let queue = Queue { shares_memory, ..Queue::open(device.platform, device.device).unwrap() };
+            let queue = Queue { shares_memory, ..Queue::open(&device).unwrap() };
             let session = Session::new(queue, &device.info, &Sources::Embedded, Arc::clone(&scene));
             let mut session = session.limited(limits).keeping(Kept::default());
             let mut prepare =

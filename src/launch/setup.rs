@@ -122,7 +122,7 @@ pub(super) fn sees_sky(scene: &Scene) -> bool {
 
 /// Sets the distance at which shadow rays start, and the background.
 pub(super) fn background_arguments<'a>(arguments: Arguments<'a>, scene: &Scene) -> Arguments<'a> {
-    // A picture of the sky is added to a black background.
+    // If rays see a picture of the sky, the background is black at first, and the picture is added later.
     let background = if sees_sky(scene) { Vec3::ZERO } else { scene.background };
     let [red, green, blue] = background.to_array();
     arguments.with("bias", scene.shadow_bias).with("background", Float4::new(red, green, blue, 0.0))

@@ -7,8 +7,9 @@ use ocl::enums::{DeviceInfo, DeviceInfoResult};
 use ocl::prm::Uint2;
 
 /// Number of groups that cast leftover shadow rays, per compute unit. With fewer groups, scenes of millions of small
-/// triangles take longer (16 groups: 14% longer at three million triangles). With more groups, all other scenes take
-/// longer (64 groups: 3 to 4% longer on the bunny and the dragon). Measured on an NVIDIA H200, 2026-11-20.
+/// triangles take longer (16 groups: 14% longer than with 32 at three million triangles). With more groups, all other
+/// scenes take longer (64 groups: 3 to 4% longer than with 32 on the bunny and the dragon). The times were measured on
+/// an NVIDIA H200, 2026-11-20.
 const GROUPS_A_UNIT: usize = 32;
 
 /// Buffers between the kernels of a round of lights.

@@ -124,7 +124,7 @@ mod tests {
 
     fn queue_of(piece_bytes: usize) -> Queue {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        Queue::open(device.platform, device.device).unwrap().apart(piece_bytes)
+        Queue::open(&device).unwrap().apart(piece_bytes)
     }
 
     fn display(exposure: f32, gamma: f32) -> Display {
@@ -146,8 +146,8 @@ mod tests {
         (bytes, hits)
     }
 
-    /// Returns radiances of every magnitude, and special values. The fourth channel is the share of a pixel's samples that
-    /// hit something: none, half of them, or all.
+    /// Returns radiances of every magnitude, and special values. The fourth channel is the share of a pixel's samples
+    /// that hit something: no sample, half of the samples, or all.
     fn radiances() -> Vec<Float4> {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let steps = Shown::new(Display::default());

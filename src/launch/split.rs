@@ -2,7 +2,7 @@
 
 use super::band::{Band, Cost, balance, rows};
 use super::{Caster, FrameTimes, Prepared, Session};
-use crate::device::Device;
+use crate::device::{Device, DeviceInfo};
 use crate::error::{Error, Result};
 use crate::image::Radiance;
 use crate::program::Sources;
@@ -99,7 +99,7 @@ pub struct Whole {
 
 /// A device that is ready to cast.
 struct Ready {
-    label: String,
+    info: DeviceInfo,
     strategy: Strategy,
     prepared: Prepared,
     build_ms: f64,
@@ -117,7 +117,7 @@ impl Ready {
         let group = self.group_height();
         let band: Band = (first / group) as usize..end.div_ceil(group) as usize;
         let caster = self.prepared.caster_of(&self.at(image_size), Some(band));
-        caster.map_err(|refused| refused.into_error(&self.label))
+        caster.map_err(|refused| refused.into_error(&self.info))
     }
 
     /// Returns the number of pixel rows in a work-group.
@@ -130,8 +130,8 @@ impl Ready {
         fastest_ms(&self.caster(image_size, [0, image_size[1]])?)
     }
 
-    /// Measures the time for each part of a frame, from top to bottom; empty if there are fewer rows of
-    /// work-groups than parts.
+    /// Measures, for each part of a frame from top to bottom, the time per row of pixels; empty if there are fewer
+    /// rows of work-groups than parts.
     fn parts(&self, image_size: [u32; 2]) -> Result<Vec<f64>> {
         let (group, height) = (self.group_height(), image_size[1]);
         let groups = height.div_ceil(group) as usize;
@@ -171,7 +171,7 @@ impl Team<'_> {
         let whole_ms = |place: &usize| self.costs[*place].whole_ms;
         let slowest = (0..self.ready.len()).max_by(|a, b| whole_ms(a).total_cmp(&whole_ms(b)))?;
         let (ready, cost) = (self.ready.remove(slowest), self.costs.remove(slowest));
-        Some(LeftOut { device: ready.label.clone(), reason: reason(cost.whole_ms) })
+        Some(LeftOut { device: ready.info.label.clone(), reason: reason(cost.whole_ms) })
     }
 }
 
@@ -199,16 +199,15 @@ impl Split<'_> {
     fn ready(&self, casting: &Casting) -> Result<Ready> {
         let start = Instant::now();
         let Casting { device, strategy, local_size } = casting;
-        let label = device.info.label.clone();
         // GPUs with the same name can share a compiled program, so only CPUs with the same name (twins) need different
         // programs.
         let twins_before = if device.info.limits.is_cpu { device.info.twins_before } else { 0 };
         let session = Session::open(device, self.sources, Arc::clone(&self.scene))?.among_twins(twins_before);
         let session = session.sampling(self.sampling);
         let prepared = session.verifying(self.verifies).prepare(strategy, self.image_size, *local_size);
-        let prepared = prepared.map_err(|refused| refused.into_error(&label))?;
+        let prepared = prepared.map_err(|refused| refused.into_error(&device.info))?;
         let build_ms = start.elapsed().as_secs_f64() * 1e3 - prepared.upload_ms();
-        Ok(Ready { label, strategy: *strategy, prepared, build_ms })
+        Ok(Ready { info: device.info.clone(), strategy: *strategy, prepared, build_ms })
     }
 
     /// Returns the devices that cast. As long as the remaining devices together do not cast a trial frame faster than
@@ -229,7 +228,7 @@ impl Split<'_> {
             }
             let reason = |_| {
                 format!(
-                    "a trial frame took {together_ms:.3} ms with this device, and {alone_ms:.3} ms on the fastest device alone"
+                    "a trial frame took {together_ms:.3} ms on this device and the others together, and {alone_ms:.3} ms on the fastest device alone"
                 )
             };
             left_out.extend(team.without_slowest(reason));
@@ -239,7 +238,7 @@ impl Split<'_> {
 
     /// Returns the size of a trial frame: the smallest frame that takes the fastest device at least [`TRIAL_MS`], or
     /// else the full frame. Also measures each device's time for the trial frame, and removes devices that are much
-    /// slower than the fastest, since a larger frame would only increase the difference.
+    /// slower than the fastest, since the difference would be even larger for a larger frame.
     fn trial(&self, team: &mut Team<'_>, left_out: &mut Vec<LeftOut>) -> Result<[u32; 2]> {
         let mut rows = TRIAL_ROWS;
         loop {
@@ -272,7 +271,7 @@ impl Split<'_> {
         let start = Instant::now();
         let (part, hits) = caster.read_rows(rows).map_err(failed)?;
         let share = Share {
-            device: ready.label.clone(),
+            device: ready.info.label.clone(),
             strategy: ready.strategy,
             local_size: ready.prepared.workload.local_size,
             rows,
@@ -285,7 +284,8 @@ impl Split<'_> {
     }
 }
 
-/// Returns the size of a trial frame with at most `rows` rows of pixels, and how many times smaller it is than the frame.
+/// Returns the size of a trial frame with at most `rows` rows of pixels, and the factor by which its width and height
+/// are smaller than those of the full frame.
 fn trial_size([width, height]: [u32; 2], rows: u32) -> ([u32; 2], u32) {
     let smaller = height.div_ceil(rows).max(1);
     ([width.div_ceil(smaller), height.div_ceil(smaller)], smaller)
@@ -429,7 +429,7 @@ mod tests {
             .ready
             .iter()
             .zip(&team.costs)
-            .map(|(one, cost)| (one.label.as_str(), cost.whole_ms))
+            .map(|(one, cost)| (one.info.label.as_str(), cost.whole_ms))
             .collect();
         assert_eq!(left, [("a", 4.0), ("c", 6.0)]);
         // Parts are measured only if each of them has a row of work-groups.

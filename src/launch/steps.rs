@@ -94,7 +94,8 @@ mod tests {
             let [all, local] = [[320, 64], [32, local_down]].map(|[x, y]| SpatialDims::Two(x, y));
             rows_for(tiles, all, local).to_lens().map(|lens| lens[1])
         };
-        // Ten work-groups side by side, first with one tile in each, then with four.
+        // There are ten work-groups side by side. In the first assertion, each casts one tile; in the second, each
+        // casts four.
         assert_eq!([0, 1, 10, 11, 9999].map(|tiles| size(tiles, 1).ok()), [1, 1, 1, 2, 64].map(Some));
         assert_eq!([1, 40, 41, 9999].map(|tiles| size(tiles, 4).ok()), [4, 4, 8, 64].map(Some));
     }

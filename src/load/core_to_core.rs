@@ -12,7 +12,8 @@ use std::time::{Duration, Instant};
 const ROUND_TRIPS: u32 = 100;
 /// The number of timed pieces; the fastest piece is the result.
 const PIECES: u32 = 5;
-/// If the measurement takes longer than this, the processors are assumed to be busy with other programs.
+/// If the measurement takes longer than this, the processors are assumed to be busy with other programs, and there is
+/// no result.
 const PATIENCE: Duration = Duration::from_millis(5);
 /// The number of reads of the shared word between two reads of the clock.
 const LOOKS: u32 = 64;

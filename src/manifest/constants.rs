@@ -19,11 +19,11 @@ pub const LIGHT_FLOATS: usize = 6;
 pub const SOFT_HEAD_FLOATS: usize = 10;
 /// Number of words that describe a texture, before its texels.
 pub const TEXTURE_HEAD_WORDS: usize = 4;
-/// Side in pixels of a block; all pixels of a block get the same number of samples. A vector of rays in a tile covers
-/// one block, if each pixel has one ray.
+/// Side in pixels of a square block of pixels; all pixels of a block get the same number of samples. A vector of rays
+/// in a tile covers one block, if each pixel has one ray.
 pub const SAMPLED_BLOCK: u32 = 4;
 /// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ by more
-/// than this in a channel. The difference is counted in 8-bit steps of the displayed picture.
+/// than this in a channel. This constant is a number of 8-bit steps of the displayed picture.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
 /// and down. The filter of soft light covers this many pixels across and down, too.

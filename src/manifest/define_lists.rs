@@ -1,8 +1,8 @@
-//! The defines of kernel programs, in lists that several families use.
+//! The macros that the host defines for kernel programs, in lists that several kernel families use.
 
 use super::Fact::{self, Always, CutOut, HalfLight, Indexed, Sampled, Soft, Soup, Textured, Tiled, Tree};
 
-/// Names of defines, each with the condition under which programs have it.
+/// Names of macros, each with the condition under which the host defines the macro for a program.
 pub type Defines = &'static [(Fact, &'static str)];
 
 pub const COMMON_DEFINES: Defines = &[
@@ -38,7 +38,7 @@ pub const TEXTURE_DEFINES: Defines = &[
     (CutOut, "LEAST_ALPHA_UNIT"),
 ];
 pub const SOFT_DEFINES: Defines = &[(Soft, "SOFT_HEAD_FLOATS")];
-/// Defines for ray-triangle tests that need exact signs.
+/// Defines for ray-triangle tests that rely on the exact signs of computed values (`cl/common/exact_signs.cl`).
 pub const SIGN_DEFINES: Defines = &[(Always, "FAST_MATH")];
 pub const CAST_DEFINES: Defines = &[
     (Always, "PAPER_EPSILONS"),

@@ -13,7 +13,7 @@ use super::{Family, Kernel, Parameter, Role, Rule};
 /// All families. `Strategy::family` determines the family of a strategy.
 pub static FAMILIES: [&Family; 5] = [&EXHAUSTIVE, &BVH, &RASTER, &TILE_CPU, &TILE_GPU];
 
-/// Rays that are tested against every triangle.
+/// The kernels whose rays are each tested against every triangle.
 pub static EXHAUSTIVE: Family = Family {
     name: "exhaustive",
     label: "traversal = exhaustive",
@@ -28,7 +28,7 @@ pub static EXHAUSTIVE: Family = Family {
     ],
 };
 
-/// Rays, or packets of them, that walk a tree.
+/// The kernels whose rays, alone or in packets, walk a tree.
 pub static BVH: Family = Family {
     name: "bvh",
     label: "traversal = bvh",
@@ -42,12 +42,12 @@ pub static BVH: Family = Family {
         rule(
             "intersector",
             FilesIn("cast/intersect/", Some(Planes)),
-            "tests few of the triangles, so it does not prepare all of them for the common origin of rays",
+            "tests few of the triangles with each ray, so it prepares none of them for all rays of a frame or tile",
         ),
     ],
 };
 
-/// Triangles that are rasterised. Shadow rays are tested against every triangle.
+/// The kernels that rasterise triangles. Their shadow rays are tested against every triangle.
 pub static RASTER: Family = Family {
     name: "raster",
     label: "traversal = raster",
@@ -69,7 +69,7 @@ pub static RASTER: Family = Family {
         only(
             "triangles",
             &["global", "constant"],
-            "reads each triangle once, so that there is nothing to keep in __local memory",
+            "reads each triangle once, so there is nothing to keep in __local memory",
         ),
         only(
             "intersector",
@@ -83,7 +83,7 @@ pub static RASTER: Family = Family {
     ],
 };
 
-/// Tiles of rays that walk a tree in vectors, one work-item per tile.
+/// The kernels whose tiles of rays walk a tree, one work-item per tile; the rays of a tile are in vectors.
 pub static TILE_CPU: Family = Family {
     name: "tile-cpu",
     label: "traversal = tile with vectors of rays (width = 16)",
@@ -149,7 +149,7 @@ pub static TILE_CPU: Family = Family {
     ],
 };
 
-/// Tiles of rays that walk a tree, 32 work-items per tile.
+/// The kernels whose tiles of rays walk a tree, 32 work-items per tile.
 pub static TILE_GPU: Family = Family {
     name: "tile-gpu",
     label: "traversal = tile shared by 32 work-items (width = 1)",
@@ -281,7 +281,8 @@ pub static TILE_GPU: Family = Family {
     ],
 };
 
-/// The kernel that shows a sky's picture, in every family that supports a sky.
+/// The kernel that shows the picture of a sky where rays have hit nothing. Every family that supports a sky has this
+/// kernel.
 const SHOW_SKY: Kernel = Kernel {
     name: "show_sky",
     role: Background,
@@ -365,10 +366,10 @@ const APPLY_KERNEL: Kernel = Kernel {
 
 const NO_TREE: &str = "uses no tree, so only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
-const LEAF_ORDER: &str = "reads triangles in the order of its tree";
-const SHADES_ONCE: &str = "shades a tile's rays once";
+const LEAF_ORDER: &str = "reads whole triangles from global memory, in the order of its tree's leaves";
+const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
 const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";
-const OWN_EDGES: &str = "uses its own edge functions";
+const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";
 
 const fn kernel(name: &'static str, role: Role, parameters: &'static [&'static [Parameter]]) -> Kernel {
     Kernel { name, role, when: Always, parameters }

@@ -43,7 +43,7 @@ fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
     assert!(changes > 10 * PRESETS.len(), "only {changes}");
 }
 
-/// Returns everything that a value of an axis can change in a program without a scene: the preprocessed source, the
+/// Returns everything that a value of an axis can change in the program for a fixed scene: the preprocessed source, the
 /// options, and the kernels of a frame.
 fn decided(strategy: &Strategy) -> String {
     let spec = spec(strategy);
@@ -74,7 +74,7 @@ fn taken(base: &Strategy, axis: &AxisInfo) -> Vec<(&'static str, Strategy)> {
     values.filter(|(_, strategy)| strategy.contradiction().is_none() && own(strategy)).collect()
 }
 
-/// Checks every value of every axis in every family that accepts it: values with different names must result
+/// Checks, for every axis and every family, all values that the family accepts: values with different names must result
 /// in different programs or trees.
 #[test]
 fn values_of_another_name_are_another_program_or_another_tree() {

@@ -36,7 +36,7 @@ pub enum Fact {
     Tree,
     /// Planes per triangle are prepared for the eye and each light.
     Planes,
-    /// A record per triangle is prepared once per scene.
+    /// For each triangle, a record with data for the ray-triangle test is prepared once per scene.
     Records,
     /// Working vectors lie in a scratch buffer.
     Scratch,
@@ -59,7 +59,7 @@ pub enum Fact {
 /// The role of a kernel in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Prepares triangles for the eye and the lights.
+    /// Prepares the planes of each triangle for the eye and the lights.
     Prepare,
     /// Casts primary rays, and does as much of the rest of a frame as one kernel can.
     Frame,
@@ -72,11 +72,11 @@ pub enum Role {
     Shadow,
     /// Casts leftover shadow rays.
     LeftOver,
-    /// Shades nearest hits; if no kernel has the role `Shadow`, the shading kernel casts shadow rays too.
+    /// Shades the nearest hits; if no kernel has the role `Shadow`, the shading kernel casts shadow rays too.
     Shade,
     /// Shows the sky where rays have hit nothing.
     Background,
-    /// Casts arbitrary rays; not part of a frame.
+    /// Casts rays that the caller provides; not part of a frame.
     Rays,
     /// Prepares records of triangles once per scene; not part of a frame.
     Records,
@@ -150,7 +150,8 @@ pub struct Rule {
     pub axis: &'static str,
     /// The supported values. The family supports only the default value of an axis that it ignores.
     pub takes: Values,
-    /// The reason, which follows the family's label in messages: "uses its own edge functions".
+    /// The reason why the family supports only these values. In messages, it follows the family's label: "uses its own
+    /// edge functions".
     pub because: &'static str,
 }
 
@@ -161,7 +162,7 @@ pub struct Family {
     pub name: &'static str,
     /// The description of the family's strategies in messages.
     pub label: &'static str,
-    /// The file under `cl/` that includes all others.
+    /// The file under `cl/` that includes all other files of the family.
     pub entry: &'static str,
     /// The kernels of the family.
     pub kernels: &'static [Kernel],

@@ -42,39 +42,41 @@ pub const LIGHTS: &[Parameter] =
     &[p(Always, FLOATS, "lights"), p(Always, "const int", "light_count"), p(Always, "const float", "bias")];
 /// The triangles' planes, prepared for the eye and for each light.
 pub const PREPARED: &[Parameter] = &[p(Planes, QUADS, "prepared")];
-/// The records of triangles, prepared once per scene.
+/// The records of triangles: data for the ray-triangle test, prepared once per scene.
 pub const RECORDS: &[Parameter] = &[p(Records, FLOATS, "records")];
 pub const RECORDS_OUT: &[Parameter] = &[p(Records, "__global float *restrict", "records")];
 /// The nodes of a tree, and the triangles in its leaves.
 pub const TREE: &[Parameter] = &[p(Tree, FLOATS, "nodes"), p(Tree, FLOATS, "leaves")];
-/// The data that tiles need for shading.
+/// The triangles' surfaces and materials, which the families that cast tiles need for shading.
 pub const SURFACES: &[Parameter] =
     &[p(Always, QUADS, "surfaces"), p(Always, FLOATS, "materials"), p(Always, "const int", "material_count")];
-/// The triangles' texture coordinates, all textures, and a pixel's cone.
+/// The triangles' texture coordinates, all textures, and the ray cone of a pixel, which determines the mip level.
 pub const TEXTURES: &[Parameter] = &[
     p(Textured, QUADS, "texture_rows"),
     p(Textured, "const __global uint *restrict", "texture_words"),
     p(Textured, "const float4", "cone"),
 ];
-/// The texture coordinates and the textures once more, for kernels of tiles that cast rays through the holes of
-/// cut-outs.
+/// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
+/// through the holes of cut-outs.
 pub const MASKS: &[Parameter] =
     &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
-/// The number of samples per pixel of each block, and the number of samples per pixel that the image already has.
+/// For each block of pixels, the number of samples per pixel that the block shall get. Also the number of samples per
+/// pixel that the image has from earlier frames.
 pub const SAMPLES: &[Parameter] =
     &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
-/// How finely a frame divides pixels, how many samples it casts, and where each lane's sample lies in its pixel.
+/// Into how many sub-pixels a frame divides each pixel, how many samples the frame casts per pixel, and where each
+/// lane's sample lies in its pixel.
 pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
     p(Sampled, "const float16", "sample_x"),
     p(Sampled, "const float16", "sample_y"),
 ];
-/// How finely a frame divides pixels, and how many samples it casts, for tiles that are each shared by the work-items
-/// of a group. `places` has the position (x and y) of each sample in its pixel. The frame casts only the rough blocks
-/// of pixels, or all blocks if `rough_count` is 0.
+/// Into how many sub-pixels a frame divides each pixel, and how many samples the frame casts per pixel, for tiles that
+/// are each shared by the work-items of a group. `places` has the position (x and y) of each sample in its pixel. The
+/// frame casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -82,7 +84,7 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const __global uint *restrict", "rough"),
     p(Sampled, "const uint", "rough_count"),
 ];
-/// The number of each pixel's earlier samples that hit something.
+/// For each pixel, how many samples of earlier frames hit something.
 pub const HITS_BEFORE: &[Parameter] = &[p(Sampled, "__global uint *restrict", "hits_before")];
 /// The image after the first samples, the display's exposure, and two numbers of samples per pixel: one for blocks that
 /// are not rough, one for rough blocks. The kernel writes each block's number of samples per pixel into `wanted`, and
@@ -96,12 +98,12 @@ pub const MARK_ROUGH: &[Parameter] = &[
     p(Sampled, "__global uint *restrict", "rough"),
     p(Sampled, "volatile __global uint *", "rough_counter"),
 ];
-/// The unoccluded light of the half picture, and that picture's size.
+/// The unoccluded light in each pixel of the half picture, and the half picture's size.
 pub const HALF_LIGHT: &[Parameter] =
     &[p(Always, QUADS, "half_unoccluded"), p(Always, "const int2", "half_size")];
 /// The light that arrives in the half picture, with shadows.
 pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
-/// The part of the unoccluded light that arrives.
+/// For each pixel of the half picture, the fraction of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds), and

@@ -59,8 +59,8 @@ fn words(text: &str) -> Vec<&str> {
     code.flat_map(|line| line.split(|c: char| !c.is_ascii_alphanumeric() && c != '_')).collect()
 }
 
-/// Returns whether a text uses a name. A test whether the name is defined does not count, nor does a mention in an
-/// `#error`.
+/// Returns whether a text uses a name. A test whether the name is defined does not count as a use, nor does a mention
+/// in an `#error`.
 fn uses_define(text: &str, name: &str) -> bool {
     let asks = |line: &&str| line.starts_with("#error") || line.starts_with("#ifndef");
     let lines: Vec<_> = text.lines().filter(|line| !asks(line)).collect();
@@ -138,7 +138,8 @@ fn a_program_holds_no_file_of_another_family() {
         let own = match strategy.family().name {
             "exhaustive" | "bvh" => &["common/", "cast/"][..],
             "raster" => &["common/", "cast/", "raster/"],
-            // Vectors whose rays have no common main axis are cast like single rays.
+            // In this family, vectors whose rays have no common main axis are cast like single rays, with the
+            // watertight test of `cl/cast/`.
             "tile-cpu" => &["common/", "tile_cpu/", "cast/intersect/watertight.cl"],
             _ => &["common/", "tile_gpu/"],
         };
@@ -148,7 +149,7 @@ fn a_program_holds_no_file_of_another_family() {
     }
 }
 
-/// Files for a sky that is a picture.
+/// The kernel files that only programs for a sky with a picture use.
 const PICTURE_FILES: [&str; 2] = ["common/environment.cl", "common/show_sky.cl"];
 const SOFT_FILES: [&str; 4] = ["common/soft.cl", "cast/soft.cl", "tile_cpu/soft.cl", "tile_gpu/soft.cl"];
 const SAMPLE_FILES: [&str; 2] = ["common/samples.cl", "common/mark_rough.cl"];

@@ -180,7 +180,7 @@ mod tests {
 
     #[test]
     fn the_dip_is_that_of_the_published_algorithm() {
-        // Values from a translation of AS 217, as in R's package diptest.
+        // The expected dips come from a translation of the algorithm AS 217, which R's package diptest also uses.
         let samples = [
             (sorted((1..21).map(|i| f64::from(i * i))), 0.025),
             (sorted([1, 2, 3, 4, 5, 16, 17, 18, 19, 20].map(f64::from).into_iter()), 0.183_333_333),

@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn a_point_that_ties_wins_though_one_before_it_does_not() {
-        // The interval of 'b' is narrow, and that of 'c' is wide.
+        // The interval of 'b' is narrow, and that of 'c' is wide, so 'c' ties with 'a', and 'b' does not.
         let points = [('a', Some(1.0)), ('b', Some(2.0)), ('c', Some(3.0))];
         assert_eq!(Ranking::by(points, |point, _| point != 'b').winners, ['a', 'c']);
     }

@@ -2,7 +2,7 @@
 
 use super::MIN_SAMPLES;
 
-/// Number of the latest noise values (sigma / mean) that must agree.
+/// Number of the latest noise values (sigma / mean) that must agree before more samples are considered useless.
 const SETTLING: usize = 16;
 /// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
@@ -48,8 +48,9 @@ impl StopReason {
 }
 
 impl StoppingRule {
-    /// Returns the rule for one of several launches of the worker processes. The launches share the limits of samples
-    /// and time. Each launch takes at least as many samples as a verdict needs, unless the total allows fewer.
+    /// Returns the rule for one of several launches of the worker processes. The limits of samples and time hold for
+    /// all launches together, so each launch gets a share of them. Each launch takes at least as many samples as a
+    /// verdict needs, unless the limit for all launches is lower.
     pub fn shared_by(self, launches: usize) -> Self {
         let least = MIN_SAMPLES.min(self.max_samples);
         Self {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 /// An instruction of a kernel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Instruction {
-    /// Its text.
+    /// The instruction's text.
     pub text: String,
     /// The instruction's line in the source, from the compiler's line table; `None` if the table has no line for it.
     pub line: Option<u32>,
@@ -72,7 +72,7 @@ impl Code {
         self.instructions.iter().filter(|one| one.line.is_some()).count()
     }
 
-    /// Returns a row with all instructions.
+    /// Returns a row that counts all instructions of the kernel.
     pub fn total(&self) -> Row {
         let mut row = Row::default();
         self.instructions.iter().for_each(|one| row.add(one));

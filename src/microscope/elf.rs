@@ -45,7 +45,7 @@ mod tests {
         let (one, other) = (file(300, 1), file(200, 2));
         let binary = [b"poclbin\0", &one[..], b"name.so", &other[..], b"rest", &one[..250]].concat();
         assert_eq!(files(&binary), [&one[..], &other[..]]);
-        // This header says that the file has no table.
+        // This header states that the file has no section table.
         let header = [&MAGIC[..], &[0; 58]].concat();
         for none in [&header, &b""[..], b"\x7fELF", &MAGIC, &one[..299], b".version 8.0"] {
             assert!(files(none).is_empty(), "{none:?}");

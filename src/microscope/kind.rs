@@ -17,8 +17,8 @@ pub enum Memory {
     Private,
     /// The kernel's arguments.
     Argument,
-    /// A memory that is known only when the instruction runs. On a CPU all OpenCL address spaces are the same memory.
-    /// Therefore accesses on a CPU are generic, except to the stack and to constants of the program.
+    /// A memory whose kind is known only when the instruction runs. On a CPU all OpenCL address spaces are the same
+    /// memory. Therefore accesses on a CPU are generic, except to the stack and to constants of the program.
     Generic,
 }
 
@@ -39,7 +39,7 @@ pub enum Kind {
     Branch,
     /// Calls a function.
     Call,
-    /// Waits for other work-items, or orders accesses to memory.
+    /// Waits for other work-items, or keeps accesses to memory in order.
     Barrier,
 }
 
@@ -91,7 +91,8 @@ impl Serialize for Kind {
     }
 }
 
-/// Numbers of instructions by kind. An instruction that adds a number from memory counts as two kinds.
+/// Numbers of instructions by kind. An instruction can count as two kinds: one that adds a number from memory counts as
+/// a load and as arithmetic.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(transparent)]
 pub struct Counts(BTreeMap<Kind, u32>);
@@ -114,7 +115,7 @@ impl Counts {
         self.0.iter().map(|(kind, count)| (*kind, *count))
     }
 
-    /// Returns the memories that are accessed, in a fixed order.
+    /// Returns the memories that the counted instructions access, in a fixed order.
     pub fn memories(&self) -> Vec<Memory> {
         let mut memories: Vec<Memory> = self.0.keys().filter_map(|kind| kind.memory()).collect();
         memories.sort_unstable();

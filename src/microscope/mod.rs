@@ -1,10 +1,11 @@
 //! The microscope: shows which instructions a compiler generated for each line of a kernel.
 //!
-//! The program is compiled again, with a line table, from the text that `raycl kernel` prints. In this text, `#if`
-//! conditions are already evaluated, macros are expanded, and a file that is included twice appears twice. Therefore
-//! each line of the text belongs to one place in the program only. The instructions are then read from the binary,
-//! which contains PTX text or a CPU's machine code; `objdump` disassembles the latter. If `ptxas` is installed, it
-//! translates PTX to SASS, which is read too. Without a line table, instructions are counted by parts of the kernel.
+//! The program is compiled again, with a line table, from the preprocessed text that `raycl kernel` prints. In this
+//! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice appears twice.
+//! Therefore each line of the text belongs to one place in the program only. The instructions are then read from the
+//! binary, which contains PTX text or a CPU's machine code; the program `objdump` disassembles the machine code. If
+//! `ptxas` is installed, it translates PTX to SASS, which is read too. Without a line table, instructions are counted
+//! by parts of the kernel.
 
 mod code;
 mod elf;
@@ -99,7 +100,8 @@ impl Microscope {
         let names: Vec<&str> = kernels.iter().map(|kernel| kernel.name.as_str()).collect();
         let text = match prepared.preprocessed() {
             Ok(text) => read(&text.lines, Some(&names)).text,
-            // A user's own kernels may use syntax that only the driver's compiler understands.
+            // raycl cannot preprocess the kernels. A user's own kernels may use syntax that only the driver's compiler
+            // understands.
             Err(error) => {
                 return Self {
                     notes: vec![format!("There are no instructions: {error}")],
@@ -125,14 +127,16 @@ impl Microscope {
         microscope
     }
 
-    /// Returns the binary of the same program with a line table; `None`, and a note, if it cannot be compiled.
+    /// Compiles the same program with a line table, and returns the binary. If the compiler fails, returns `None` and
+    /// adds a note.
     fn with_lines(&mut self, prepared: &Prepared, is_ptx: bool) -> Option<Vec<u8>> {
         let option = LINE_TABLE[usize::from(!is_ptx)];
-        // All defines are already expanded in the text, so the options that set defines are left out.
+        // The text no longer contains macros, so the compiler options that define macros are left out.
         let options = prepared.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
         let options: Vec<&str> = options.chain([option]).collect();
         let source = format!("#line 1 \"{FILE}\"\n{}", self.source);
-        // PoCL's cache treats texts that differ only in comments and line numbers as the same program.
+        // PoCL's cache treats texts that differ only in comments and line numbers as the same program. The hash in an
+        // additional define makes the programs different.
         let hash = &blake3::hash(source.as_bytes()).to_hex()[..8];
         let options = format!("{} -D LINES_OF=0x{hash}", options.join(" "));
         let spec = ProgramSpec { source, options, files: Vec::new() };
@@ -190,8 +194,8 @@ impl Microscope {
     }
 }
 
-/// Reads the kernels of a binary; a driver may have compiled a kernel more than once. The error
-/// says why the binary cannot be read.
+/// Reads the kernels of a binary. The result can contain a kernel more than once, since a driver may have compiled it
+/// more than once. The error says why the binary cannot be read.
 fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     let codes = if is_ptx(binary) {
         ptx::codes(&String::from_utf8_lossy(binary), names, FILE)

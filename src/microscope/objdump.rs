@@ -20,7 +20,8 @@ pub fn codes(elf: &[u8], kernels: &[&str], file: &str) -> Result<Vec<Code>, Stri
 /// The functions of an ELF file, and its line table.
 struct Listing<'a> {
     is_x86: bool,
-    /// The source line of the instructions from each address on; `None` if they have no line.
+    /// For an address, the source line of the instructions from this address up to the next address in the map; `None`
+    /// if these instructions have no line.
     lines: BTreeMap<u64, Option<u32>>,
     /// The name of each function, and the text of its instructions.
     functions: Vec<(&'a str, &'a str)>,
@@ -83,7 +84,7 @@ fn function(text: &str) -> Option<(&str, &str)> {
     Some((name, body))
 }
 
-/// Returns the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>".
+/// Returns the name of the function to which a call or a jump leads: "any_hit" for "call   1000 <any_hit>".
 fn called(line: &str) -> Option<&str> {
     let (_, text) = instruction(line)?;
     let goes = text.starts_with("call") || text.starts_with('j');
@@ -99,15 +100,16 @@ fn frames(body: &str) -> Vec<&'static str> {
     ["%rbp", "%rbx"].into_iter().filter(set).collect()
 }
 
-/// Returns the address and the text of " 1137:\tmov (%rax),%rax", without objdump's comment on an address.
+/// Returns the address and the text of an instruction from a line such as " 1137:\tmov (%rax),%rax". A comment that
+/// objdump adds about an address is left out.
 fn instruction(line: &str) -> Option<(u64, &str)> {
     let (address, text) = line.split_once(":\t")?;
     let text = text.split(" # ").next().unwrap_or(text);
     Some((u64::from_str_radix(address.trim(), 16).ok()?, text.trim_end()))
 }
 
-/// Returns the address and the line of "kernel.cl 157 0x100b x". Line 0 means that an instruction has no line; "-"
-/// marks the end of a sequence of instructions.
+/// Returns the address and the line number from a row of the line table, such as "kernel.cl 157 0x100b x". Line 0 means
+/// that an instruction has no line; "-" marks the end of a sequence of instructions.
 fn table_row(row: &str, file: &str) -> Option<(u64, Option<u32>)> {
     let mut words = row.split_whitespace();
     let (name, number, address) = (words.next()?, words.next()?, words.next()?);

@@ -29,8 +29,8 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     kernels.iter().filter_map(code).collect()
 }
 
-/// Returns whether a text before a colon is a label. An opcode may contain "::", but it then also
-/// contains a dot, and labels do not.
+/// Returns whether a text before a colon is a label. An opcode may contain "::" too, but such an opcode also contains a
+/// dot, and labels contain no dots.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }
@@ -95,7 +95,7 @@ impl Reader {
     }
 }
 
-/// Returns the kind of an instruction; none for prefetches and pragmas.
+/// Returns the kinds of an instruction; no kind for prefetches and pragmas.
 fn kinds(opcode: &str) -> Vec<Kind> {
     if let Some(name) = instruction(opcode) {
         let mut words = name.split('.');
@@ -132,7 +132,7 @@ fn memory(space: &str) -> Memory {
 mod tests {
     use super::*;
 
-    /// Line 3 loads, line 4 computes and stores, line 7 belongs to another file.
+    /// In this PTX text, line 3 of the source loads, and line 4 computes and stores. Line 7 belongs to another file.
     const WITH_LINES: &str = r#"
 .version 8.8
 .target sm_90, texmode_independent

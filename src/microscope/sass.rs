@@ -8,8 +8,8 @@
 //! .L_x_1:
 //! ```
 //!
-//! This code comes from the installed ptxas. The driver has its own assembler, whose code may
-//! differ.
+//! The SASS shown here comes from the installed `ptxas`. The driver has its own assembler, which may generate different
+//! SASS for the program that raycl times.
 
 use super::code::{Code, Instruction, opcode};
 use super::kind::{Kind, Memory};

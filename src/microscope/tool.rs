@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// The time limit, far longer than any disassembler needs for a kernel.
+/// The time limit for one run of a disassembler, far longer than any disassembler needs for a kernel.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// An installed program.

@@ -3,7 +3,7 @@
 
 use super::kind::{Kind, Memory};
 
-/// Prefixes, which are printed before an instruction's name.
+/// Prefixes of instructions; objdump prints them before the instruction's name.
 const PREFIXES: [&str; 10] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32"];
 /// Beginnings of the names of instructions that do nothing.
@@ -35,8 +35,8 @@ const READERS: [&str; 15] = [
     "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
     "mul", "imul", "fld",
 ];
-/// Beginnings of the names of instructions that write their last operand without reading it. Moves also belong here,
-/// but are not repeated.
+/// Beginnings of the names of instructions that write their last operand without reading it. The instructions in
+/// `MOVES` do the same, but are not repeated in this list.
 const WRITERS: [&str; 5] = ["set", "vcvt", "cvt", "stmxcsr", "vstmxcsr"];
 
 /// Returns the kinds of an instruction. `frames` are the registers besides `%rsp` that contain the address of

@@ -79,8 +79,8 @@ impl OutFolder {
         if self.results {
             return files.iter().try_for_each(|(name, bytes)| write_page(&self.path.join(name), bytes));
         }
-        // The list is written before the files, so that it includes them even if the command is killed. After the files
-        // have been written, the list is written again without the entries of the replaced files.
+        // The list is written before the files, so that the list includes the files even if the command is killed.
+        // After the files have been written, the list is written again without the entries of the replaced files.
         self.made.extend(new.iter().cloned());
         self.write_list()?;
         files.iter().try_for_each(|(name, bytes)| self.put(name, bytes))?;
@@ -90,7 +90,8 @@ impl OutFolder {
     }
 
     /// Removes plots and exports of an earlier report that are no longer shown. Plots of other pages and files that
-    /// cannot be removed stay. Files that somebody changed stay too, except in a folder of results, which has no list.
+    /// cannot be removed stay. Files that somebody changed stay too. In a folder of results, which has no list, changed
+    /// files cannot be recognised and are removed.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -138,7 +139,8 @@ impl OutFolder {
         })
     }
 
-    /// Creates the folder and its subfolders for files; refuses a link in the place of a subfolder.
+    /// Creates the folder and the subfolders for these files; returns an error if a link is in the place of a
+    /// subfolder.
     fn make_folders(&self, files: &[(String, Vec<u8>)]) -> Result<()> {
         let failed = |folder: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", folder.display()))
@@ -204,7 +206,7 @@ mod tests {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().contains("plots/one.svg' has been changed since"), "{error}");
         assert!(write(&out, KEEP, "three").is_err());
-        // Either all files are written or none.
+        // Since one of the files could not be replaced, none was written.
         assert_eq!(std::fs::read(out.join("page.html")).unwrap(), b"two");
         write(&out, Choice { force: true, ..KEEP }, "four").unwrap();
         assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");

@@ -13,16 +13,17 @@ const KEY_LABEL: &str = "frame of raycl: ";
 const DIGITS: usize = 64;
 /// The mark lies within this many bytes from the start of a file.
 const HEAD_BYTES: u64 = 4096;
-/// Offset of a PNG's second chunk, after the signature and IHDR.
+/// Offset in bytes of a PNG's second chunk, after the signature and the first chunk (IHDR). The mark is in the second
+/// chunk.
 const PNG_CHUNK: usize = 33;
 const PNG_SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// The maker of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Maker {
-    /// raycl made the file, and nobody changed it.
+    /// raycl made the file, and nobody has changed it since.
     Raycl,
-    /// raycl made the file, and somebody changed it.
+    /// raycl made the file, and somebody has changed it since.
     Changed,
     /// The file has no mark of raycl.
     Other,
@@ -111,7 +112,7 @@ fn hole(head: &[u8]) -> Option<Range<usize>> {
     (end <= head.len()).then_some(start..end)
 }
 
-/// Returns the bytes for the range `hole`: the hash's digits and, in a PNG, the chunk's checksum.
+/// Returns the bytes with which the range `hole` must be filled: the hash's digits and, in a PNG, the chunk's checksum.
 fn filled(head: &[u8], hole: &Range<usize>, hash: &blake3::Hash) -> Vec<u8> {
     let mut bytes = hash.to_hex().as_bytes().to_vec();
     // A PNG's checksum covers the chunk's type and contents.
@@ -242,7 +243,7 @@ mod tests {
         }
     }
 
-    /// Other programs refuse a chunk whose checksum is wrong.
+    /// The checksum of the chunk must be right, since other programs refuse a chunk with a wrong checksum.
     #[test]
     fn the_checksum_of_a_sealed_pngs_mark_is_right() {
         let mut whole = PNG_SIGNATURE.to_vec();
@@ -256,7 +257,8 @@ mod tests {
         assert_eq!(checksum, crc32fast::hash(chunk).to_be_bytes());
     }
 
-    /// Programs skip chunks that they do not know, by their lengths.
+    /// A program that reads PNGs skips chunks that it does not know. For this purpose, the length in each chunk must be
+    /// right.
     #[test]
     fn the_chunks_of_a_frames_mark_and_key_have_right_lengths() {
         let key = "5".repeat(DIGITS);

@@ -1,4 +1,4 @@
-//! Puts a new file into its place, or refuses to replace the existing one.
+//! Puts a new file at its path, or refuses to replace an existing file there.
 
 use super::mark::Maker;
 use crate::error::{Error, Result};
@@ -14,7 +14,7 @@ use tempfile::NamedTempFile;
 pub struct Choice {
     /// True if files that raycl did not make may be replaced.
     pub force: bool,
-    /// The command's option that sets another path, such as `-o FILE`.
+    /// The command's option that sets another output path, such as `-o FILE`.
     pub elsewhere: &'static str,
 }
 
@@ -32,8 +32,8 @@ pub(super) enum Name {
     Replaceable,
 }
 
-/// Returns whether a path is free or replaceable. Refuses folders and devices and, without `--force`, links,
-/// files that raycl did not make, and files that somebody has changed.
+/// Returns whether a path is free, or in use by a file that may be replaced. Returns an error for folders and devices
+/// and, without `--force`, for links, files that raycl did not make, and files that somebody has changed.
 pub(super) fn permit(
     path: &Path,
     choice: Choice,
@@ -77,7 +77,7 @@ pub(super) fn put(
     write: impl FnOnce(&mut File) -> IoResult<()>,
 ) -> Result<()> {
     let failed = |error: std::io::Error| match error.kind() {
-        // The text of `error` is not shown, since it names a temporary file.
+        // The text of `error` is not shown, since it contains the name of a temporary file that the user does not know.
         ErrorKind::PermissionDenied => {
             Error::run(format!("cannot write '{}': permission denied", path.display()))
                 .with_help(format!("write to another folder with `{}`", choice.elsewhere))

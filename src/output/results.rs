@@ -8,14 +8,16 @@ use std::path::Path;
 /// The files that a run may leave if it is interrupted before its first record.
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
-/// Refuses a folder that contains files but no results, before any work is done: a run would mix its files
-/// with the existing files, and replace some of these. `known` is true if raycl wrote the folder.
+/// Returns an error, before any work is done, if a folder contains files but no results: a run would mix its own files
+/// with the existing files, and could replace some of the existing ones. `known` is true if raycl has written into the
+/// folder before.
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
-    // If records.jsonl is not a file, opening it returns the error later.
+    // If records.jsonl exists but is not a file, the run fails later, when it opens records.jsonl.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {
         return Ok(());
     }
-    // If the folder cannot be listed, either it does not exist, or opening its files returns the error later.
+    // If the folder cannot be listed, either it does not exist, or the run fails later, when it opens files in the
+    // folder.
     let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let other = entries.find(|entry| !is_begun(&entry.path()));
     let Some(other) = other else { return Ok(()) };

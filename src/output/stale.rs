@@ -1,4 +1,4 @@
-//! Removes plots and exports of earlier plans from a folder of results.
+//! Removes the plots and exports of earlier reports from a folder of results.
 
 use std::path::Path;
 
@@ -22,14 +22,14 @@ const BEGINNINGS: [&str; 10] = [
 /// Extensions of the names of a report's plots and exports.
 const ENDINGS: [&str; 3] = [".svg", ".png", ".json"];
 
-/// Removes plots and exports that the report no longer writes. Files that cannot be removed do no harm.
+/// Removes plots and exports that the report no longer writes. Files that cannot be removed stay, and do no harm.
 pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     for folder in FOLDERS {
         for entry in std::fs::read_dir(results.join(folder)).into_iter().flatten().flatten() {
             let name = format!("{folder}/{}", entry.file_name().to_string_lossy());
             let file = entry.file_type().is_ok_and(|kind| kind.is_file());
             if file && is_of_report(&name) && !is_written(&name) {
-                // A file that remains is not shown anywhere.
+                // If removing fails, the file stays, but no page shows it.
                 let _ = std::fs::remove_file(entry.path());
             }
         }

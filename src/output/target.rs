@@ -1,4 +1,4 @@
-//! A single file that a command writes.
+//! The path of a single file that a command writes, with the rules for replacing an existing file.
 
 use super::mark::{self, maker};
 use super::place::{Choice, folder_of, permit, put};
@@ -30,7 +30,7 @@ impl Target {
         Self::new(path, Choice { force: true, elsewhere: "--out DIR" })
     }
 
-    /// Returns a target for another file in the same folder, with the same rules.
+    /// Returns a target for another file in the same folder, with the same rules for replacing an existing file.
     #[must_use]
     pub fn renamed(&self, path: PathBuf) -> Self {
         Self { path, choice: self.choice }
@@ -65,8 +65,8 @@ impl Target {
         permit(&self.path, self.choice, maker).map(drop)
     }
 
-    /// Writes a file by calling `write`, whose output includes a blank mark. Then completes the mark. The file is put
-    /// into its place completely or not at all.
+    /// Writes a file by calling `write`, whose output includes a blank mark (zeros in place of the hash). Then replaces
+    /// the zeros by the hash. The file appears at its path completely or not at all.
     pub fn write(&self, write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
         if self.is_standard_output() {
             return to_standard_output(write);
@@ -89,8 +89,8 @@ impl Target {
     }
 }
 
-/// Writes to standard output. The output is written to a temporary file first, since the mark is completed at
-/// the end and a pipe cannot seek.
+/// Writes to standard output. The output is written to a temporary file first, since the hash in the mark is only known
+/// at the end, and a pipe cannot seek back to the mark.
 fn to_standard_output(write: impl FnOnce(&mut File) -> IoResult<()>) -> Result<()> {
     let written = || -> IoResult<()> {
         let mut file = tempfile::tempfile()?;
@@ -133,7 +133,7 @@ mod tests {
         assert!(target.write_json(&value).is_err());
     }
 
-    /// A file that another program makes during the write is not lost.
+    /// If another program makes a file at the target's path during the write, that file is not replaced.
     #[test]
     fn what_comes_or_changes_meanwhile_stays() {
         let folder = tempfile::tempdir().unwrap();

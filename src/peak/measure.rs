@@ -1,4 +1,5 @@
-//! Measures the peak rates, one per function. Each function checks that its kernel did the work.
+//! Measures the peak rates, one per function. Each function checks the kernel's result, which shows that the kernel did
+//! the work.
 
 use super::rig::{Rig, failed, repeat};
 use super::{Figure, Peak};
@@ -18,7 +19,8 @@ const FMA_STEPS: u64 = 8;
 const STEPS: i32 = 16;
 /// The value of SLOTS in cl/peak/local.cl.
 const SLOTS: u64 = 8;
-/// Size of a buffer that does not fit into any cache; less if the device has less memory.
+/// Size in bytes of a buffer that does not fit into any cache. On a device with little memory, a smaller buffer is
+/// used.
 const LARGE_BYTES: u64 = 512 << 20;
 /// The smallest distance in bytes between the steps of the pointer chase in global memory: a cache line.
 const LINE_BYTES: usize = 128;
@@ -54,13 +56,13 @@ pub fn measure(device: &Device, sources: &Sources) -> Result<Peak> {
     })
 }
 
-/// Returns the work per loop divided by the seconds per loop.
+/// Returns the rate: the work per loop divided by the seconds per loop.
 fn rates(work: f64, seconds: &[f64]) -> Figure {
     let rates: Vec<f64> = seconds.iter().filter(|s| **s > 0.0).map(|s| work / s).collect();
     Figure::of(&rates)
 }
 
-/// Returns the nanoseconds per step, from the seconds per loop of STEPS steps.
+/// Returns the nanoseconds per step of a pointer chase or chain, from the seconds per loop of `STEPS` steps.
 fn latency(seconds: &[f64]) -> Figure {
     Figure::of(&seconds.iter().map(|s| s * 1e9 / f64::from(STEPS)).collect::<Vec<_>>())
 }
@@ -81,7 +83,7 @@ fn fma(rig: &Rig<'_>) -> Result<Figure> {
     let mut sums = vec![0.0; items];
     out.read(&mut sums).enq().map_err(failed)?;
     let chains = CHAINS * width;
-    // Every chain converges to 1 / (1 - 0.5).
+    // Each chain computes x = 0.5 x + 1 again and again, and converges to 1 / (1 - 0.5) = 2.
     expect("multiply-adds", f64::from(sums[items - 1]), 2.0 * chains as f64)?;
     Ok(multiplied(items, width, &seconds))
 }
@@ -105,7 +107,7 @@ fn copy(rig: &Rig<'_>) -> Result<Figure> {
     let floats = large_bytes(rig) / 4;
     let (from, to) = (rig.buffer::<f32>(floats)?, rig.buffer::<f32>(floats)?);
     from.cmd().fill(1.5, None).enq().map_err(failed)?;
-    // The buffer has whole mebibytes, so its vectors fill whole work-groups.
+    // The buffer's size is a whole number of mebibytes, so the buffer's vectors fill whole work-groups.
     let mut kernel = rig.kernel(&program, "copy", floats / width as usize, group);
     kernel.arg(&from).arg(&to);
     let kernel = kernel.build().map_err(failed)?;
@@ -169,7 +171,7 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     Ok([on_device, on_host, Figure::of(&batched)])
 }
 
-/// Summarises times on the device's clock and times on the host's.
+/// Summarises pairs of times: one on the device's clock and one on the host's.
 fn figures(pairs: &[(f64, f64)]) -> [Figure; 2] {
     let (on_device, on_host): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     [on_device, on_host].map(|times| Figure::of(&times))
@@ -191,7 +193,7 @@ fn batch(rig: &Rig<'_>, kernel: &Kernel) -> Result<f64> {
     Ok(each_us(start.elapsed()))
 }
 
-/// Returns the time of each launch of a batch, in microseconds.
+/// Returns the mean time of a kernel launch in a batch, in microseconds.
 fn each_us(all: Duration) -> f64 {
     all.as_secs_f64() * 1e6 / f64::from(BATCH)
 }
@@ -208,7 +210,8 @@ fn chain(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     Ok(latency(&seconds))
 }
 
-/// Number of entries that a step of a pointer chase advances; any number works.
+/// Number of entries by which a step of a pointer chase advances. Any number works that is not a multiple of the number
+/// of entries.
 const STRIDE: i32 = 13;
 
 fn chase(rig: &Rig<'_>, program: &ocl::Program, name: &'static str) -> Result<Figure> {
@@ -297,9 +300,9 @@ mod tests {
 
     #[test]
     fn multiply_adds_and_reads_are_counted_as_the_kernels_do_them() {
-        // Ten work-items have 16 chains of 8 steps with vectors of 4 floats.
+        // Each of ten work-items has 16 chains of 8 steps with vectors of 4 floats. A loop takes half a second.
         assert_eq!(multiplied(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 16.0 * 8.0 * 4.0);
-        // Ten work-items read 8 vectors of 4 floats of 4 bytes.
+        // Each of ten work-items reads 8 vectors of 4 floats of 4 bytes.
         assert_eq!(read_locally(10, 4, &[0.5; 5]).median, 2.0 * 10.0 * 8.0 * 4.0 * 4.0);
         let defines = |file: &str, name: &str, value: u64| {
             let text = Sources::Embedded.read(file).expect("a file");
@@ -325,7 +328,7 @@ mod tests {
     #[test]
     fn a_device_whose_lanes_are_work_items_can_be_measured() {
         let mut device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
-        // With this little memory, the buffers have one mebibyte.
+        // On a device with only 16 MiB of memory, the large buffers have one mebibyte.
         device.info.limits = DeviceLimits { native_width: 1, global_bytes: 16 << 20, ..device.info.limits };
         let rig = Rig::open(&device, &Sources::Embedded).unwrap();
         assert!(copy(&rig).is_ok_and(|rate| rate.median > 0.0));

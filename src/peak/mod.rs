@@ -1,5 +1,5 @@
-//! Measures the peak rates of a device: multiply-adds, copies, `__local` reads, launches, latencies. The
-//! kernels are in `cl/peak/`. A caster's speed can then be stated as a share of the peak.
+//! Measures the peak rates of a device: multiply-adds, copies, `__local` reads, launches, latencies. The kernels are in
+//! `cl/peak/`. The speed at which a strategy casts rays can then be stated as a share of a peak rate.
 
 mod measure;
 mod operations;
@@ -19,9 +19,9 @@ use std::path::Path;
 
 /// The file with the peak rates of a result folder's devices.
 pub const FILE: &str = "peak.json";
-/// The remedy for a file that contains no peak rates.
-const WRITTEN_BY: &str = "`raycl peak --out FILE` writes such a file";
-/// The name of the file with the peak rates in older folders.
+/// The help in the error message about a file that contains no peak rates.
+const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
+/// The name of the file with the peak rates in folders that older versions of raycl wrote.
 const OLD_FILE: &str = "limits.json";
 
 /// A measured rate or time: the median and the quartiles of its repeats.

@@ -20,8 +20,8 @@ pub struct Rig<'a> {
 
 /// Number of repeats of every measurement.
 const REPEATS: usize = 9;
-/// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and launch costs are
-/// negligible.
+/// A kernel launch runs enough loops to take at least this long, so that the timer's resolution and the cost of the
+/// launch are negligible.
 const LONG_ENOUGH_MS: f64 = 20.0;
 /// The largest number of loops in a kernel launch.
 const MOST_LOOPS: i32 = 1 << 24;
@@ -35,16 +35,16 @@ pub fn failed(error: impl std::fmt::Display) -> Error {
 impl<'a> Rig<'a> {
     /// Opens the device.
     pub fn open(device: &'a Device, sources: &'a Sources) -> Result<Self> {
-        Ok(Self { device, queue: Queue::open(device.platform, device.device)?, sources })
+        Ok(Self { device, queue: Queue::open(device)?, sources })
     }
 
-    /// Returns the number of work-items per work-group: many if lanes are work-items, one if they are vector
-    /// elements.
+    /// Returns the number of work-items per work-group: many if the device's lanes are work-items (on a GPU), one if
+    /// the lanes are elements of vectors (on a CPU).
     pub fn group(&self) -> usize {
         if self.device.info.limits.is_cpu { 1 } else { self.device.info.limits.work_group_size.min(256) }
     }
 
-    /// Returns a number of work-items that keeps every unit busy, in whole groups.
+    /// Returns a number of work-items that keeps every compute unit busy, and that fills whole work-groups.
     pub fn items(&self) -> usize {
         let groups_a_unit = if self.device.info.limits.is_cpu { 4 } else { 32 };
         self.device.info.limits.compute_units.max(1) as usize * groups_a_unit * self.group()
@@ -139,7 +139,7 @@ impl<'a> Rig<'a> {
 /// returns their time.
 fn looped(mut timed_ms: impl FnMut(i32) -> Result<f64>) -> Result<(Vec<f64>, i32)> {
     let mut loops = 256;
-    // The first kernel launch may include compilation.
+    // This launch is not counted, since the first launch of a kernel may include its compilation.
     timed_ms(loops)?;
     while timed_ms(loops)? < LONG_ENOUGH_MS && loops < MOST_LOOPS {
         loops *= 2;
@@ -169,7 +169,7 @@ mod tests {
         // 2^15 is the first power of two that is larger than 20,000.
         assert_eq!((loops, seconds.len(), launches.len()), (1 << 15, 9, 1 + 8 + 9));
         assert!(seconds.iter().all(|seconds| (seconds - 1e-6).abs() < 1e-15), "{seconds:?}");
-        // A loop that takes no time is not repeated without end.
+        // If loops seem to take no time, the number of loops stops growing at `MOST_LOOPS`.
         assert_eq!(looped(|_| Ok(0.0)).expect("it is measured").1, 1 << 24);
     }
 

@@ -9,8 +9,8 @@ const RAY_BYTES: f64 = 24.0;
 const CORNER_BYTES: f64 = 36.0;
 const FLOAT_BYTES: f64 = 4.0;
 
-/// The bytes that a test of one ray with one triangle reads. Caches are not considered: these are
-/// the bytes that work-items request, not the bytes that come from a device's memory.
+/// The bytes that the test of one ray against one triangle reads. Caches are not considered: these numbers count the
+/// bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traffic {
     /// Bytes of the triangle, divided by the number of rays of a work-item, since a work-item reads a triangle once for

@@ -1,4 +1,4 @@
-//! The values of the defines that are listed in the manifest.
+//! The values of the defines that the manifest (`crate::manifest`) lists for compilation.
 
 use crate::accel::{PADDING_ROWS, WideBvh};
 use crate::device::Builtins;

@@ -11,8 +11,9 @@ pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
     kernels.map(|kernel| kernel.name).collect()
 }
 
-/// Returns whether kernels of a role take part in a frame. With fused passes the frame's kernel does as much
-/// as it can, including shading if no other kernel casts shadow rays.
+/// Returns whether kernels of a role take part in a frame. With fused passes, the kernel of the role `Frame` does the
+/// work of as many other kernels as possible. This kernel also shades, unless the family has a separate kernel for
+/// shadow rays.
 fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
     let shades_apart = family.kernel(Role::Shadow).is_some();
     move |role| match role {

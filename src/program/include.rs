@@ -7,7 +7,8 @@
 pub(super) struct Branches(Vec<Option<bool>>);
 
 impl Branches {
-    /// Processes a line without its comments.
+    /// Processes a line from which comments have been removed: if it is a directive such as `#if`, the conditions
+    /// around the following lines change.
     pub fn pass(&mut self, line: &str, defines: &[(&'static str, u64)]) {
         let Some(directive) = line.trim().strip_prefix('#').map(str::trim) else { return };
         let end = directive.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(directive.len());

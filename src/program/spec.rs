@@ -67,8 +67,8 @@ fn options(strategy: &Strategy, builtins: Builtins, defines: &[(&'static str, u6
     options.join(" ")
 }
 
-/// Returns macros for parameter lists, made from [`crate::manifest`]: one with the parameters that describe the camera, and
-/// one for each kernel of the strategy's family that this strategy and workload need.
+/// Returns macros for parameter lists, made from [`crate::manifest`]: one macro with the parameters that describe the
+/// camera, and one for each kernel of the strategy's family that this strategy and workload need.
 fn parameter_lists(strategy: &Strategy, workload: &Workload) -> String {
     let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds_of(kernel.when, workload));
     let lists = kernels.map(|kernel| kernel.parameter_macro(|fact| strategy.holds_of(fact, workload)));

@@ -1,5 +1,5 @@
-//! `anchors.jsonl`: times of the anchor, a fixed kernel that is timed after every sixth frame of a device. These times
-//! make runs comparable even if the machine's speed changed between the runs.
+//! `anchors.jsonl`: times of the anchor, a fixed kernel that is run once for every six frames that a device casts.
+//! These times make runs comparable even if the machine's speed changed between the runs.
 
 use serde::{Deserialize, Serialize};
 

@@ -70,8 +70,8 @@ mod tests {
     fn blocks_are_compared_by_the_control_point_that_both_measured() {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
-        // The second machine takes twice as long for everything, so `wide` would take 4 ms on the
-        // first machine.
+        // The second machine takes twice as long as the first for every point, so `wide` would take 4 ms on the first
+        // machine.
         let records = judged([
             control(10.0, 0),
             with(block("naive", 5.0, 0)),

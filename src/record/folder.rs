@@ -80,7 +80,8 @@ impl Folder {
         sure.extend(hosts_that_differ(&records, &controls));
         sure.extend(disturbance(&rounds, &records));
         if hosts(&records) <= 1 {
-            // Latencies of different machines differ, even if no processor was moved.
+            // The core-to-core latencies of different machines are not compared: they differ even if no virtual
+            // machine's processors were moved to other cores.
             sure.extend(moved_processors(&rounds, &records));
         }
         let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
@@ -110,6 +111,13 @@ impl Folder {
     pub fn config(&self, key: &str) -> Option<String> {
         let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
         Some(table.get(key)?.as_str()?.to_owned())
+    }
+
+    /// Returns the question of the run's config, or the folder's label if it states none; and the expectation, which
+    /// is empty if the config states none.
+    pub fn question(&self) -> (String, String) {
+        let question = self.config("question").unwrap_or_else(|| self.label.clone());
+        (question, self.config("expectation").unwrap_or_default())
     }
 
     /// Writes the folder's records to `summary.md` and `summary.csv`.
@@ -188,7 +196,7 @@ fn environment(folder: &Path) -> (Value, Option<String>) {
         None => (
             Value::Null,
             Some(
-                "environment.json is missing or cannot be read, so the conditions of the run are unknown."
+                "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown."
                     .into(),
             ),
         ),
@@ -394,8 +402,7 @@ mod tests {
         let folder = folder(&[record("a", "bvh", 1.0)]);
         let journal = folder.path().join(RECORDS);
         let text = std::fs::read_to_string(&journal).unwrap();
-        let unknown =
-            "environment.json is missing or cannot be read, so the conditions of the run are unknown.";
+        let unknown = "environment.json is missing or cannot be read, so the machine and the drivers of the run are unknown.";
         assert_eq!(shown(&folder).1, [unknown]);
         std::fs::write(folder.path().join("environment.json"), "{}").unwrap();
         std::fs::write(folder.path().join(MERGE), r#"{"notes": ["One attempt was killed."]}"#).unwrap();
@@ -451,7 +458,7 @@ mod tests {
         }
         let read = Folder::read(folder.path()).unwrap();
         for start in [
-            "Differences below 2.1% cannot be detected here.",
+            "Differences below 2.1% between two points cannot be detected here.",
             "Hosts differ: teapot, 800 x 500, gpu: naive at 8 x 8 took 10.00 ms on n1 and 15.00 ms on n2",
             "Disturbed: in 1 of 1 launches",
             "The core-to-core latency changed between 60 and 260 ns",

@@ -103,7 +103,7 @@ pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<
             let Some([middle, low, high]) = host.slower else { continue };
             let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
             let text = format!(
-                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long ({low} to {high}). Points that were not measured in the same rounds are therefore compared by their ratios to this point.",
+                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). Points that were not measured in the same rounds are therefore compared by the ratios of their times to the time of this point.",
                 control.point,
                 duration(fastest.median_ms),
                 fastest.host,

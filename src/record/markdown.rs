@@ -34,7 +34,10 @@ const DECIMAL: [usize; 5] = [2, 3, 6, 7, 8];
 /// Returns the summary as Markdown. The function uses only its arguments, so the same records always yield the same
 /// summary.
 pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, expectation: &str) -> String {
-    let mut text = format!("# {}\n\nExpected: {}\n", markdown(question), markdown(expectation));
+    let mut text = format!("# {}\n", markdown(question));
+    if !expectation.is_empty() {
+        text += &format!("\nExpected: {}\n", markdown(expectation));
+    }
     text.extend(notes.iter().map(|note| format!("\nNote: {}\n", line(note))));
     let groups = groups(records);
     for group in &groups {
@@ -55,8 +58,8 @@ pub fn summary_markdown(records: &[Record], notes: &[String], question: &str, ex
         text.extend(notes.iter().map(|(scene, note)| format!("- {}: {}\n", markdown(scene), line(note))));
     }
     text.push_str(
-        "\nTimes are device times of whole frames; times of baselines on the host are from the host's clock. On a CPU, frames whose threads had to wait for a processor are left out. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. A ratio is computed from samples that were taken close together in time, and has its own interval. \"Two modes\" means that the samples lie around two values, as the dip test shows; the median may be close to either value. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
-         If the driver caches compiled programs, all launches run the same program. \"Frame rays per second\" is the number of all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" is the number of rays of a separate primary pass, divided by that pass's time. \"Tests per second\" is the number of primary rays times the number of triangles, divided by the time of the primary pass, or by that of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
+        "\nTimes of kernels are device times of whole frames; times of baselines, which run on the host, are from the host's clock. On a CPU, frames whose threads had to wait for a processor are left out. IQR is the distance between the quartiles. The interval is the 95% interval of the median, computed from the differences between launches and the usual difference between runs. The ratio of two points' times is computed from samples that were taken close together in time, and has a 95% interval of its own. \"Two modes\" means that the samples lie around two values, as the dip test shows; the median may be close to either value. A point ties with the fastest if the samples do not show that it takes more than 1% longer. Points with fewer than five samples in a launch have neither an interval nor a rank. \
+         If the driver caches compiled programs, all launches run the same compiled program. \"Frame rays per second\" is the number of all rays of a frame, primary and shadow, divided by the frame's time. \"Primary rays per second\" is the number of rays of a separate primary pass, divided by that pass's time. \"Tests per second\" is the number of primary rays times the number of triangles, divided by the time of the primary pass, or by that of the frame if passes are fused. \"Of peak\" is the achieved fraction of the device's measured peak rate of \
          multiply-adds.\n",
     );
     text
@@ -83,7 +86,7 @@ fn verdict(group: &Group<'_>, groups: &[Group<'_>]) -> String {
 /// Describes the smallest difference that the group's samples can show.
 fn told_apart(group: &Group<'_>) -> String {
     resolution(group.records.iter().copied()).map_or(String::new(), |[part, _]| {
-        format!(" Differences below {} cannot be detected here.", percent(part))
+        format!(" Differences below {} between two points cannot be detected here.", percent(part))
     })
 }
 
@@ -279,6 +282,13 @@ mod tests {
     }
 
     #[test]
+    fn a_summary_without_an_expectation_has_no_line_for_it() {
+        let summary = |expectation| summary_markdown(&[], &[], "Which?", expectation);
+        assert!(summary("This.").starts_with("# Which?\n\nExpected: This.\n"));
+        assert!(!summary("").contains("Expected"));
+    }
+
+    #[test]
     fn names_and_questions_are_text_and_no_markdown() {
         let hostile = "<b>|\n# \u{1b}";
         let records = judged([measured(hostile, hostile, 8, 84.0)]);
@@ -393,7 +403,7 @@ mod tests {
             "\nWarnings:\n\n- naive at 8 x 8: it throttled\n",
             "\nPoints without a time:\n\n- wide at 4 x 4, build-failed: line 7: no such name\n",
             "\n## Notes on scenes\n\n- teapot: it has no normals\n",
-            " Differences below 2.1% cannot be detected here.\n",
+            " Differences below 2.1% between two points cannot be detected here.\n",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }

@@ -15,9 +15,9 @@ pub(crate) fn to_mind(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join("; "))
 }
 
-/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per
-/// launch", where the last part means that each launch has a single mode. Returns `None` if the samples do not show
-/// two modes.
+/// Returns a note such as "two modes: 108.9 ms (18 samples) and 174.5 ms (12 samples), one mode per launch". The words
+/// "one mode per launch" are added if each launch has a single mode. Returns `None` if the samples do not show two
+/// modes.
 pub(crate) fn two_modes(record: &Record) -> Option<String> {
     median(record)?;
     let modes = Modes::of(&record.samples_ms)?;

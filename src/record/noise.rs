@@ -125,8 +125,8 @@ mod tests {
         assert_eq!((gpu.device.as_str(), gpu.launches, gpu.samples), ("gpu", 2, 20));
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
-        // The distance from the median to the upper end of the interval. For two points, the median
-        // over points is the larger of both distances.
+        // `half` returns the distance from a record's median to the upper end of its interval, as a fraction of the
+        // median. For two points, the median over points is the larger of their two distances.
         let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
         let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
         assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");

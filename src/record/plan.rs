@@ -77,7 +77,7 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "`raycl run --resume` writes this file again; if it does not exist, the latest record of each \
+                "`raycl run --resume` writes this file again; without this file, the latest record of each \
                  point is shown",
             )
         };

@@ -123,8 +123,8 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
     (readings.len() >= LEAST_READINGS).then(|| [readings[tenth], readings[readings.len() - 1 - tenth]])
 }
 
-/// Returns the number of launches that were left out because the processors were further apart, or shared a core. All records of a group
-/// state the same launches.
+/// Returns the number of launches that were left out because the virtual machine's processors ran on cores further
+/// apart than in other samples, or shared a core. All records of a group state the same launches.
 fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();
@@ -133,9 +133,9 @@ fn moved_launches(records: &[Record]) -> u32 {
     records.iter().filter_map(of).collect::<BTreeMap<_, _>>().values().sum()
 }
 
-/// Returns a note on the launches and samples that were left out because this virtual machine's processors were further
-/// apart, or shared a core. If nothing was left out, returns a note if the core-to-core latency changed while these records were
-/// measured.
+/// Returns a note on the launches and samples that were left out because this virtual machine's processors ran on cores
+/// further apart than in other samples, or shared a core. If nothing was left out, returns a note if the core-to-core
+/// latency changed while these records were measured, and `None` otherwise.
 pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Option<String> {
     let samples = records.iter().filter_map(|record| record.moved_samples).sum::<u32>() as usize;
     let launches = moved_launches(records) as usize;
@@ -149,7 +149,7 @@ pub(crate) fn moved_processors(lines: &[RoundLoad], records: &[Record]) -> Optio
     if launches + samples > 0 {
         return Some(format!(
             "{left_out} left out, because this virtual machine's processors were on cores further apart than in other \
-             samples, or shared a core. Times then differ."
+             samples, or shared a core. Both change times."
         ));
     }
     let shown = launches_of(records);
@@ -245,7 +245,7 @@ mod tests {
                 .ends_with(" busy. 7 samples whose threads had to wait for a processor are left out.")
         );
         assert_eq!(disturbance(&[], &records), None);
-        // 0.08 of two processors is 4% of the machine.
+        // 0.08 of two processors is 4% of the machine, which is less than the limit of 5%.
         assert_eq!(disturbance(&[line(0, 0.08), line(1, 0.08)], &records), None);
     }
 
@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(moved_processors(&lines([60.0, 85.0], 0), &records), None, "within the usual spread");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 1), &records), None, "another launch");
         assert_eq!(moved_processors(&lines([60.0, 320.0], 0)[..9], &records), None, "too few");
-        // A single high latency does not mean that the processors were moved.
+        // One high reading of the core-to-core latency does not mean that the processors were moved to other cores.
         let mut one = lines([60.0, 60.0], 0);
         one[3].core_to_core_ns = Some(900.0);
         assert_eq!(moved_processors(&one, &records), None);
@@ -300,7 +300,8 @@ mod tests {
             said.contains("kept 0.20 of 2 processors busy, and other virtual machines used another 0.40"),
             "{said}"
         );
-        // Either load alone is too small to count as a disturbance.
+        // The load of other virtual machines alone is too small to count as a disturbance, and so is that of other
+        // processes; both together count.
         let halves = [RoundLoad { stolen: 0.08, ..line(0, 0.0) }, line(0, 0.08)];
         assert!(halves.iter().all(|half| disturbance(std::slice::from_ref(half), &records).is_none()));
         assert!(disturbance(&[RoundLoad { stolen: 0.08, ..line(0, 0.08) }], &records).is_some());

@@ -180,12 +180,12 @@ fn meaning(record: &Record) -> &'static str {
     match record.outcome {
         Outcome::Measured => "measured",
         Outcome::Infeasible => obstacle(record.reason.as_deref().unwrap_or_default()),
-        Outcome::OtherKind => "its preset is meant for devices of another kind",
-        Outcome::BuildFailed => "its program did not compile",
-        Outcome::LaunchFailed => "its kernel did not run",
-        Outcome::WrongImage => "its image differs from the reference",
-        Outcome::TimedOut => "it took too long",
-        Outcome::Crashed => "its process crashed",
+        Outcome::OtherKind => "the preset is meant for devices of another kind",
+        Outcome::BuildFailed => "the program did not compile",
+        Outcome::LaunchFailed => "the kernel did not run",
+        Outcome::WrongImage => "the image differs from the reference",
+        Outcome::TimedOut => "the measurement took too long",
+        Outcome::Crashed => "the measuring process crashed",
     }
 }
 
@@ -342,12 +342,12 @@ mod tests {
     fn the_legend_explains_each_word_once_for_each_strategy() {
         use Outcome::{BuildFailed, Crashed, LaunchFailed, OtherKind, TimedOut, WrongImage};
         for (outcome, line) in [
-            (OtherKind, "other-kind: its preset is meant for devices of another kind, "),
-            (BuildFailed, "build-failed: its program did not compile, "),
-            (LaunchFailed, "launch-failed: its kernel did not run, "),
-            (WrongImage, "wrong-image: its image differs from the reference, "),
-            (TimedOut, "timed-out: it took too long, "),
-            (Crashed, "crashed: its process crashed, "),
+            (OtherKind, "other-kind: the preset is meant for devices of another kind, "),
+            (BuildFailed, "build-failed: the program did not compile, "),
+            (LaunchFailed, "launch-failed: the kernel did not run, "),
+            (WrongImage, "wrong-image: the image differs from the reference, "),
+            (TimedOut, "timed-out: the measurement took too long, "),
+            (Crashed, "crashed: the measuring process crashed, "),
         ] {
             let at = |name: &str, side| Record { outcome, ..infeasible("gpu", name, side, "first\nsecond") };
             let text = summary_terminal(&[at("naive", 4), at("naive", 8), at("wide", 8)], false);

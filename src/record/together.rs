@@ -77,8 +77,8 @@ impl Table {
     }
 }
 
-/// Returns by how much times may differ in the next run on a record's device. Records of earlier versions do not
-/// contain the device's kind; if such a record contains a number of threads, the device is a CPU.
+/// Returns by how much times on a record's device may differ from one run to the next. Records of earlier versions do
+/// not contain the device's kind; if such a record contains a number of threads, the device is a CPU.
 fn between_runs(record: &Record) -> BetweenRuns {
     let is_processor = match record.device_kind.as_deref() {
         Some(kind) => kind == DeviceKind::Cpu.name(),
@@ -164,8 +164,8 @@ pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     slow.ratio_by_control(fast).or_else(|| Some(slow.standing.ratio_apart(&fast.standing)))
 }
 
-/// Returns the ratio of two records' times, computed without pairs of samples and without control
-/// points.
+/// Returns the ratio of two records' times as if they were measured at different times: without pairs of samples that
+/// are close in time, and without control points.
 pub(crate) fn ratio_apart(slow: &Record, fast: &Record) -> Option<Interval> {
     Some(slow.place.as_ref()?.standing.ratio_apart(&fast.place.as_ref()?.standing))
 }
@@ -264,13 +264,12 @@ pub(crate) fn how_sure(records: &[Record]) -> Vec<String> {
             some => format!("{some} of {measured} points, such as {} {}", one.scene, by(one.image_size)),
         };
         notes.push(format!(
-            "Measured in only one launch of the program: {whose}. Their intervals do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
+            "Measured in only one launch of the program: {whose}. The intervals of these points do not include differences between launches; more launches (`launches` in the config's `[timing]`) measure these differences. If a note says that launches were left out, run the experiment again."
         ));
     }
-    notes.extend(
-        resolution(records)
-            .map(|range| format!("Differences below {} cannot be detected here.", percents(range))),
-    );
+    notes.extend(resolution(records).map(|range| {
+        format!("Differences below {} between two points cannot be detected here.", percents(range))
+    }));
     notes
 }
 

@@ -136,8 +136,9 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor are
-    /// left out, and so are samples and launches in which the processors were further apart or shared a core.
+    /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor
+    /// are left out, and so are samples and launches in which a virtual machine's processors were on cores further apart
+    /// than in most samples of the run, or shared a core.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -190,8 +191,8 @@ pub struct Record {
     pub tests_per_s: Option<f64>,
     /// The largest relative difference from the reference on pixels that are certain (that do not depend on rounding).
     pub max_difference: Option<f64>,
-    /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference: column,
-    /// row.
+    /// The wrong pixel with the largest difference or, if no pixel is wrong, the pixel with the largest difference:
+    /// column, row.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of uncertain pixels, whose radiance changes if their rays are moved slightly. Verification compares such
     /// a pixel with the range of values that the moved rays yield.
@@ -251,8 +252,8 @@ pub struct Record {
     /// samples of the run, or shared a core; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out because the processors were further apart or shared a
-    /// core; null if it is unknown how far apart the processors were.
+    /// Number of launches of the record's group that were left out because the processors were further apart than in
+    /// most samples of the run, or shared a core; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
@@ -329,8 +330,8 @@ fn positive(ms: Option<f64>) -> Option<f64> {
 /// Axes that strategies in old records do not name, and the values that these axes had when the records were written.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// Returns the axes in a strategy's text and their values, and then the axes that did not exist when the text was
-/// written; none for a baseline.
+/// Returns the axes in a strategy's text with their values. Axes that did not exist when the text was written follow,
+/// with the values that they had then. Returns none for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_untold = move |(axis, _): &(&str, &str)| {

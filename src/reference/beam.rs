@@ -124,15 +124,15 @@ impl Beam {
         squared(self.origin).max(squared(self.end)).sqrt()
     }
 
-    /// Returns how far beside the axis a ray may hit a triangle.
+    /// Returns the largest distance from the axis at which a ray of the beam may hit a triangle.
     fn around(&self, tree: &Tree) -> f64 {
         let reach = tree.reach(self.origin);
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
     }
 
     /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. Every other
-    /// triangle must lie behind that triangle by more than `rival` times that triangle's distance. `None` if the
-    /// result is uncertain.
+    /// triangle must lie behind the first one by more than the fraction `rival` of the first one's distance. `None` if
+    /// the result is uncertain.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {

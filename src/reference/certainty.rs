@@ -182,8 +182,8 @@ mod tests {
     use glam::{Vec3, vec3};
     use std::sync::Arc;
 
-    /// Returns the percentage of pixels for which `quick_sample` has a result, after checking that
-    /// each result equals the plain caster's.
+    /// Returns the percentage of pixels for which `quick_sample` has a result. Checks first that each of these results
+    /// equals that of `sample`.
     fn quickly(scene: &Scene, culling: Culling) -> usize {
         let size = [80, 50];
         let tree = Tree::new(&scene.mesh, culling);

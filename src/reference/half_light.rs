@@ -196,9 +196,10 @@ mod tests {
         assert!(close(found.pixels[5], DVec3::new(0.1, 0.02, 0.0)), "{:?}", found.pixels[5]);
     }
 
-    /// If the whole picture is exactly twice as large, a pixel of the half picture covers two pixels of the whole picture
-    /// along each axis. Their centres lie a quarter of the larger pixel's side before and after its centre. If the numbers
-    /// of pixels are odd, the two middle pixels have the same centre.
+    /// If the whole picture is exactly twice as wide and high as the half picture, a pixel of the half picture covers
+    /// two pixels of the whole picture along each axis. Their centres lie a quarter of the larger pixel's side before
+    /// and after its centre. If both pictures have an odd number of pixels along an axis, their middle pixels have the
+    /// same centre.
     #[test]
     fn pixels_lie_beside_the_centres_of_half_pixels() {
         assert_eq!([0, 1, 2, 3].map(|at| place_in_half(at, (2, 4))), [-0.25, 0.25, 0.75, 1.25]);

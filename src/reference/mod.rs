@@ -1,5 +1,5 @@
-//! The serial caster on the host: the reference against which every device's image is verified, and the
-//! baselines.
+//! The ray caster on the host. It casts the reference, against which every device's image is verified, and the
+//! baselines (serial and parallel), whose times are compared with those of the kernels.
 //!
 //! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
 //! 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],

@@ -84,7 +84,7 @@ mod tests {
         let scene = fixtures::figure_4();
         let tree = Tree::new(&scene.mesh, Culling::None);
         let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
-        // On the ground, far from the triangle and its shadow.
+        // The point lies on the ground, far from the triangle and its shadow.
         let point = DVec3::new(3.0, -1.0, 1.0);
         let distance = point.distance(scene.lights[0].position.as_dvec3());
         let find = |part: f64| {

@@ -76,8 +76,8 @@ fn back_faces_are_seen_unless_culled() {
 
 #[test]
 fn culled_faces_cast_no_shadow() {
-    // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore contains a reversed
-    // copy of the triangle, as in the book, which the test removes.
+    // A shadow ray hits the triangle from behind, and culling ignores such a hit. The scene therefore contains a
+    // reversed copy of the triangle, as in the book. The test removes this copy.
     let mut scene = fixtures::figure_4();
     let black = |scene: &Scene| {
         let image = reference(scene, [80, 80], Culling::Back).radiance;

@@ -1,5 +1,5 @@
-//! Collects the data of a report's first screen: the winners, how much faster they are than other points,
-//! how certain the result is, and the points that could not run.
+//! Collects the data of a report's first screen: the winners, how much faster they are than other points, how certain
+//! this result is, and which points could not run.
 
 use super::words::{first_line, interval_text, series_name, title};
 use crate::measure::Ranking;
@@ -26,7 +26,7 @@ pub struct Answer {
     pub time: String,
     /// The 95% interval of this median as text.
     pub interval: String,
-    /// The speed-ups over the baselines and the best naive point.
+    /// The speed-ups of the best point over the baselines and over the best naive point.
     pub speedups: Vec<Speedup>,
     /// The certainty of the result: "clear", "tie" or "unsure".
     pub sureness: &'static str,
@@ -152,9 +152,12 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let gap = next.and_then(|next| Some((next, ratio(next, best)?)));
     let behind = gap.map_or(String::new(), |(next, ratio)| {
         let [middle, low, high] = [ratio.middle, ratio.low, ratio.high].map(|part| significant(part, 3));
-        format!(" The next point, {}, takes {middle} times ({low} to {high}) as long.", title(next))
+        format!(
+            " The next point, {}, takes {middle} times ({low} to {high}) as long as the fastest point.",
+            title(next)
+        )
     });
-    let rests = format!("n = {n} in {}", counted(launches(best), "launch"));
+    let rests = format!("n = {n} samples in {}", counted(launches(best), "launch"));
     let look =
         if launches(best) < 2 { " There was only one launch, so the result is not conclusive." } else { "" };
     let (sureness, said) = match ranking.winners.len() {
@@ -175,8 +178,8 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns whether an unranked point may be faster than the winner, because its median is not above the winner's
-/// interval.
+/// Returns whether a point with too few samples to be ranked may be faster than the winner, because the point's median
+/// is not above the upper end of the winner's 95% interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -313,7 +316,7 @@ mod tests {
         let answers = answers(&groups(&records));
         let sure = &answers[0].sure;
         assert!(
-            sure.contains(" The next point, naive at 8 x 8, takes 4.00 times (3.96 to 4.04) as long."),
+            sure.contains(" The next point, naive at 8 x 8, takes 4.00 times (3.96 to 4.04) as long as the fastest point."),
             "{sure}"
         );
     }

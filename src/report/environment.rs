@@ -1,5 +1,4 @@
-//! Describes the machine, the programs and the commands of runs, so that others can repeat the
-//! runs.
+//! Describes the machines, programs and commands of runs, so that others can repeat these runs.
 
 use crate::record::{Folder, Record};
 use serde_json::Value;
@@ -62,7 +61,7 @@ pub fn view(folder: &Folder) -> EnvironmentView {
     view
 }
 
-/// Describes the revision from which a run's raycl was built.
+/// Describes the git revision from which the raycl of a run was built.
 fn program(environment: &Value) -> String {
     let version = environment["raycl_version"].as_str().unwrap_or("of an unknown version");
     match environment["git_revision"].as_str().map(|revision| (revision.trim_end_matches("-dirty"), revision))
@@ -97,7 +96,7 @@ fn command(environment: &Value) -> String {
     let quoted: Vec<_> = arguments
         .filter(|argument| !["--resume", "--retry-failed"].contains(argument))
         .enumerate()
-        // The program's path differs between machines.
+        // raycl's own path differs between machines, so the command begins with the name alone.
         .map(|(place, argument)| if place == 0 { "raycl".to_owned() } else { quote(argument) })
         .collect();
     quoted.join(" ")

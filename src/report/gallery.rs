@@ -19,7 +19,7 @@ const THUMBNAIL: u32 = 120;
 pub struct Picture {
     /// The kind of picture, such as "reference", "naive" or "uncertain pixels".
     pub kind: String,
-    /// Its caption, a sentence.
+    /// The picture's caption, a sentence.
     pub caption: String,
     /// The picture as a `data:` URL; `None` if it is missing or was left out to keep the page
     /// small.
@@ -37,7 +37,7 @@ pub struct Scene {
     pub size: String,
     /// Number of triangles, if known.
     pub triangles: Option<u64>,
-    /// Its pictures.
+    /// The scene's pictures.
     pub pictures: Vec<Picture>,
 }
 
@@ -78,8 +78,8 @@ impl<'a> Pictures<'a> {
         path.is_some_and(|path| self.bytes(path).is_some())
     }
 
-    /// Returns a picture for the page. The data is left out if the page's pictures would exceed
-    /// their limit.
+    /// Returns a picture for the page. The picture's data is left out if all pictures of the page would then exceed
+    /// `PICTURE_BYTES`.
     pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
         Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
     }
@@ -183,7 +183,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
     present.collect()
 }
 
-/// Describes how a strategy's rays find triangles.
+/// Describes how the rays of a record's strategy find triangles.
 fn way(record: &Record) -> &'static str {
     if record.tests_every_triangle() { "without a tree" } else { "with a tree" }
 }

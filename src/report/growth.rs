@@ -66,7 +66,8 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
     let mut series = best_of_each(groups, &columns, looks);
     for one in &mut series {
         for mark in &mut one.marks {
-            // `best_of_each` sets x to the group's index in `columns`.
+            // `best_of_each` sets the mark's x to the index of its group in `columns`; the plot needs the group's
+            // number of triangles or pixels instead.
             mark.x = groups.get(mark.x as usize).map_or(0.0, |group| x(group));
         }
         one.marks.sort_by(|a, b| a.x.total_cmp(&b.x));
@@ -276,7 +277,7 @@ mod tests {
         };
         let mut records = Vec::new();
         for device in ["a", "b"] {
-            // This scene has an image size that no other scene has, so it belongs to neither plot.
+            // This scene has an image size that no other scene has, so the scene is in neither plot.
             records.push(on(device, record(7, [80, 50], "naive", 1e6)));
             for triangles in [1_000, 10_000, 100_000] {
                 records.push(on(device, record(triangles, [800, 500], "naive", triangles as f64)));

@@ -26,7 +26,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
     latest(all.concat(), point)
 }
 
-/// Returns the folders' labels: the folder's name, or its path if another folder has the same name.
+/// Returns a label for each folder: the folder's name, or its path if another folder has the same name.
 pub fn labels(folders: &[Folder]) -> Vec<String> {
     let alone = |label: &str| folders.iter().filter(|folder| folder.label == label).count() == 1;
     let name = |folder: &Folder| match alone(&folder.label) {

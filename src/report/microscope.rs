@@ -14,7 +14,7 @@ use std::collections::HashMap;
 /// The file name of the page.
 pub const MICROSCOPE: &str = "microscope.html";
 
-/// This page's additions to the style sheet and the script that all pages share.
+/// The styles and the script that the page of `raycl compile` adds to those that all pages share.
 const OWN_STYLE: &str = include_str!("templates/microscope.css");
 const OWN_SCRIPT: &str = include_str!("templates/microscope.js");
 
@@ -73,7 +73,8 @@ struct TableRow {
     counts: Vec<String>,
 }
 
-/// Returns the page of a program. `kernels` contains the driver's descriptions of the kernels.
+/// Returns the page of a program. `kernels` contains what the driver reports about each kernel, such as spilled
+/// registers.
 pub fn microscope_page(
     title: &str,
     about: &str,
@@ -138,7 +139,7 @@ fn facts(listing: &Listing, kernel: Option<&CompiledKernel>) -> Vec<(&'static st
     if listing.counts.iter().next().is_some() {
         facts.insert(2, ("by kind", listing.counts.to_string()));
     }
-    // These facts are only known for the driver's own code.
+    // The following facts are only known for the code that the driver generated, not for the output of `ptxas`.
     if let Some(kernel) = kernel.filter(|_| listing.is_drivers) {
         facts.push(("bytes of spilled registers", printed(kernel.resources.spill_store_bytes)));
         facts.push(("bytes of __local memory per work-group", kernel.group_local_bytes().to_string()));

@@ -90,7 +90,7 @@ pub fn write_reproduction(folders: &[Folder], out: &mut OutFolder) -> Result<Pat
     let mut files = vec![(html, page.html()?.into_bytes()), (json, page.json()?.into_bytes())];
     files.extend(plot_files(&page.plots())?);
     out.write(&files)?;
-    // Plots of other pages in the folder are not removed.
+    // Only old plots of the reproduction are removed; plots of other pages in the folder stay.
     let is_own = |name: &str| REPRODUCTION_PLOTS.iter().any(|beginning| name.starts_with(beginning));
     let is_written = |name: &str| files.iter().any(|(written, _)| written == name);
     out.remove_listed(|name| is_own(name) && !is_written(name))?;

@@ -69,16 +69,16 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
              compiled kernel."
         ),
         Some(cc) => format!(
-            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers, because OpenCL does not report a kernel's registers."
+            "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
         ),
         None => format!(
             "The prediction is that of the paper's Figure 5 (compute capability {PAPER}), corrected for the paper's \
-             {REGISTERS} registers; OpenCL does not describe the multiprocessors of this device."
+             {REGISTERS} registers per thread; OpenCL does not describe the multiprocessors of this device."
         ),
     }
 }
 
-/// Describes the rank correlations.
+/// Describes the rank correlations between predicted occupancy and measured speed.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
         return "There are too few local sizes to judge how well the prediction ranks them.".to_owned();

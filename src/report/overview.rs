@@ -59,8 +59,7 @@ pub(super) fn devices<'a>(groups: &[Group<'a>]) -> Vec<&'a str> {
     devices
 }
 
-/// Returns each strategy's fastest point of every group. A mark's x is the index of its group among the
-/// columns.
+/// Returns each strategy's fastest point of every group. A mark's x is the index of its group in `columns`.
 pub(super) fn best_of_each(
     groups: &[&Group<'_>],
     columns: &[(&str, [u32; 2])],
@@ -72,8 +71,8 @@ pub(super) fn best_of_each(
             continue;
         };
         let mut seen: Vec<String> = Vec::new();
-        // The fastest records come first, so the first record of each strategy is its best. Points
-        // with too few samples come last.
+        // The ranking lists the fastest records first, so the first record of each strategy is the strategy's best.
+        // Points with too few samples come last.
         for record in group.ranking().all() {
             let name = series_name(record);
             if seen.contains(&name) {

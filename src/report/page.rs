@@ -47,8 +47,8 @@ pub struct Page {
 /// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// True if this view is shown when the page opens. Only one view is shown then: that of the
-    /// largest scene.
+    /// True if this view is shown when the page opens. When the page opens, only the view of the largest scene is
+    /// shown.
     first: bool,
     title: String,
     /// Notes from reading the group's scene.
@@ -169,8 +169,7 @@ pub fn notes(folders: &[Folder]) -> Vec<String> {
 fn questions(folders: &[Folder]) -> Vec<(String, String)> {
     let mut questions = Vec::new();
     for folder in folders {
-        let question = folder.config("question").unwrap_or_else(|| folder.label.clone());
-        let pair = (question, folder.config("expectation").unwrap_or_default());
+        let pair = folder.question();
         if !questions.contains(&pair) {
             questions.push(pair);
         }
@@ -275,8 +274,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // With several folders, the device's name in a record may end with a folder's name. A
-        // command with this name would not find the device.
+        // With several folders, the device's name in a record may end with the name of a folder. No device has this
+        // longer name, so the command needs the device's own name.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))

@@ -1,6 +1,6 @@
-//! The run times in milliseconds that the paper published; the authors of raycl read them off the
-//! paper's Figures 6 to 8. This module also contains the configs that repeat the paper's experiments.
-//! The configs are built in, so that `raycl reproduce` needs no other files.
+//! The run times in milliseconds that the paper published; the authors of raycl read these times off the plots in the
+//! paper's Figures 6 to 8. This module also contains the configs that repeat the paper's experiments. The configs are
+//! built in, so that `raycl reproduce` needs no other files.
 
 use include_dir::{Dir, include_dir};
 

@@ -28,7 +28,7 @@ pub fn rooflines(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec
         let records: Vec<(&Group<'_>, &Record)> = own
             .flat_map(|group| group.ranking().all().into_iter().map(move |record| (group, record)))
             .collect();
-        // A device's name may be followed by its folder's name.
+        // In records, the name of a device may be followed by the name of its folder of results.
         let is_its = |(labelled, peak): &&(String, Peak)| device == peak.device || device == labelled;
         let peak = peaks.iter().rev().find(is_its).map(|(_, peak)| peak);
         roofline(&records, looks, device, peak, numbered("roofline", place))
@@ -156,7 +156,7 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
         "Each mark is a point. Its height is the number of operations in ray-triangle tests per second \
          (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
          operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
-         registers adds none. If passes are fused, the time is that of the whole frame, so the rate is a \
+         registers adds no bytes. If passes are fused, the time is that of the whole frame, so the rate is a \
          lower bound. {roofs}{left_out}"
     )
 }
@@ -237,8 +237,8 @@ mod tests {
         let roofs = roofs(&peak, [0.25, 16.0], &Looks::default());
         let corner = |mark: &Mark| [mark.x, mark.y.round()];
         let corners = |place: usize| roofs[place].marks.iter().map(corner).collect::<Vec<_>>();
-        // Per second, in units of 10^9: 1000 bytes times 0.25 operations per byte are 250 operations, and the rate
-        // of multiply-adds is 4000.
+        // All numbers are per second, in units of 10^9. At 0.25 operations per byte, the memory's 1000 bytes allow 250
+        // operations. The rate of multiply-adds is 4000.
         assert_eq!(corners(0), [[0.25, 250.0], [4.0, 4000.0], [16.0, 4000.0]]);
         assert_eq!(corners(1), [[0.25, 2000.0], [0.5, 4000.0], [16.0, 4000.0]]);
     }

@@ -57,8 +57,8 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Shows, for each pair of devices, the loss from using one device's best strategy on the other
-/// device.
+/// Shows, for each pair of devices, by which factor the time grows if one device uses the other device's best strategy
+/// instead of its own.
 fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let row = |from: &&str| {
         let cell = |on: &&str| {

@@ -166,16 +166,16 @@ fn code(record: &Record) -> String {
     }
 }
 
-/// Returns the meaning of a cell's code, with an example.
+/// Returns the meaning of the code that a cell without a time shows, with an example.
 fn meaning(record: &Record) -> String {
     let what = match record.outcome {
         Outcome::Infeasible => return format!("{}: {}", title(record), super::words::first_line(record)),
-        Outcome::OtherKind => "its preset is meant for devices of another kind",
-        Outcome::BuildFailed => "its program did not compile",
-        Outcome::LaunchFailed => "its kernel did not run",
-        Outcome::WrongImage => "its image differs from the reference",
-        Outcome::TimedOut => "it took too long",
-        Outcome::Crashed | Outcome::Measured => "its process crashed",
+        Outcome::OtherKind => "the preset is meant for devices of another kind",
+        Outcome::BuildFailed => "the program did not compile",
+        Outcome::LaunchFailed => "the kernel did not run",
+        Outcome::WrongImage => "the image differs from the reference",
+        Outcome::TimedOut => "the measurement took too long",
+        Outcome::Crashed | Outcome::Measured => "the measuring process crashed",
     };
     format!("{what}; {}: {}", title(record), super::words::first_line(record))
 }
@@ -227,7 +227,8 @@ mod tests {
             let plot = lines(&groups[0], &Looks::of(&groups), Kind::Log, "lines", true).unwrap();
             let is_dashed = plot.svg.contains("stroke-dasharray=\"5 4\"") && plot.svg.contains("dot hollow");
             assert_eq!(plot.caption.contains("the paper's published points"), is_dashed, "{}", plot.svg);
-            // The paper has times at more sizes than the two that were measured. The legend has a marker too.
+            // The paper has times at more local sizes than the two that were measured, but only times at these two are
+            // drawn. The third hollow marker is in the legend.
             assert_eq!(plot.svg.matches("dot hollow").count(), if is_dashed { 3 } else { 0 });
             is_dashed
         };
@@ -265,19 +266,19 @@ mod tests {
             assert_eq!(plot.svg.matches(text).count(), count, "{text}: {}", plot.svg);
         }
         assert!(plot.svg.contains("3.0 times as slow"), "{}", plot.svg);
-        assert!(plot.svg.contains("its image differs from the reference; naive at"), "{}", plot.svg);
+        assert!(plot.svg.contains("the image differs from the reference; naive at"), "{}", plot.svg);
     }
 
     #[test]
     fn every_outcome_without_a_time_has_a_code_and_a_meaning() {
         use crate::record::fixtures::infeasible;
         for (outcome, expected, means) in [
-            (Outcome::OtherKind, "kind", "its preset is meant for devices of another kind; naive"),
-            (Outcome::BuildFailed, "build", "its program did not compile; naive"),
-            (Outcome::LaunchFailed, "launch", "its kernel did not run; naive"),
-            (Outcome::WrongImage, "wrong", "its image differs from the reference; naive"),
-            (Outcome::TimedOut, "slow", "it took too long; naive"),
-            (Outcome::Crashed, "crash", "its process crashed; naive"),
+            (Outcome::OtherKind, "kind", "the preset is meant for devices of another kind; naive"),
+            (Outcome::BuildFailed, "build", "the program did not compile; naive"),
+            (Outcome::LaunchFailed, "launch", "the kernel did not run; naive"),
+            (Outcome::WrongImage, "wrong", "the image differs from the reference; naive"),
+            (Outcome::TimedOut, "slow", "the measurement took too long; naive"),
+            (Outcome::Crashed, "crash", "the measuring process crashed; naive"),
         ] {
             let record = Record { outcome, ..infeasible("gpu", "naive", 8, "first\nsecond") };
             assert_eq!(code(&record), expected);

@@ -5,7 +5,7 @@ use crate::record::{
     Group, HOST, Record, by, duration, interval, median, ms, not_enough, percent, significant, to_mind,
 };
 
-/// Assigns a colour and a marker to each series name, so that a strategy looks the same everywhere.
+/// Assigns a colour and a marker to each series name, so that a strategy looks the same in all plots.
 #[derive(Clone, Debug, Default)]
 pub struct Looks(Vec<String>);
 
@@ -86,7 +86,7 @@ pub fn made(record: &Record) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// Returns the rule that ended the sampling, in brackets; empty if it was not recorded.
+/// Returns, in brackets, the rule that ended the sampling of a point; empty if the rule was not recorded.
 fn stopped(record: &Record) -> String {
     record.stop_reason.as_ref().map_or(String::new(), |reason| format!(" ({reason})"))
 }

@@ -29,7 +29,7 @@ pub enum Kind {
     Few,
     /// Surfaces lie all around the eye.
     Inside,
-    /// No ray may leak at edges and vertices.
+    /// No ray may slip between triangles at their edges and corners.
     Watertight,
     /// More than 4 triangles per pixel.
     Dense,
@@ -86,7 +86,7 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
 }
 
 impl Case {
-    /// Loads the case's scene; the path of the scene is relative to the file of cases.
+    /// Loads the case's scene. `cases` is the path of the file of cases, to which the path of the scene is relative.
     pub fn scene(&self, cases: &Path) -> Result<Scene> {
         let path = cases.parent().unwrap_or(Path::new("")).join(&self.scene);
         let set: Vec<(String, toml::Value)> =
@@ -99,7 +99,7 @@ impl Case {
         Task::of(scene, self.size, self.kinds.contains(&Kind::Watertight))
     }
 
-    /// Returns whether the kinds that the case states are exactly the kinds of the task. The kind
+    /// Returns whether the kinds that the case states are exactly the kinds that follow from the task. The kind
     /// `Watertight` is not checked, since the task takes this kind from the case.
     pub fn is_of_its_kinds(&self, task: &Task) -> bool {
         let is = [
@@ -147,8 +147,8 @@ mod tests {
                 assert!(count >= 5, "{device}: {count} of {kind:?}");
             }
         }
-        // Generating millions of triangles takes seconds. For large scenes, `raycl rule` checks the
-        // kinds.
+        // Generating millions of triangles takes seconds. So this test leaves out large scenes; `raycl rule` checks
+        // their kinds when it measures them.
         for case in
             cases.iter().filter(|case| !case.set.values().any(|value| value.as_integer() > Some(300_000)))
         {

@@ -10,14 +10,14 @@ const REFUSED: f64 = 100.0;
 /// The smallest gain for which a constant is changed. Each choice has a ratio of its time to the
 /// best time; a gain is a decrease of the sum of the logarithms of these ratios.
 const GAIN: f64 = 1e-3;
-/// Two cases count as equal if their values differ by less than this factor; no constant is placed
-/// between them.
+/// Two cases count as equal if their values differ by less than this factor; no constant gets a value between the two.
 const ALIKE: f64 = 1.01;
-/// Largest number of rounds over all constants. Several rounds are needed, since the best value of a
-/// constant depends on the other constants.
+/// Largest number of rounds. In a round, each constant is fitted once. Several rounds are needed, since the best value
+/// of a constant depends on the other constants.
 const ROUNDS: usize = 8;
 
-/// Returns the constants of a class after fitting. Constants that the sweeps do not determine stay unchanged.
+/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class. Constants that the sweeps
+/// do not determine stay unchanged.
 pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
     let mut constants = class.constants(watertight)?;
     let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
@@ -51,8 +51,8 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the candidate values of a constant: one value with few digits between every two
-/// neighbouring cases, and also 0 and infinity, which lie beyond all cases.
+/// Returns the candidate values of a constant: one value with few digits between every two neighbouring cases, and also
+/// 0 and infinity, which are below and above the values of all cases.
 fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
     for sweep in sweeps {
@@ -173,8 +173,8 @@ mod tests {
 
     #[test]
     fn constants_are_fitted_to_sweeps_of_their_own_class_only() {
-        // The rule never chooses exhaustive casting for a million triangles, unless the times of a
-        // sweep require it.
+        // With the constants that raycl uses, the rule does not choose exhaustive casting for a million triangles. The
+        // times of this sweep require the opposite, so fitting must change the constants of the sweep's class.
         let times = [("exhaustive", 1.0), ("tiles", 2.0), ("single", 3.0)];
         let of_cpu = [sweep(&[(1_000_000, 400_000, &times)])];
         for (class, moves) in [(Class::TilesInVectors, true), (Class::SharedTiles, false)] {

@@ -1,5 +1,6 @@
-//! Compares the rule by which `render` chooses a strategy with measurements. A file lists cases, a
-//! sweep times every candidate strategy on them, and the rule's constants are fitted to sweeps.
+//! Checks the rule by which `render` chooses a strategy against measurements. A file lists cases (a scene and an image
+//! size each). A sweep contains the times of every candidate strategy on these cases. The rule's constants are fitted
+//! to sweeps.
 
 mod cases;
 mod fit;

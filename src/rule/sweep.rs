@@ -1,5 +1,5 @@
-//! A sweep: the time of every candidate strategy for each case on a device, and the rule's choice compared
-//! with the fastest candidate.
+//! A sweep: the time of every candidate strategy for each case on one device. For each case, the rule's choice is
+//! compared with the fastest candidate.
 
 use super::Case;
 use crate::device::Device;
@@ -54,7 +54,7 @@ pub struct Measured {
     pub least_ms: BTreeMap<String, f64>,
 }
 
-/// The rule's choice compared with the fastest candidate.
+/// The rule's choice for a case, compared with the fastest candidate.
 #[derive(Clone, Debug)]
 pub struct Verdict {
     /// The chosen candidate.
@@ -86,7 +86,7 @@ impl Measured {
     pub fn of(case: &Case, scene: Scene, device: &Device, rounds: u32) -> Result<Self> {
         let (task, scene) = (case.task(&scene), Arc::new(scene));
         let limits = &device.info.limits;
-        let queue = Queue::open(device.platform, device.device)?;
+        let queue = Queue::open(device)?;
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
         let mut casters = Vec::new();
         for way in Class::of(limits).ways().into_iter().filter(|way| may_be_fastest(*way, &task)) {
@@ -94,12 +94,12 @@ impl Measured {
             let caster = session.prepare(&strategy, case.size, local_size).and_then(|ready| ready.caster());
             match caster {
                 Ok(caster) => casters.push((way, caster, f64::INFINITY)),
-                // A missing time shows that this candidate cannot be chosen.
+                // The candidate gets no time, which shows that the device or the host refused it.
                 Err(Refused::Device(_) | Refused::Host(_)) => {}
-                Err(refused) => return Err(refused.into_error(&device.info.name)),
+                Err(refused) => return Err(refused.into_error(&device.info)),
             }
         }
-        let failed = |error| Refused::at("the launch")(error).into_error(&device.info.name);
+        let failed = |error| Refused::at("the launch")(error).into_error(&device.info);
         let frames: Vec<u32> = casters
             .iter()
             .map(|(_, caster, _)| caster.cast().and_then(|_| frames_of_sample(caster)).map_err(failed))
@@ -115,7 +115,7 @@ impl Measured {
     }
 }
 
-/// Returns whether a candidate is measured.
+/// Returns whether a candidate may be the fastest for a task; candidates that may not be are not measured.
 fn may_be_fastest(way: Way, task: &Task) -> bool {
     way != Way::Exhaustive || task.triangles <= MOST_TESTED
 }

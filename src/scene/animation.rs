@@ -20,16 +20,16 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// A scene's values over time. These values determine the scene of each frame. A frame reuses data
-/// of the previous frame: files that the previous frame used are not read again, and a mesh that stays the same is
-/// shared.
+/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from the
+/// scene file after the frame's values have been set in it. A frame reuses data of the previous frame: files that both
+/// frames use are not read again, and both frames share a mesh that stays the same.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,
     /// Frames per second, if the file sets them.
     pub frames_per_second: Option<u16>,
     document: Document,
-    /// The document without its animation.
+    /// The scene file's TOML table, without the key `animation`.
     table: Table,
     tracks: Vec<Track>,
     shot: Shot,
@@ -43,7 +43,7 @@ impl fmt::Debug for Animation {
 }
 
 impl Animation {
-    /// Checks the animation of a document, and returns this animation.
+    /// Checks the `[animation]` of a scene file, and returns the animation.
     pub(super) fn of(document: Document, wire: AnimationWire, shot: Shot) -> Result<Self> {
         let AnimationWire { frames, frames_per_second, track } = wire;
         let in_range = |value: u32, most: u32, span| {
@@ -66,13 +66,14 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
-    /// Checks the document of each of these frames: it must describe a scene. If the background of frame 1 is
-    /// transparent, the backgrounds of these frames must be transparent too; otherwise, none of them may be
-    /// transparent. No files of meshes or pictures are read.
+    /// Sets the values of each of these frames in the scene file, and checks that the file then describes a scene. If
+    /// the background of frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise,
+    /// none of them may be transparent. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///
-    /// Returns a user error. If a document does not describe a scene, the error has the location in the file.
+    /// Returns a user error. If the scene file does not describe a scene at some frame, the error has the mistake's
+    /// location in the file.
     pub fn check(&self, mut frames: RangeInclusive<u32>) -> Result<()> {
         let alpha = self.read(1)?.2.is_transparent();
         frames.try_for_each(|frame| {
@@ -112,7 +113,7 @@ impl Animation {
         assemble(&document, wire, self.shot, &mut self.kept, notes)
     }
 
-    /// Reads the document of a frame.
+    /// Parses the scene file with the values of a frame.
     fn read(&self, frame: u32) -> Result<(Table, Document, SceneWire)> {
         let table = self.table(frame, &self.tracks)?;
         let document = self.document_of(frame, &table)?;
@@ -122,7 +123,7 @@ impl Animation {
         }
     }
 
-    /// Returns the document's table in which these tracks have set their values at a frame.
+    /// Returns the scene file's table after these tracks have set their values for a frame.
     fn table(&self, frame: u32, tracks: &[Track]) -> Result<Table> {
         let mut table = self.table.clone();
         for track in tracks {
@@ -142,8 +143,9 @@ impl Animation {
         Ok(self.document.at_frame(frame, text))
     }
 
-    /// Returns the error for a frame whose document is not a scene. The error points to the first
-    /// track after which the document is invalid and stays invalid.
+    /// Returns the error for a frame at which the scene file, with the values of all tracks, is not a scene. To find
+    /// the mistake, the tracks are applied one by one. The error points to the first track after which the document is
+    /// invalid and stays invalid.
     fn mistake(&self, frame: u32) -> Error {
         let mut wrong = None;
         for (number, track) in self.tracks.iter().enumerate() {
@@ -159,7 +161,7 @@ impl Animation {
             }
         }
         let Some((track, document, found)) = wrong else {
-            // The document was a valid scene before any track was applied.
+            // The scene file was valid before any track was applied, so this is a fault of raycl.
             let message = format!(
                 "{} at frame {frame} is not a valid scene, although no track makes it invalid",
                 self.document.name
@@ -185,7 +187,8 @@ mod tests {
     use crate::scene::load_scene;
     use glam::Vec3;
 
-    /// Returns the first scene and the animation of a triangle with these tracks, in three frames.
+    /// Writes a scene file with a triangle and with an animation of three frames, which has these tracks. Returns the
+    /// file's folder, the scene of frame 1, and the animation.
     fn animated(tracks: &str) -> (tempfile::TempDir, Scene, Animation) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
@@ -206,7 +209,7 @@ mod tests {
         let third = animation.scene(3, &second).unwrap();
         assert_eq!(third.mesh.positions[0], Vec3::new(5.0, 0.0, -2.0));
         assert_eq!(second.mesh.positions[0], Vec3::new(0.0, 0.0, -2.0));
-        // This mesh is made again for each frame, and is equal each time.
+        // The crease angle changes, so the mesh is made again for each frame, but the meshes of all frames are equal.
         let track = "[[animation.track]]\npath = \"crease\"\nvalues = [30, 40]\n";
         let (_folder, first, mut animation) = animated(track);
         assert!(Arc::ptr_eq(&first.mesh, &animation.scene(3, &first).unwrap().mesh));

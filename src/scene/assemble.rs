@@ -23,12 +23,12 @@ use std::sync::Arc;
 /// The default shadow bias, as a fraction of the scene's diagonal.
 const RELATIVE_SHADOW_BIAS: f32 = 1e-4;
 
-/// The scene of a document, with further results that callers need.
+/// The scene that a document (the text of a scene file) describes, with further results that callers need.
 pub(super) struct Assembled {
     pub scene: Scene,
-    /// The axis of a turntable.
+    /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// The number of each object's first triangle.
+    /// For each object, the index of its first triangle in the scene's mesh.
     pub starts: Vec<u32>,
     /// True if a ground, soft light and a sky were added, because a mesh was given without a scene file.
     pub dressed: bool,
@@ -79,8 +79,7 @@ pub(super) fn assemble(
     let is_seen = wire.background.is_none();
     let sky = wire.sky.as_ref().map(|sky| sky::build(document, sky, (wire.camera.upright(), is_seen), kept));
     let sky = sky.transpose()?;
-    // A picture with a given background will probably be combined with another picture, so no ground is
-    // added.
+    // If the user sets a background, the picture will probably be combined with another picture, so no ground is added.
     if let Some(ground) =
         studio.as_ref().and_then(|studio| studio.ground.clone()).filter(|_| wire.background.is_none())
     {
@@ -128,7 +127,7 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
 pub(super) struct Joined {
     mesh: Arc<Mesh>,
     seen: Seen,
-    /// The number of each object's first triangle.
+    /// For each object, the index of its first triangle in the scene's mesh.
     starts: Vec<u32>,
 }
 
@@ -168,8 +167,8 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
     Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
-/// Returns the lights of a scene. A mesh that is given without a scene file has the lights of its own file, or a key
-/// light and a fill light.
+/// Returns the lights of a scene. A mesh that is given without a scene file has the lights of its own file; if that
+/// file has no lights, the mesh gets a key light and a fill light.
 fn lights(
     document: &Document,
     wire: &SceneWire,

@@ -24,11 +24,12 @@ pub struct Camera {
     /// Offset of a pixel's ray from the pixel's centre, in pixels to the right and down; zero unless the ray is one
     /// of several samples of the pixel.
     pub shift: [f32; 2],
-    /// The width of a pixel's cone as a share of the pixel's width; less than 1 if the pixel gets several samples.
+    /// The width of the ray cone around a pixel's ray, as a share of the pixel's width; less than 1 if the pixel gets
+    /// several samples.
     pub cone_share: f32,
     /// The size of another image. If it is given, the camera's image shows the field of view of the other image,
-    /// although the two shapes may differ slightly. If `None`, the size of the camera's image determines the field
-    /// of view.
+    /// although the aspect ratios of the two images may differ slightly. If `None`, the size of the camera's image
+    /// determines the field of view.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -47,8 +48,8 @@ pub struct PixelFrame {
     pub step_y: DVec3,
     /// The smallest visible depth.
     pub z_near: f64,
-    /// The width of a pixel's cone at a point is the inner product of this vector and the vector from the eye to the
-    /// point. The width grows with the point's depth.
+    /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray cone at
+    /// this point. The width grows with the point's depth.
     pub cone: DVec3,
 }
 
@@ -101,7 +102,8 @@ impl Camera {
         })
     }
 
-    /// Returns the camera of a sample: shifted by a part of a pixel, with the sample's share of the pixel's cone.
+    /// Returns the camera that casts a sample: its rays are shifted by the sample's offset, and their cones have the
+    /// sample's share of a pixel's width.
     #[must_use]
     pub fn of_sample(&self, sample: &Sample) -> Self {
         Self { shift: sample.offset, cone_share: sample.cone_share(), ..*self }

@@ -1,4 +1,4 @@
-//! The text of a scene file, with the locations of mistakes.
+//! The text of a scene file, and the locations of mistakes in it.
 
 use super::setting::{Changed, Origin, Setting};
 use super::{INPUTS, files, overrides};
@@ -12,18 +12,18 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 use toml::{Table, Value};
 
-/// The remedy for a scene file that cannot be parsed.
+/// The help in an error about a scene file that cannot be parsed.
 pub(super) const KEYS: &str = "docs/scenes.md lists every key of a scene, with its type";
-/// The expectation in messages that must not quote a scene.
+/// The text that a message gives as the expected input if the message must not quote the scene file.
 const PERMITTED: &str = "a key or value that a scene may have there";
-/// The remedy for a scene that cannot be read.
+/// The help in an error about a scene that cannot be read.
 const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply, .stl, .gltf, .glb)";
 
 /// The text of a scene file.
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
-    /// The TOML text, with all settings.
+    /// The TOML text, after all values from `--set` or from a config have been set in it.
     pub text: String,
     /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
@@ -33,7 +33,7 @@ pub(super) struct Document {
     pub bare: bool,
     /// True if messages may quote the text.
     pub quotes: bool,
-    /// The values that were set in the file's text, if any.
+    /// The values that were set, and the file's own text; `None` if no values were set.
     changed: Option<Changed>,
     /// The path and the open file of a mesh that is given without a scene file. The file stays open until the mesh is
     /// read, because a pipe cannot be opened twice.
@@ -101,7 +101,8 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values and formats the text again. Messages show the file's own text, or name the setting.
+    /// Sets values in the text and formats it again. Messages about a mistake quote the file's own text or, if the
+    /// mistake is in a set value, name the setting.
     fn set(&mut self, settings: &[Setting]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, settings)?;
@@ -118,7 +119,7 @@ impl Document {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
 
-    /// Returns the origin of a part of the text: a setting, or a part of the file.
+    /// Returns the origin of a part of the text: a setting (a value from `--set` or a config), or a part of the file.
     fn origin(&self, span: &Range<usize>) -> Origin<'_> {
         match &self.changed {
             Some(changed) => changed.origin(&self.text, span),
@@ -140,7 +141,7 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// Adds the settings to the remedy of a mistake that lies in no setting.
+    /// If an error's mistake lies in no setting, adds the names of all settings to the error's remedy.
     fn with_settings(&self, error: Error) -> Error {
         let Some(changed) = &self.changed else { return error };
         let remedy = format!("{}; {}", error.remedy(), changed.told());
@@ -186,14 +187,14 @@ impl Document {
         self.with_settings(found)
     }
 
-    /// Adds a location in this document to an error that has none.
+    /// Adds a location in this document to an error that has no location.
     pub fn place(&self, span: Range<usize>, error: Error, label: &str) -> Error {
         error.placed(|message| self.error(span, message, label))
     }
 
     /// Returns an error with a location in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
-        // Labels contain only raycl's own words.
+        // Labels contain only raycl's own words, so messages may show them even if they must not quote the file.
         let why = if label == "here" { String::new() } else { format!(" ({label})") };
         let expected = format!("{PERMITTED}{why}");
         let message = match self.quotes {
@@ -268,14 +269,14 @@ mod tests {
         }
     }
 
-    /// Returns the notes on a file, or the message of its error.
+    /// Loads a file with this text. Returns the notes on the file, or the message of the error.
     fn told(name: &str, text: &str, is_in_folder: bool) -> std::result::Result<Vec<String>, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         std::fs::write(&path, text).unwrap();
         let of = if is_in_folder { folder.path() } else { Path::new("/elsewhere") };
         let shown = |text: String| text.replace(&format!("{}/", folder.path().display()), "");
-        let loaded = crate::scene::load_scene_named_in(of, &path, &[]);
+        let loaded = crate::scene::load_scene_named_in(of, &path, &[], None);
         let loaded = loaded.map(|loaded| loaded.notes.into_iter().map(shown).collect());
         loaded.map_err(|error| shown(error.to_string()))
     }

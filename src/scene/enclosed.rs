@@ -1,5 +1,5 @@
-//! Tests whether surfaces lie all around the eye. If the eye is inside such surfaces, more
-//! rays hit something, and shadow rays are longer, than if the eye is in front of an object.
+//! Tests whether surfaces lie all around the eye, as in a room. If they do, more rays hit something, and shadow rays
+//! are longer, than if the eye is in front of an object.
 
 use super::Scene;
 

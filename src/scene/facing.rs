@@ -1,5 +1,5 @@
-//! Measures how much of the visible surface faces away from the camera. These surfaces are dark, since only the front
-//! of a surface is lit.
+//! Measures how much of the visible surface faces away from the camera. Surfaces that face away are dark, since only
+//! the front of a surface is lit.
 
 use super::mesh::{Mesh, PARALLEL_TRIANGLES, Triangle};
 use super::{Camera, Scene};
@@ -12,8 +12,8 @@ const ACROSS: usize = 48;
 /// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its distance in units of the length of the sample's direction (infinite if there is
-/// no surface), and whether the surface faces away.
+/// The nearest surface at each sample: its distance in units of the length of the sample's direction (infinite if there
+/// is no surface), and whether the surface faces away.
 type Nearest = Vec<(f64, bool)>;
 
 /// Returns a note if most of the visible surface faces away, in images with this ratio of width to height.
@@ -21,7 +21,7 @@ pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     (part > MOST).then(|| {
         format!(
-            "{:.0}% of the visible surface faces away from the camera and is dark, since only the front of a surface is lit: --two-sided (two_sided = true) reverses its normals",
+            "{:.0}% of the visible surface faces away from the camera and is dark, since only the front of a surface is lit: --two-sided (two_sided = true) reverses the normals of this part",
             100.0 * part
         )
     })
@@ -147,7 +147,8 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         };
-        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range face the camera.
+        // At a distance of 1, the picture shows x from -1 to 1. Three quarters of this range show the rectangle that
+        // faces the camera.
         let mut mesh = rectangle([-1.0, 0.5], Vec3::Z);
         mesh.append(rectangle([0.5, 1.0], Vec3::NEG_Z));
         for aspect in [1.6, 0.5] {

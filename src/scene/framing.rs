@@ -15,10 +15,10 @@ const FILL: f64 = 0.92;
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// Number of angles of a turntable at which the whole mesh must be visible.
 const TURNS: u32 = 24;
-/// Smallest distance of the eye from the nearest point of a mesh, in radii.
+/// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
-/// Distance of the lights from the centre in radii: close enough that the shading shows the mesh's shape, far enough
-/// to light it evenly.
+/// Distance of the lights from the centre of the mesh's ball, in radii of this ball: close enough that the shading
+/// shows the mesh's shape, far enough to light it evenly.
 const LIGHT_RADII: f64 = 10.0;
 
 /// The ball that represents a mesh in framing and lighting.
@@ -32,8 +32,8 @@ pub(super) struct Ball {
 }
 
 impl Ball {
-    /// Returns the ball of a mesh for an upward direction. The ball's radius is always positive, even
-    /// if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners.
+    /// Returns the ball that represents a mesh whose upward direction is `up`. The ball's radius is always positive,
+    /// even if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
@@ -67,7 +67,7 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Returns the orientations of the mesh that are shown.
+    /// Returns the rotations in which the pictures show the mesh: several rotations for a turntable, otherwise one.
     fn turns(&self) -> Vec<DMat3> {
         let count = if self.shot.turns { TURNS } else { 1 };
         let angle = |number: u32| f64::from(number) / f64::from(count) * std::f64::consts::TAU;
@@ -110,9 +110,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Four planes through the centre are parallel to the sides of the view. Returns how far a corner is beyond each
-    // of these planes, measured to the right, left, up or down, and then how much nearer to the eye than the centre the
-    // corner is.
+    // Four planes through the ball's centre are parallel to the sides of the view. The first four numbers say how far a
+    // corner is beyond the right, left, upper and lower plane. The last number says how much nearer to the eye the
+    // corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -127,8 +127,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let corners = mesh.positions.par_iter().zip(is_corner).with_min_len(PARALLEL_TRIANGLES);
     let reaches = corners.filter(|(_, is_corner)| *is_corner).map(|(position, _)| reach(*position));
     let [east, west, north, south, nearest] = reaches.reduce(|| [f64::NEG_INFINITY; 5], most);
-    // The left and the right plane, moved outwards until they touch the mesh, intersect in a line; so do the upper and
-    // the lower plane. From the distance of the line that is farther from the mesh, the whole mesh is visible.
+    // Move the left and the right plane outwards until they touch the mesh: these two planes intersect in a line. Do
+    // the same with the upper and the lower plane. An eye at the distance of the farther of the two lines sees the
+    // whole mesh.
     let across = (east + west) / (2.0 * tan_x);
     let down = (north + south) / (2.0 * tan_y);
     let distance = across.max(down).max(nearest + NEAREST_RADII * ball.radius);
@@ -144,7 +145,7 @@ fn opening(mesh: &Mesh, up: DVec3) -> Option<DVec3> {
         let area = (b - a).cross(c - a);
         (area, area.length())
     });
-    // The oriented areas of a closed mesh add up to zero.
+    // The area vectors of a closed mesh's triangles (normal times area) add up to zero.
     let (open, total) = areas.reduce(|| (DVec3::ZERO, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     let open = open.reject_from_normalized(up);
     (open.length() > 0.1 * total).then(|| open.try_normalize()).flatten()
@@ -168,7 +169,7 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
         Light { position: position.as_vec3(), power: Vec3::splat(power as f32), radius: 0.0 }
     };
     match ball.opening {
-        // Light enters an opening only from near the viewer.
+        // The viewer looks into a room through its open side. Only light from near the viewer enters the room.
         Some(_) => vec![light(-0.12, 0.08, 1.0, 1.0), light(0.3, 0.05, 1.0, 0.3)],
         None => vec![light(-0.55, 0.75, 0.9, 1.0), light(0.9, 0.15, 0.6, 0.3)],
     }

@@ -21,7 +21,7 @@ const PLACING: [&str; 4] = ["scale", "rotation", "translation", "material"];
 #[derive(Default)]
 pub(super) struct Kept {
     keeps: bool,
-    /// For each object of this frame, the text from which its mesh is built; empty if no object changes.
+    /// For each object of this frame, the text from which its mesh is built; empty if the animation changes no object.
     keys: Vec<String>,
     /// The meshes of this frame's objects, before transforms and materials are applied. The texts in `keys` are the
     /// keys of this map.
@@ -38,7 +38,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Begins a frame of this document; `objects_change` says whether some of its objects change.
+    /// Begins a frame, whose scene file is `document`. `objects_change` says whether the animation changes any object.
     /// Meshes that the previous frame did not use are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
@@ -98,8 +98,8 @@ impl Kept {
     }
 }
 
-/// Returns the text of an object without the keys in `PLACING`, followed by the scene's values for
-/// all objects.
+/// Returns the text of an object without the keys in `PLACING`, followed by the scene's values that apply to all
+/// objects (`of_all`).
 fn making(object: &Value, of_all: [Option<&Value>; 2]) -> String {
     let keys = object.as_table().into_iter().flatten();
     let making: Table = keys
@@ -116,7 +116,8 @@ mod tests {
 
     const OBJECT: &str = "crease = 30\n[[object]]\nfile = 'a.obj'\nscale = 1\n";
 
-    /// Returns whether an object's mesh is rebuilt for a frame after the frame of `OBJECT`.
+    /// Returns whether the object's mesh is rebuilt for a frame with the scene file `text`, if the previous frame had
+    /// the scene file `OBJECT`.
     fn is_made_again(text: &str) -> bool {
         let mut kept = Kept::default();
         let mut made = 0;
@@ -157,7 +158,7 @@ mod tests {
             [red(&mut kept, &dark), red(&mut kept, &bright), red(&mut kept, &dark)],
             [0.25, 4.0, 0.25]
         );
-        // The picture that was read last is kept, so its file is not read again.
+        // The texels of the picture that was read last are kept, so its file is not read again.
         std::fs::remove_file(&dark).unwrap();
         assert_eq!(red(&mut kept, &dark), 0.25);
     }

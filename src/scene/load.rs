@@ -32,12 +32,13 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// The pictures for which a scene without a camera is framed.
+/// The pictures for which raycl chooses a camera if a scene has none.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {
     /// The ratio of the pictures' width to their height.
     pub aspect: f64,
-    /// True if the scene turns; it is then framed so that it is visible from all sides.
+    /// True if the scene turns on a turntable. The camera is then so far away that the whole scene is visible at every
+    /// angle.
     pub turns: bool,
     /// True if a mesh without a scene file and without lights gets a ground, soft light and a sky.
     pub dressed: bool,
@@ -47,7 +48,7 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// Suits square pictures, and all pictures that are wider than high.
+    /// A shot for square pictures, which also suits all pictures that are wider than high.
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
@@ -86,13 +87,19 @@ pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<L
 }
 
 /// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the
-/// folder of that other file; messages quote the scene only if the scene's file is in this folder.
+/// folder of that other file; messages quote the scene only if the scene's file is in this folder. Shapes of more than
+/// `most_triangles` triangles are refused before they are made.
 ///
 /// # Errors
 ///
 /// Fails like [`load_scene_with`].
-pub fn load_scene_named_in(folder: &Path, path: &Path, settings: &[Setting]) -> Result<Loaded> {
-    load(path, settings, Shot::SQUARE, lies_in(path, folder))
+pub fn load_scene_named_in(
+    folder: &Path,
+    path: &Path,
+    settings: &[Setting],
+    most_triangles: Option<u64>,
+) -> Result<Loaded> {
+    load(path, settings, Shot { most_triangles, ..Shot::SQUARE }, lies_in(path, folder))
 }
 
 fn load(path: &Path, settings: &[Setting], shot: Shot, quotes: bool) -> Result<Loaded> {

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// The default k_L: the k_L of the paper's ground.
+/// The default diffuse reflectance k_L: the ground's k_L in the paper.
 pub const DEFAULT_LAMBERTIAN: f32 = 0.8;
 /// The highlight's strength k_G in the paper's figures.
 pub const PAPER_GLOSSY: f32 = 0.2;

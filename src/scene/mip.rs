@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock};
 
-/// Weight of a fully transparent texel. The weight is above 0, so that a region without opaque
+/// Weight of a fully transparent texel in a mean of texels. The weight is above 0, so that a region without opaque
 /// texels has a colour too.
 const TRANSPARENT_WEIGHT: f32 = 1e-4;
 /// Largest side of a texel in the scene's units. This value replaces infinity where texture
@@ -17,7 +17,7 @@ const TRANSPARENT_WEIGHT: f32 = 1e-4;
 const LARGEST_TEXEL: f64 = 1e18;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
-/// The linear light of the displayed values halfway between neighbouring 8-bit values of a channel.
+/// For each two neighbouring 8-bit values of a channel: the linear light of the displayed value halfway between them.
 static BETWEEN: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
 
@@ -50,9 +50,9 @@ impl Textures {
     }
 }
 
-/// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A cone
-/// of this width that meets the triangle at a right angle covers a texel. Zero if the triangle has
-/// no area or no texture.
+/// Returns a triangle's unit normal multiplied by the side of a texel on the triangle, in the scene's units. A ray cone
+/// as wide as this side covers one texel if it meets the triangle at a right angle. Zero if the triangle has no area or
+/// no texture.
 pub fn texel_on(mesh: &Mesh, triangle: usize) -> [f32; 3] {
     let row = &mesh.textures.mapped[triangle];
     let Some(number) = row.texture else { return [0.0; 3] };
@@ -122,8 +122,8 @@ impl Covered {
 /// Returns the texels that texel `place` of the next level covers. If the number of texels is odd,
 /// a texel that lies in two texels of the next level is divided between them.
 fn covered(side: u32, place: u32) -> Covered {
-    // In these units, all coordinates are whole numbers: a texel is `next` long, and a texel of the
-    // next level is `side` long.
+    // Lengths are in units in which all coordinates are whole numbers: a texel of this level is `next` units long, and
+    // a texel of the next level is `side` units long.
     let next = half(side);
     let (start, end) = (place * side, (place + 1) * side);
     let first = start / next;
@@ -190,7 +190,8 @@ mod tests {
             for level in 1..=texture.last_level() {
                 let texels = &all[texture.level_start(level)..texture.level_start(level + 1)];
                 let of_level: Vec<_> = texels.iter().map(|texel| light_of(*texel, false)).collect();
-                // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light near white.
+                // Rounding to 8 bits moves a channel by at most half a step, which is 0.0045 of linear light near
+                // white.
                 assert!(are_close(mean(&of_level), mean(&lights), 0.0046), "{size:?}, level {level}");
             }
             // Before rounding, a level has the mean of the picture, up to the error of single

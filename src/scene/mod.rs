@@ -115,8 +115,8 @@ pub struct Scene {
     pub camera: Camera,
     /// The radiance of a ray that hits nothing.
     pub background: Vec3,
-    /// True if pictures have an alpha channel. Alpha is the share of a pixel that surfaces cover. The
-    /// background is then black.
+    /// True if pictures have an alpha channel: alpha is the share of a pixel that surfaces cover. In this case, the
+    /// background is black.
     pub transparent: bool,
     /// The distance from the surface at which a shadow ray starts, in the scene's units.
     pub shadow_bias: f32,
@@ -160,8 +160,8 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, soft lights or a sky adds nothing here, so its hash is the same as in
-        // older records.
+        // A scene without textures, soft lights and a sky adds nothing to the hash here, so its hash is the same as in
+        // records of older versions, which had none of these features.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));
@@ -296,8 +296,9 @@ mod tests {
         assert_eq!(scene.shadow_rays_per_hit(), lights + 1);
     }
 
-    /// The hashes are those of records in docs/results, from several machines. If a scene or the hash changed, stored
-    /// times would no longer be those of the scenes in the repository, and raycl would measure everything again.
+    /// The expected hashes are those of records in docs/results, from several machines. If a scene or the hash function
+    /// changed, the stored times would no longer belong to the scenes in the repository, and raycl would measure
+    /// everything again.
     #[test]
     fn the_scenes_of_stored_records_are_those_of_the_repository() {
         let thousand = [("object.0.triangles".to_owned(), toml::Value::Integer(1000))];

@@ -60,8 +60,8 @@ pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     }
 }
 
-/// Reverses all normals of a mesh whose surface faces inwards. The surface faces inwards if the mesh's volume is
-/// negative; parts of the volume count as negative where the normals point to the mesh's centre.
+/// Reverses all normals of a mesh whose surface faces inwards. The surface faces inwards if the mesh's signed volume is
+/// negative: parts of the volume count as negative where the normals point to the mesh's centre.
 pub(super) fn turn_outwards(mesh: &mut Mesh) {
     let centre = mesh.bounds().map_or(DVec3::ZERO, |(low, high)| (low.as_dvec3() + high.as_dvec3()) / 2.0);
     let outwards = |triangle: &Triangle| {

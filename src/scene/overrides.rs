@@ -1,11 +1,11 @@
-//! `--set camera.position=[0,0,1]`: changes values in a document before it is parsed.
+//! `--set camera.position=[0,0,1]`: changes values in the TOML of a scene file before the scene is built.
 
 use super::setting::Setting;
 use crate::error::Result;
 use crate::words::counted;
 use toml::{Table, Value};
 
-/// The remedy for a path that does not exist.
+/// The help in an error about a path that does not exist.
 pub(super) const PATHS: &str = "a path is names and indices joined by dots: camera.position, light.0.power";
 
 /// The camera's keys for views of the whole scene from an angle.

@@ -1,6 +1,6 @@
-//! The samples of a pixel: positions drawn from the filter itself, so that all samples have the same weight
-//! (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray Tracing
-//! 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
+//! The samples of a pixel: their positions are drawn from the distribution of the pixel filter, so that all samples
+//! have the same weight (Ernst, Stamminger and Greiner, "Filter Importance Sampling", IEEE Symposium on Interactive Ray
+//! Tracing 2006). All pixels use the same positions (Haeberli and Akeley, "The Accumulation Buffer", 1990), so that
 //! rays stay coherent.
 
 use crate::manifest::{INTERLEAVED, SAMPLED_BLOCK};
@@ -10,12 +10,12 @@ const WIDTH: f64 = 1.5;
 /// The coefficients of the filter's cosine series (Harris, "On the Use of Windows for Harmonic
 /// Analysis", Proceedings of the IEEE 66, 1978).
 const BLACKMAN_HARRIS: [f64; 4] = [0.35875, -0.48829, 0.14128, -0.01168];
-/// Number of bisections of the search for a position in the filter; more than double precision needs.
+/// Number of bisections in the search for a quantile of the filter; more than double precision needs.
 const HALVINGS: u32 = 54;
 /// With adaptive sampling, every pixel first gets 1 / `FIRST_OF` of the largest number of samples,
 /// rounded up.
 const FIRST_OF: u32 = 16;
-/// The least width of a sample's cone as a share of the pixel's width, as in pbrt.
+/// The least width of a sample's ray cone as a share of the pixel's width, as in pbrt.
 const LEAST_CONE: f32 = 0.125;
 /// Arbitrary seeds of Owen's scrambling.
 const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
@@ -25,25 +25,26 @@ const SEEDS: [u32; 2] = [0x8d22_f6e6, 0x1f3a_5c71];
 pub struct Sample {
     /// The sample's offset from a pixel's centre, in pixels.
     pub offset: [f32; 2],
-    /// The sample's number in its round of samples, from 0.
+    /// The sample's number in its round of samples, from 0. A pixel's samples are cast in up to two rounds
+    /// ([`Sampling::rounds`]).
     pub number: u32,
-    /// The number of samples per pixel in this round.
+    /// The number of samples per pixel in the sample's round.
     pub count: u32,
     /// The number of samples that are cast before this sample.
     pub earlier: u32,
-    /// How light arrives.
+    /// Which light the sample receives.
     pub light: SampleLight,
 }
 
-/// How light arrives at a sample.
+/// Which light a sample receives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SampleLight {
     /// Light arrives from one point of each light and one direction of the sky, which depend on the pixel and the
     /// sample. With a single sample per pixel, lights are points.
     #[default]
     Own,
-    /// As with `Own`, but in a half picture for soft light, where the points of lights and the directions of the sky
-    /// repeat after `INTERLEAVED` pixels.
+    /// As with `Own`, but in a half picture (half the width and height) for soft light. There, the points of lights and
+    /// the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
     /// Light arrives from the lights' centres, and with the sky's mean radiance, even if surfaces are in between.
     Unoccluded,
@@ -54,10 +55,11 @@ pub enum SampleLight {
 pub struct Sampling {
     /// The number of first samples, which every pixel gets.
     pub first: u32,
-    /// The number of samples of a pixel in a rough block, in which neighbouring pixels differ after the first samples.
+    /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels differ
+    /// after the first samples.
     pub most: u32,
-    /// If positive, soft light is cast for a picture of half the width and height, with this many
-    /// samples per pixel, and then filtered. With one sample, lights are points.
+    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel,
+    /// and then filtered. If 1, lights are points.
     pub half_light: u32,
 }
 
@@ -97,8 +99,8 @@ impl Sampling {
         [first, rest]
     }
 
-    /// Returns the samples of a half picture for soft light, at pixels' centres. Unoccluded light needs only one
-    /// sample, since samples differ only in the points of lights.
+    /// Returns the samples of a half picture for soft light, at pixels' centres. These samples differ only in the
+    /// points of lights, so unoccluded light, which comes from the lights' centres, needs only one sample.
     pub fn of_half_light(&self, light: SampleLight) -> Vec<Sample> {
         let count = if light == SampleLight::Unoccluded { 1 } else { self.half_light };
         let sample = |number| Sample { number, count, earlier: number, light, ..Sample::CENTRE };
@@ -149,7 +151,7 @@ impl Sample {
         (self.light == SampleLight::Interleaved).then_some(INTERLEAVED)
     }
 
-    /// Returns the width of a sample's cone as a share of the pixel's width. The pixel's area is divided among all
+    /// Returns the width of a sample's ray cone as a share of the pixel's width. The pixel's area is divided among all
     /// samples that are cast by the end of the sample's round.
     pub fn cone_share(&self) -> f32 {
         if self.light == SampleLight::Interleaved {
@@ -367,7 +369,8 @@ mod tests {
         assert_eq!((Sampling::all(4).half_light, Sampling::adaptive(4).half_light), (0, 0));
     }
 
-    /// If two seeds had the same order, the points on different lights would be correlated.
+    /// Different lights use different seeds. If two seeds gave the same order of strata, the points on different lights
+    /// would be correlated.
     #[test]
     fn each_seed_has_its_own_order_of_the_same_strata() {
         let order = |seed: u32| -> Vec<u32> {

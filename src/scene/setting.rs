@@ -5,7 +5,7 @@ use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
-/// A value to set in a scene. Two settings are equal if they set the same value.
+/// A value to set in a scene. Two settings are equal if they set the same value at the same path.
 #[derive(Clone, Debug)]
 pub struct Setting {
     /// The value's dotted path in the scene file: `light.0.power`.
@@ -45,7 +45,7 @@ pub(super) enum Origin<'a> {
     Setting(&'a Setting),
     /// This range of the file's text.
     File(Range<usize>),
-    /// The origin cannot be determined; the mistake may lie in what is missing.
+    /// The origin cannot be determined; for example, the mistake may be a missing key.
     Unknown,
 }
 
@@ -71,11 +71,11 @@ impl Changed {
         if let Some(span) = original.and_then(|table| span_in(table.get_ref(), &path, place.is_key)) {
             return Origin::File(span);
         }
-        // The file lacks the path, so a setting has made all that lies there.
+        // The file does not have this path, so a setting created the path and everything below it.
         latest.find(|setting| setting.keys().starts_with(&path)).map_or(Origin::Unknown, Origin::Setting)
     }
 
-    /// Returns a sentence that names all settings, for the remedy of a mistake that is in no setting.
+    /// Returns a sentence that names all settings, for the help in an error about a mistake that is in no setting.
     pub fn told(&self) -> String {
         let origins: Vec<_> = self.settings.iter().map(|setting| shortened(&*setting.origin)).collect();
         format!("values of the scene were changed: {}", origins.join("; "))
@@ -181,7 +181,7 @@ mod tests {
         };
         let settings: Vec<_> = values.iter().map(set).collect();
         let of = if quotes { folder.path() } else { std::path::Path::new("/elsewhere") };
-        let Error::Input(error) = load_scene_named_in(of, &path, &settings).unwrap_err() else {
+        let Error::Input(error) = load_scene_named_in(of, &path, &settings, None).unwrap_err() else {
             panic!("not an input error")
         };
         let marked = error.span.map(|span| {

@@ -58,8 +58,9 @@ impl Studio {
         let reach = (reach * radius) as f32;
         let sky = Sky { zenith: ZENITH, horizon: HORIZON, up: up.as_vec3(), reach, picture: None };
         let ground = (!ball.is_open()).then(|| ground(mesh, ball, camera, up)).flatten();
-        // A horizontal surface receives the mean of the sky, weighted by the cosine. The sky's radiance grows with
-        // the sine of the angle above the horizon.
+        // A horizontal surface receives the mean of the sky's radiance, weighted by the cosine of the angle to the
+        // zenith. The radiance grows with the sine of the angle above the horizon. The mean is therefore two thirds of
+        // the way from the horizon's radiance to the zenith's.
         let background = GROUND * HORIZON.lerp(ZENITH, 2.0 / 3.0);
         Self { lights, sky, ground, background }
     }
@@ -207,7 +208,8 @@ mod tests {
             };
             ground(&mesh, ball, &camera(&mesh, ball, &view), DVec3::Y)
         };
-        // The ground's edges are 60 radii away; the radius is more than 1.
+        // The ground's edges are 60 radii away, and the mesh's radius is more than 5e10 in the second case, so the
+        // ground would exceed the coordinate limit of 1e12.
         assert!(ground(1e9).is_some() && ground(5e10).is_none());
     }
 }

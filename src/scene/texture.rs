@@ -241,7 +241,8 @@ mod tests {
         assert_eq!(textures.mapped[0].corners, [[1.0, 2.0], [5.0, 6.0], [3.0, 4.0]]);
     }
 
-    /// 257 units are a step; the least alpha is one unit lower, so that rounding makes no holes.
+    /// 257 units of the least alpha are one step of an 8-bit channel. `least_step` subtracts one unit, so that rounding
+    /// makes no holes.
     #[test]
     fn the_least_alpha_is_one_unit_below_its_step() {
         let least_step = |least_alpha| Texture { least_alpha, ..texture() }.least_step();

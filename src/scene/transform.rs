@@ -20,7 +20,8 @@ impl Transform {
     pub const IDENTITY: Self =
         Self { scale: Vec3::ONE, rotation_degrees: Vec3::ZERO, translation: Vec3::ZERO };
 
-    /// Transforms normals, and positions from which `origin` had been subtracted.
+    /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the positions when
+    /// the file was read; it is added again before the positions are transformed.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
         // An untransformed mesh stays the same bit for bit, since the paper's scenes have exact coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {

@@ -60,11 +60,11 @@ fn require(holds: bool, message: impl FnOnce() -> String) -> Result<()> {
     if holds { Ok(()) } else { Err(Error::input(message()).with_help(LIMITS)) }
 }
 
-/// The remedy for a value out of range.
+/// The help in an error about a value out of range.
 const LIMITS: &str = "docs/scenes.md lists the range of every value, and its default";
 
 fn in_range(position: Vec3) -> bool {
-    // Comparisons with NaN are false.
+    // A position with a NaN is not finite, so it is refused.
     position.is_finite() && position.abs().max_element() <= MAX_COORDINATE
 }
 
@@ -119,7 +119,7 @@ pub(super) struct Brightness {
     /// The smallest distance between a light and a surface for which brightness is computed. A nearer light counts as
     /// if it were at this distance.
     nearest: f32,
-    /// The largest value of the reflectance formula of any material.
+    /// The largest value of pi times the reflectance formula, over all materials.
     reflectance: f64,
     lights: usize,
 }
@@ -141,7 +141,7 @@ impl Brightness {
         let incoming = spread * f64::from(light.power.max_element());
         let sum = incoming * self.reflectance * self.lights as f64;
         let product = spread.max(incoming).max(sum);
-        // A scene without extent has no surface.
+        // If `nearest` is 0, the scene has no extent, so it has no surface that a light could make too bright.
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
@@ -154,7 +154,7 @@ impl Brightness {
     }
 }
 
-/// Returns the largest value of a material's reflectance formula.
+/// Returns the largest value of pi times a material's reflectance formula.
 fn brightest(material: &Material) -> f64 {
     let highlight = f64::from(material.glossy.max_element()) * (f64::from(material.shininess) + 8.0) / 8.0;
     f64::from(material.lambertian.max_element()) + highlight
@@ -286,7 +286,8 @@ mod tests {
         }
     }
 
-    /// The limit is on power / (4 pi distance^2), times the reflectance and the number of lights.
+    /// The limit applies to the light that arrives, power / (4 pi distance^2), times the reflectance and the number of
+    /// lights.
     #[test]
     fn a_light_may_not_be_too_bright_for_the_nearest_surface() {
         let brightness = |material: Material, lights: usize| {
@@ -304,12 +305,13 @@ mod tests {
         // With a shininess of 8, the highlight's value is twice k_G.
         let both = Material::blinn_phong(Vec3::splat(0.25), Vec3::splat(0.5), 8.0);
         assert!((brightest(&both) - 1.25).abs() < 1e-6);
-        // 7.96e-4 * 1e35 * 1e6 = 7.96e37 is too much; a tenth is not.
+        // A power of 1e35 with a reflectance of 1e6 gives 7.96e-4 * 1e35 * 1e6 = 7.96e37, which exceeds the limit of
+        // 1e37. A tenth of this value does not exceed the limit.
         assert!(brightness(dull, 1).check(&light(1e35, 0.0)).is_ok());
         assert!(brightness(bright, 1).check(&light(1e35, 0.0)).is_err());
         assert!(brightness(bright, 1).check(&light(1e34, 0.0)).is_ok());
         assert!(brightness(bright, 10).check(&light(1e34, 0.0)).is_err());
-        // Of a light with a radius of 9, the nearest point is a tenth as far away.
+        // The nearest point of a light with a radius of 9 is a tenth as far away as the light's centre.
         assert!(brightness(bright, 1).check(&light(1e34, 9.0)).is_err());
     }
 }

@@ -1,8 +1,10 @@
 //! Reads a device's clock, power, temperature and throttling while frames are timed.
 
 mod nvml;
+mod used_memory;
 mod watch;
 
+pub use used_memory::UsedMemory;
 pub use watch::Watch;
 
 use crate::device::Hardware;
@@ -28,6 +30,11 @@ pub struct Reading {
 pub fn watch(hardware: &Hardware) -> Watch {
     let hardware = hardware.clone();
     Watch::start(move || nvml::find(&hardware))
+}
+
+/// Returns how much of a device's memory is in use now; `None` if the device has no library that reports it.
+pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
+    nvml::used_memory(hardware)
 }
 
 /// The sensors' values while a sample was taken; a record has the means over its samples.

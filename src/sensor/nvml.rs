@@ -1,9 +1,11 @@
 //! Reads sensors with NVIDIA's management library (NVML), if this library is installed.
 
-use super::{Reading, Sensor, SensorReading};
+use super::{Reading, Sensor, SensorReading, UsedMemory};
 use crate::device::Hardware;
 use nvml_wrapper::bitmasks::device::ThrottleReasons;
 use nvml_wrapper::enum_wrappers::device::{Clock, TemperatureSensor};
+use nvml_wrapper::enums::device::UsedGpuMemory;
+use nvml_wrapper::struct_wrappers::device::ProcessInfo;
 use nvml_wrapper::{Device, Nvml};
 use std::sync::OnceLock;
 
@@ -13,12 +15,38 @@ struct NvmlSensor<D>(D);
 /// Returns the sensors of the device with this PCI address or UUID; `None` if there is no such library or
 /// device.
 pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
+    Some(Box::new(NvmlSensor(device(hardware)?)))
+}
+
+/// Returns how much of the device's memory is in use now.
+pub(super) fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
+    let device = device(hardware)?;
+    let memory = device.memory_info().ok()?;
+    let processes = device.running_compute_processes().unwrap_or_default();
+    Some(UsedMemory {
+        total_bytes: memory.total,
+        used_bytes: memory.used,
+        own_bytes: used_by(&processes, std::process::id()),
+    })
+}
+
+/// Returns the bytes that the process with this number uses; `None` if the list lacks the process, or does not state
+/// its memory.
+fn used_by(processes: &[ProcessInfo], id: u32) -> Option<u64> {
+    match processes.iter().find(|process| process.pid == id)?.used_gpu_memory {
+        UsedGpuMemory::Used(bytes) => Some(bytes),
+        UsedGpuMemory::Unavailable => None,
+    }
+}
+
+/// Returns the library's handle of a device.
+fn device(hardware: &Hardware) -> Option<Device<'static>> {
     // The library is loaded once and never unloaded, since its handles live as long as the process.
     static LIBRARY: OnceLock<Option<Nvml>> = OnceLock::new();
     let library = || LIBRARY.get_or_init(|| Nvml::init().ok()).as_ref();
     let by_bus = |address: &str| library()?.device_by_pci_bus_id(address).ok();
     let by_uuid = |name: &str| library()?.device_by_uuid(name).ok();
-    Some(Box::new(NvmlSensor(named(hardware, by_bus, by_uuid)?)))
+    named(hardware, by_bus, by_uuid)
 }
 
 /// Returns the device at the PCI address, or else the device with the UUID.
@@ -105,6 +133,19 @@ mod tests {
     #[test]
     fn a_device_without_a_place_has_no_sensors() {
         assert!(find(&Hardware::default()).is_none());
+        assert_eq!(used_memory(&Hardware::default()), None);
+    }
+
+    #[test]
+    fn the_memory_of_a_process_is_found_by_its_number() {
+        let process = |pid, used_gpu_memory| ProcessInfo {
+            pid,
+            used_gpu_memory,
+            gpu_instance_id: None,
+            compute_instance_id: None,
+        };
+        let listed = [process(7, UsedGpuMemory::Used(70)), process(8, UsedGpuMemory::Unavailable)];
+        assert_eq!([7, 8, 9].map(|id| used_by(&listed, id)), [Some(70), None, None]);
     }
 
     #[test]

@@ -46,8 +46,8 @@ pub enum End {
     Done,
     /// The user, or a signal of the scheduler, ended the attempt.
     Interrupted,
-    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. The text names this
-    /// process.
+    /// The attempt's launcher, or a process between the launcher and the attempt, has ended. The text names the
+    /// process that has ended.
     LauncherLost(String),
     /// The attempt failed with this error.
     Failed(String),

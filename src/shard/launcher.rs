@@ -16,8 +16,8 @@ struct Told {
     /// The process's number, from 0, and the number of processes, if the launcher sets it.
     place: u32,
     count: Option<u32>,
-    /// The element's number in a Slurm array; `None` unless the user gives the number of shards. The element's number
-    /// is then the shard's number.
+    /// The number of this process's element in a Slurm array, if the user gives the number of shards; the shard gets
+    /// the same number. Otherwise `None`.
     number: Option<u32>,
 }
 

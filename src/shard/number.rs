@@ -40,7 +40,8 @@ impl fmt::Display for Shard {
 pub enum Asked {
     /// A shard by its number.
     Given(Shard),
-    /// The launcher sets the shard's number. It also sets the number of shards, unless the user gives that number.
+    /// The launcher sets the shard's number. The launcher also sets the number of shards, unless the user gives that
+    /// number.
     Auto(Option<u32>),
 }
 

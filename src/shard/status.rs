@@ -73,10 +73,10 @@ fn state(end: Option<End>, [first, second]: [Option<Beat>; 2], hang_limit_s: f64
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Begun => write!(f, "begun: its counter has not increased yet"),
+            Self::Begun => write!(f, "begun: the counter in its folder has not increased yet"),
             Self::Going => write!(f, "going"),
             Self::Hung(seconds) => write!(f, "hung: no step for {seconds} s"),
-            Self::Lost => write!(f, "lost: its counter no longer increases"),
+            Self::Lost => write!(f, "lost: the counter in its folder no longer increases"),
             Self::Ended(End::Done) => write!(f, "done"),
             Self::Ended(End::Interrupted) => write!(f, "interrupted"),
             Self::Ended(End::LauncherLost(why)) => write!(f, "launcher lost: {why}"),
@@ -160,10 +160,10 @@ mod tests {
     #[test]
     fn every_state_is_told_in_words() {
         for (state, words) in [
-            (State::Begun, "begun: its counter has not increased yet"),
+            (State::Begun, "begun: the counter in its folder has not increased yet"),
             (State::Going, "going"),
             (State::Hung(42), "hung: no step for 42 s"),
-            (State::Lost, "lost: its counter no longer increases"),
+            (State::Lost, "lost: the counter in its folder no longer increases"),
             (State::Ended(End::Done), "done"),
             (State::Ended(End::Interrupted), "interrupted"),
             (State::Ended(End::LauncherLost("sh has ended".into())), "launcher lost: sh has ended"),

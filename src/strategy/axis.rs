@@ -1,6 +1,6 @@
-//! The axes of a strategy. A value that is code is a file under `cl/` in each kernel family that supports the value,
-//! and the file's header describes the value. All other values have their name and a description here. This file is the
-//! only list of the values that are not code.
+//! The axes of a strategy. If a value is code, each kernel family that supports the value has a file for it under
+//! `cl/`, and the file's header describes the value. All other values have their names and descriptions in this Rust
+//! file, which is the only list of them.
 
 use super::header::Header;
 use super::values::{header_of, values_of};

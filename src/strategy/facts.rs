@@ -67,7 +67,7 @@ impl Triangles {
         self.header().word("read_from") == "constant"
     }
 
-    /// Returns whether all triangles, or a part of each, are copied to `__local` memory in one
+    /// Returns whether all triangles, or only their positions or their normals, are copied to `__local` memory in one
     /// step.
     pub fn are_staged(self) -> bool {
         matches!(self.copied(), Copied::Scene | Copied::Vertices | Copied::Normals)
@@ -88,7 +88,8 @@ impl Layout {
 }
 
 impl Shading {
-    /// Returns whether every hit that is nearer than the best so far is shaded.
+    /// Returns whether every hit that is nearer than the best hit so far is shaded at once, not only the nearest hit
+    /// of the ray at the end.
     pub fn is_eager(self) -> bool {
         self.header().word("shades") == "each-nearer-hit"
     }
@@ -134,7 +135,7 @@ impl Strategy {
         }
     }
 
-    /// Returns whether a fact of the manifest is true of the strategy.
+    /// Returns whether the strategy has a property that the manifest names, such as [`Fact::Tree`].
     pub fn holds(&self, fact: Fact) -> bool {
         match fact {
             Fact::Always => true,
@@ -155,7 +156,7 @@ impl Strategy {
         }
     }
 
-    /// Returns whether a fact is true of the strategy and the workload.
+    /// Returns whether the strategy and the workload have a property that the manifest names.
     pub fn holds_of(&self, fact: Fact, workload: &Workload) -> bool {
         match fact {
             Fact::Textured => workload.is_textured(),

@@ -62,19 +62,21 @@ const TREE_TRIANGLES: usize = 200;
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
     pub tree_triangles: f64,
-    /// From this number of triangles per pixel on, the rays of a tile share too little work.
+    /// From this number of triangles per pixel on, the rays of a tile share too little work, and single rays are
+    /// faster.
     pub single_triangles_a_pixel: f64,
     /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
     /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// From this number of pixels per compute unit on, there are enough tiles to keep the unit busy.
+    /// Below this number of pixels per compute unit, there are too few tiles to keep the unit busy, and single rays
+    /// are faster.
     pub single_pixels_a_unit: f64,
     /// Large tiles share more work. From this number of pixels on, there are enough large tiles to keep the device
     /// busy. Large tiles are only used if the limit `large_pixels_a_triangle` is reached too.
     pub large_pixels: f64,
     /// The least number of pixels per triangle for large tiles.
     pub large_pixels_a_triangle: f64,
-    /// From this number of pixels on, passes are separate.
+    /// From this number of pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
     /// The value of `separate_pixels` for scenes in which surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
@@ -172,8 +174,8 @@ impl Way {
     }
 
     /// Returns the fastest candidate for a task. In soft light, neighbouring shadow rays have different directions, so
-    /// that the rays of a tile share little. On a GPU, single rays are then up to 19 times as fast as tiles (measured on
-    /// an H200, docs/log.md, 2026-11-24).
+    /// that the rays of a tile share little. On a GPU, single rays are then up to 19 times as fast as tiles (measured
+    /// on an H200, docs/log.md, 2026-11-24).
     pub fn fastest(limits: &DeviceLimits, task: &Task) -> Self {
         if task.soft && !limits.is_cpu {
             return Self::Single;

@@ -4,7 +4,7 @@
 use super::keys::{KEYS, Key, Said};
 use crate::error::{Error, Result, nearest};
 
-/// The properties of a value that is a file.
+/// The properties of a value of an axis, if the value is a kernel file.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Header {
     /// The axis whose value the file is.

@@ -14,7 +14,8 @@ const PROGRAM_BYTES: u64 = 240_000_000;
 /// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle's corners and number,
 /// and 72 bytes for nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
-/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and whether the pixel is certain.
+/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and the mark of a certain
+/// pixel.
 const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;
@@ -52,8 +53,9 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // With fewer than 32 children per node, WideBvh::of_mesh builds the tree with small leaves and then combines
-            // them. With 32 children, the tree may be built with larger leaves, and then needs less than this sum.
+            // With fewer than 32 children per node, `WideBvh::of_mesh` builds the tree with small leaves and then
+            // combines some of these leaves. With 32 children, the tree may be built with larger leaves, and then
+            // needs less than this sum.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);
@@ -153,7 +155,8 @@ mod tests {
         let available = Available { bytes: 1_000_000_000, source: "a test".to_owned() };
         let needs = needs("tile", &workload(10_000_000, 100), false, false);
         let reason = needs.check(&available, 0).map_err(|refused| refused.reason).unwrap_err();
-        // 10 M x (2 x 32 + 4) B and 8,000,002 nodes of 32 B; a mesh of 10 M x (28 + 12 / 2 + 12 / 2) B.
+        // The tree being built takes 10 M x (2 x 32 + 4) B for boxes and the leaf order, and 8,000,002 x 32 B for
+        // nodes. The mesh takes 10 M x (28 + 12 / 2 + 12 / 2) B.
         assert_eq!(
             reason,
             "the host's memory (building the tree): program and driver 240000000 B + mesh 400000000 B \

@@ -1,7 +1,7 @@
 //! The reason why a strategy cannot be cast, found before anything is compiled.
 
-/// Why a point cannot be cast, as a sentence: the arithmetic of a limit that it exceeds, or a
-/// feature that its strategy does not support.
+/// Why a point (a strategy with a local size, an image size, a scene and a device) cannot be cast. The reason is either
+/// a limit that the point exceeds, with the arithmetic, or a feature that the strategy does not support.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Infeasible {
     /// For example "__local memory: vectors 108 B x 24 x 24 = 62208 B > 49152 B".

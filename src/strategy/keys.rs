@@ -133,7 +133,7 @@ mod tests {
 
     const DOCUMENT: &str = include_str!("../../docs/own-kernels.md");
 
-    /// Returns the cells of each row of the document's table with these column headings.
+    /// Returns the cells of each row of the table in docs/own-kernels.md that has these column headings.
     fn table(heads: &str) -> Vec<Vec<&'static str>> {
         let lines = DOCUMENT.lines().skip_while(|line| *line != heads).skip(2);
         let rows = lines.take_while(|line| line.starts_with('|'));

@@ -96,7 +96,7 @@ strategy! {
     math: Math,
 }
 
-/// The remedy for an unknown name of an axis, a value or a preset.
+/// The help in an error about an unknown name of an axis, a value or a preset.
 const LISTED: &str = "`raycl strategies` lists every axis, its values and the presets";
 
 fn unknown_axis(axis: &str) -> Error {
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!([block("wide"), block("wide-pixel-linear")], [(4, 4), (8, 2)]);
     }
 
-    /// One of the 32 bits of a word is kept free.
+    /// A word of 32 bits has one bit for each pair of a light and a ray of the lane. One bit of the word is kept free.
     #[test]
     fn the_lights_of_a_round_and_a_lanes_rays_fit_into_31_bits() {
         let lights = |tile: &str| {

@@ -22,14 +22,16 @@ const ROW_BYTES: u64 = ROW_FLOATS as u64 * 4;
 const MATERIAL_BYTES: u64 = Material::FLOATS as u64 * 4;
 const POINT_BYTES: u64 = 3 * 4;
 
-/// Bytes of a ray of a tile: direction, inv_t, place, the reciprocals of the direction, and data for the
-/// watertight test; during shading also the surface that the ray hit, the arriving light and the sum so far.
+/// Bytes of a ray of a tile: its direction, the inverse distance of its nearest hit, the place of the triangle that it
+/// hit, the reciprocals of the direction, and data for the watertight test. During shading, there are also the surface
+/// that the ray hit, the arriving light and the sum of the light so far.
 const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 
-/// Bytes of a stack entry for work-items that share a tile: a child's word, and the distance at which its box
-/// is entered.
+/// Bytes of an entry of the stack with which work-items that share a tile traverse a tree: the word that identifies a
+/// child node, and the distance at which the child's box is entered.
 const STACK_ENTRY_BYTES: u64 = 8;
-/// Bytes of one word per lane, by which lanes exchange values if there is no other way.
+/// Bytes of an array in `__local` memory with one word per lane. Lanes exchange values through this array if the device
+/// has no faster way.
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
 /// Bytes of a leaf's triangle that has to be tested, and of the number of the lane that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
@@ -70,12 +72,14 @@ impl Requirements {
         }
     }
 
-    /// Returns the bytes of global memory for a scene and its tree, which points share.
+    /// Returns the bytes of global memory for a scene and its tree. Several points of an experiment can share this
+    /// memory.
     pub fn scene_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         scene(strategy, workload).recorded()
     }
 
-    /// Returns the bytes of global memory for the strategy's tree alone, which points share; 0 if it uses none.
+    /// Returns the bytes of global memory for the strategy's tree alone; 0 if the strategy uses no tree. Several points
+    /// of an experiment can share this memory.
     pub fn tree_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
         let mut sum = Sum::default();
         add_tree(&mut sum, strategy, workload);

@@ -99,7 +99,7 @@ impl Strategy {
                 if !axes.contains(&(other.axis, &other.value)) {
                     return None;
                 }
-                let because = other.because.as_deref().unwrap_or("as its file says");
+                let because = other.because.as_deref().unwrap_or("as the header of its file says");
                 Some(format!("{axis} = {name} contradicts {} = {}: {because}", other.axis, other.value))
             },
         )
@@ -112,7 +112,8 @@ mod tests {
     use crate::manifest::FAMILIES;
     use std::collections::HashSet;
 
-    /// Returns strategies of every family: each value that a family supports is accepted by at least one of them.
+    /// Returns strategies of every family. Each value that a family supports can be set in at least one of the family's
+    /// strategies.
     fn bases() -> impl Iterator<Item = Strategy> {
         let all = PRESETS.iter().map(|preset| preset.strategy);
         let deferred = |strategy: Strategy| Strategy {
@@ -126,8 +127,8 @@ mod tests {
         all.flat_map(move |strategy| [strategy, deferred(strategy)]).flat_map(passes)
     }
 
-    /// Checks that every value which a rule excludes is refused in all strategies of the family, and that
-    /// every other value is accepted in one of them.
+    /// Checks that every value which a rule excludes is refused in all strategies of the family, and that every other
+    /// value is accepted in at least one of these strategies.
     #[test]
     fn a_family_refuses_what_it_does_not_take_and_takes_the_rest() {
         let mut refused = 0;

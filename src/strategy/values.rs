@@ -132,7 +132,7 @@ fn refuse_names(sources: &Sources) -> Result<()> {
         if !fits(stem) || stem.is_empty() {
             let path = sources.path_of(&file);
             let message = format!(
-                "{path}: a value is named after its file, with only lower-case letters, digits and '_'"
+                "{path}: a value is named after its file, whose name may have only lower-case letters, digits and '_'"
             );
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
             return Err(Error::input(message)
@@ -180,7 +180,7 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
-    let places = format!("a value's file lies in {}", folders.join(", "));
+    let places = format!("the file of an axis's value lies in {}", folders.join(", "));
     // A file in a wrong folder is more likely than a misspelt name.
     let is_named_so = |name: &&str| name.rsplit('/').next() == Some(stem);
     let same: Vec<&str> = built_in.iter().copied().filter(is_named_so).collect();

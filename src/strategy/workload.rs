@@ -94,7 +94,8 @@ impl Workload {
         self.image_size.map(|pixels| pixels.div_ceil(SAMPLED_BLOCK))
     }
 
-    /// Returns the workload of a half picture for soft light, which has no half pictures of its own.
+    /// Returns the workload of a half picture, in which soft light is cast. A half picture has no half pictures of its
+    /// own.
     #[must_use]
     pub fn halved(&self) -> Self {
         Self { image_size: self.image_size.map(|pixels| pixels.div_ceil(2)), half_light: false, ..*self }
@@ -215,7 +216,8 @@ mod tests {
     fn a_row_of_work_groups_is_as_high_as_the_tiles_of_one() {
         let strategy = Strategy { tile: TileSize::T8x4, ..preset("tile-group").unwrap().strategy };
         let of = |tiles| Workload { local_size: [32, tiles], ..Workload::CUBE }.group_height(&strategy);
-        // If a work-group has an even number of tiles, two tiles are side by side.
+        // The tiles are four pixels high. If a work-group has an even number of tiles, they are arranged in two
+        // columns, so the group covers half as many pixel rows as in one column.
         assert_eq!([1, 2, 3, 4, 8].map(of), [4, 4, 12, 8, 16]);
         let rays = Workload { local_size: [16, 2], ..Workload::CUBE };
         assert_eq!(rays.group_height(&preset("deferred").unwrap().strategy), 2);

@@ -1,12 +1,13 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
-//! A certain pixel of the [`Reference`] must agree within [`RELATIVE_LIMIT`] (see [`relative_difference`]), and within
-//! one 8-bit step per channel as displayed. An uncertain pixel is one that changes if its ray is moved by much more
-//! than the effect of rounding. An uncertain pixel must lie within the range of its values under narrow nudges, which
-//! move the ray by about as much as rounding. If narrow nudges do not change an uncertain pixel, it must agree like a
-//! certain pixel. Uncertain pixels outside the range of their nudges are counted, and only few are allowed. The number
-//! of pixels that hit something must also lie in the range that the reference allows, since `shadow_rays_per_s` depends
-//! on this number.
+//! The [`Reference`] also casts rays in slightly changed directions (nudges). Wide nudges move a pixel's ray by much
+//! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if wide nudges do
+//! not change its value. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
+//! [`relative_difference`]), and within one 8-bit step per channel as displayed. A pixel that only wide nudges change
+//! must agree in the same way. A pixel that narrow nudges change must lie within the range of the pixel's values under
+//! these nudges. Pixels outside this range are counted, and only few of them are allowed. The number of pixels that hit
+//! something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is computed
+//! from this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -20,11 +21,11 @@ const STEPS_OF_256: u8 = 1;
 pub struct Verdict {
     /// The largest relative difference over certain pixels; infinite if a value is not a number.
     pub max_difference: f64,
-    /// The column and row of the pixel with the largest difference, or of the worst wrong pixel.
+    /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel is wrong.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,
-    /// Number of uncertain pixels outside the range of their nudges.
+    /// Number of uncertain pixels outside the range of their values under nudges.
     pub unexplained_pixels: usize,
     /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
@@ -66,7 +67,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// Returns the number of uncertain pixels outside the range of their nudges.
+/// Returns the number of uncertain pixels outside the range of their values under nudges.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let found = image.pixels[doubt.pixel];
@@ -77,15 +78,16 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// Returns how many uncertain pixels may lie outside the range of their nudges: one in ten thousand of the
+/// Returns how many uncertain pixels may lie outside the range of their values under nudges: one in ten thousand of the
 /// compared pixels, but at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
-/// Returns why the number of pixels that hit something is wrong, if it is outside the range that the reference allows.
-/// The number of hits may lie outside the range by a few pixels, since a few uncertain pixels may lie outside the range
-/// of their nudges.
+/// Returns why the number of pixels that hit something is wrong; `None` if it is right, or if the reference has cast
+/// only some pixels. The number may lie outside the range that the reference allows by as many pixels as
+/// [`unexplained_limit`] permits, since so many uncertain pixels may lie outside the range of their values under
+/// nudges.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;
@@ -93,7 +95,7 @@ fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     let strays = unexplained_limit(reference.judged);
     let [fewest, most] = reference.hits_range;
     let apart = fewest.saturating_sub(hits).max(hits.saturating_sub(most));
-    (apart > strays).then(|| format!("{hits} pixels hit something; expected {fewest} to {most}"))
+    (apart > strays).then(|| format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"))
 }
 
 /// A certain pixel that differs from the reference, or a pixel that is not finite.

@@ -52,7 +52,8 @@ fn one_wrong_pixel_is_named_with_both_values() {
     assert!(reason.contains("[0.0022, 0.0032, 0.0053]"), "{reason}");
 }
 
-/// Makes the first pixels uncertain, with a range from black to 0.5.
+/// Makes the first `count` pixels of the reference uncertain: each channel of these pixels may have any value from 0 to
+/// 0.5.
 fn doubt_first(reference: &mut Reference, count: usize) {
     reference.certain[..count].fill(false);
     let doubt = |pixel| Doubt { pixel, nearly_certain: false, low: [0.0; 3], high: [0.5; 3] };
@@ -95,7 +96,8 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
 }
 
-/// Pixels that only a wide nudge changes do not depend on rounding, so they must agree.
+/// A wide nudge moves a ray by ten times as much as rounding can. Pixels that only wide nudges change do not depend on
+/// rounding, so they must agree with the reference.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);
@@ -141,7 +143,7 @@ fn hits_that_cannot_be_are_noticed() {
     }
     for hits in [0, fewest - 17, most + 17, 80 * 50] {
         let reason = verdict(Some(hits)).reason.unwrap_or_default();
-        assert_eq!(reason, format!("{hits} pixels hit something; expected {fewest} to {most}"));
+        assert_eq!(reason, format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"));
     }
 }
 
@@ -194,8 +196,8 @@ fn a_certain_pixel_may_be_off_by_a_thousandth_and_no_more() {
     assert_eq!((off_by(0.0011).wrong_pixels, off_by(-0.0011).wrong_pixels), (1, 1));
 }
 
-/// With a gamma of 4, a thousandth of the reference's `floor` is displayed as eight steps of 256. A pixel that is
-/// brighter or darker by eight steps is wrong.
+/// The radiances 0 and 1e-6 differ by a thousandth of the reference's `floor`, which is within the relative limit. With
+/// a gamma of 4, they are displayed with a difference of eight 8-bit steps, which makes the pixel wrong.
 #[test]
 fn a_certain_pixel_may_be_off_by_one_step_as_displayed() {
     let display = Display { exposure: 1.0, gamma: 4.0 };
@@ -221,8 +223,9 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     reference.floor = 1e-3;
     reference.radiance.pixels[..2].fill([0.0; 3]);
     let mut image = reference.radiance.clone();
-    // The first pixel is off by nearly a thousandth but is displayed as equal; the second is hardly off but is
-    // displayed differently.
+    // The first pixel has a relative difference of nearly a thousandth, but is displayed with the same value as in the
+    // reference. The second pixel has a smaller relative difference, but is displayed with another value than in the
+    // reference, so only the second pixel is wrong.
     reference.radiance.pixels[0] = [0.5; 3];
     image.pixels[0] = [0.5 * 1.0009; 3];
     image.pixels[1] = [5e-7; 3];

@@ -1,4 +1,4 @@
-//! The eye's position relative to the scene's own camera. All functions here are pure.
+//! The position of the eye, relative to the camera that the scene itself has. All functions here are pure.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};
@@ -17,11 +17,10 @@ pub struct Pose {
     pub turn: f64,
     /// The angle upwards, in radians.
     pub tilt: f64,
-    /// The distance from the point that the eye goes around, as a factor of the distance of the
-    /// scene's own camera.
+    /// The distance from the point around which the eye orbits, as a factor of the distance of the scene's own camera.
     pub distance: f64,
-    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's
-    /// distance from the point that it goes around.
+    /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's distance from the
+    /// point around which it orbits.
     pub aside: [f64; 2],
 }
 
@@ -34,12 +33,12 @@ impl Pose {
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;
-        // If the scene's own camera is beyond the limit, it may stay there.
+        // If the scene's own camera is closer to the vertical than `POLE` allows, the eye may stay there.
         let (low, high) = ((-most - elevation).min(0.0), (most - elevation).max(0.0));
         self.tilt = (self.tilt + up).clamp(low, high);
     }
 
-    /// Moves the eye to the right and upwards, in units of its distance from the point that it goes around.
+    /// Moves the eye to the right and upwards, in units of its distance from the point around which it orbits.
     pub fn pan(&mut self, [right, up]: [f64; 2]) {
         self.aside[0] += right;
         self.aside[1] += up;
@@ -127,7 +126,7 @@ mod tests {
         assert!((pose.tilt - (FRAC_PI_2 - POLE)).abs() < 1e-12);
         pose.orbit([0.0, -9.0], 0.0);
         assert!((pose.tilt + FRAC_PI_2 - POLE).abs() < 1e-12);
-        // If the camera looks straight down, the eye can only go down.
+        // The scene's own camera looks straight down, so the eye can only go down.
         pose = Pose::START;
         pose.orbit([0.0, 0.5], FRAC_PI_2);
         assert_eq!(pose.tilt, 0.0);

@@ -11,7 +11,7 @@ pub struct Choices<T> {
 }
 
 impl<T: Copy + PartialEq> Choices<T> {
-    /// Lists `first`, then the others, each once.
+    /// Makes the list of `first`, which is chosen, and of the values in `others`, each value once.
     pub fn of(first: T, others: impl IntoIterator<Item = T>) -> Self {
         let mut all = vec![first];
         for other in others {

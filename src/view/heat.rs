@@ -10,13 +10,14 @@ use crate::strategy::Culling;
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
 
-/// The side in pixels of a block that gets one count: large at first, smaller while nothing moves.
+/// The sides, in pixels, of the blocks into which the map divides the picture. All pixels of a block show one count.
+/// The map begins with large blocks; while nothing moves, it is computed again with smaller blocks.
 const BLOCKS: [u32; 3] = [8, 4, 2];
 
 /// The heat map of one scene, which becomes finer step by step.
 pub struct Heat {
     of: Arc<Scene>,
-    /// A copy of the scene, whose camera moves.
+    /// A copy of the scene `of`; each map sets this copy's camera.
     scene: Scene,
     tree: WideBvh,
     steps: usize,
@@ -44,13 +45,13 @@ impl Heat {
         Arc::ptr_eq(&self.of, scene)
     }
 
-    /// Begins the map again, because something has changed.
+    /// Begins again with the coarsest map, because something that the map shows has changed.
     pub fn restart(&mut self) {
         self.steps = 0;
     }
 
-    /// Returns the next finer map; `None` if the finest map was returned before. The map counts tests against every
-    /// triangle if the strategy tests every triangle, else the tests in a tree.
+    /// Returns the next finer map; `None` if the finest map was returned before. If the strategy casts exhaustively,
+    /// the map counts tests against every triangle; otherwise it counts the tests in a tree.
     pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
@@ -71,7 +72,7 @@ fn blocks(size: [u32; 2], block: u32) -> [u32; 2] {
     size.map(|side| side.div_ceil(block))
 }
 
-/// Returns a picture in which each count is a block of pixels.
+/// Returns a picture in which a block of pixels shows each count as a colour.
 fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Map {
     let most = costs.iter().map(|cost| cost.tests).max().unwrap_or(0);
     let colours: Vec<_> =

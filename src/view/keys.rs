@@ -22,15 +22,15 @@ pub enum Key {
 pub enum Action {
     /// Move the eye around the scene, by angles to the right and upwards in radians.
     Orbit([f64; 2]),
-    /// Move the eye to the right and upwards, in units of its distance from the point that it goes around.
+    /// Move the eye to the right and upwards, in units of its distance from the point around which it orbits.
     Pan([f64; 2]),
     /// Move the eye nearer by this number of steps; negative steps move it away.
     Zoom(f64),
     /// Let the eye go around the scene, or stop it.
     Spin,
-    /// Take the next or the previous strategy.
+    /// Take the next strategy (1) or the previous one (-1).
     Strategy(isize),
-    /// Take the next or the previous local size.
+    /// Take the next local size (1) or the previous one (-1).
     LocalSize(isize),
     /// Take the next device.
     Device,
@@ -56,8 +56,8 @@ pub struct Row {
 
 /// The angle by which a key press moves the eye around the scene, in radians.
 const ORBIT: f64 = 0.1;
-/// The distance by which a key press moves the eye aside, as a fraction of its distance from the point that it goes
-/// around.
+/// The distance by which a key press moves the eye aside, as a fraction of its distance from the point around which it
+/// orbits.
 const PAN: f64 = 0.05;
 
 /// All keys.

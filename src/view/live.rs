@@ -1,5 +1,5 @@
-//! Casts a scene on a device again and again, from other positions or with other strategies, by the same code as
-//! `render`.
+//! Casts a scene on a device again and again, from the eye's current position and with the current strategy, by the
+//! same code as the command `raycl render`.
 
 use super::camera::Pose;
 use super::choices::{Choices, local_sizes, strategies};
@@ -45,7 +45,7 @@ pub struct Live {
     sum: Sum,
 }
 
-/// The strategy and the local size, which keys change.
+/// The choices of the strategy and of the local size, which the user changes with keys.
 type Way = (Choices<Strategy>, Choices<[u32; 2]>);
 /// The objects that cast with one strategy.
 type Ready = (Prepared, Caster);
@@ -58,11 +58,11 @@ impl Live {
         let loaded = subject.load(true, dressed)?;
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
-        let queue = Queue::open(device.platform, device.device)?;
+        let queue = Queue::open(&device)?;
         let show = show(&queue, &sources, &device.info);
         let mut session = session(&queue, &device, &sources, &scene, samples);
         let way = usual(&subject, &device, &scene)?;
-        let ready = ready(&subject, &mut session, &way).map_err(|no| no.into_error(&device.info.name))?;
+        let ready = ready(&subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
         let ((strategies, local_sizes), (prepared, caster)) = (way, ready);
         let sum = Sum::of(samples);
         Ok(Self {
@@ -89,7 +89,7 @@ impl Live {
         &self.scene
     }
 
-    /// Returns the scene as it was loaded.
+    /// Returns the scene as it was loaded, with its notes.
     pub fn loaded(&self) -> &Loaded {
         &self.loaded
     }
@@ -139,7 +139,7 @@ impl Live {
     pub fn cast(&mut self, pose: &Pose) -> Result<Option<Frame>> {
         let Some(sample) = self.sum.next() else { return Ok(None) };
         let frame = self.frame(pose, &sample);
-        frame.map(Some).map_err(|refused| refused.into_error(&self.device.info.name))
+        frame.map(Some).map_err(|refused| refused.into_error(&self.device.info))
     }
 
     fn frame(&mut self, pose: &Pose, sample: &Sample) -> std::result::Result<Frame, Refused> {
@@ -200,8 +200,8 @@ impl Live {
         self.take(ways.collect())
     }
 
-    /// Changes to the first of several pairs of a strategy and a local size that the device can
-    /// use.
+    /// Changes to the first of several pairs of a strategy and a local size that the device can use. `ways` has these
+    /// pairs.
     fn take(&mut self, ways: Vec<Way>) -> Result<()> {
         let mut last = None;
         for way in ways {
@@ -216,8 +216,8 @@ impl Live {
             }
         }
         Err(match last {
-            Some(refused) => refused.into_error(&self.device.info.name),
-            None => Error::input("no other value is available"),
+            Some(refused) => refused.into_error(&self.device.info),
+            None => Error::input("no other strategy or local size is available"),
         })
     }
 
@@ -234,11 +234,10 @@ impl Live {
     }
 
     fn move_to(&mut self, device: Device) -> Result<()> {
-        let queue = Queue::open(device.platform, device.device)?;
+        let queue = Queue::open(&device)?;
         let mut session = session(&queue, &device, &self.sources, &self.scene, self.samples);
         let way = usual(&self.subject, &device, &self.scene)?;
-        let ready =
-            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&device.info.name))?;
+        let ready = ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
         self.show = show(&queue, &self.sources, &device.info);
         (self.queue, self.device, self.session) = (queue, device, session);
         (self.strategies, self.local_sizes) = way;
@@ -256,7 +255,7 @@ impl Live {
         let mut session = session(&self.queue, &self.device, &sources, &scene, self.samples);
         let way = (self.strategies.clone(), self.local_sizes.clone());
         let ready =
-            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info.name))?;
+            ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info))?;
         (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
         (self.prepared, self.caster) = ready;
         self.sum.restart();
@@ -277,8 +276,8 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(Sampling::all(samples))
 }
 
-/// Returns the program that applies the display transform on a device with separate memory. `None`
-/// if memory is shared or the program cannot be built; the host then applies the transform.
+/// Returns the program that applies the display transform on a device with its own memory. `None` if the device uses
+/// the host's memory or the program cannot be built; the host then applies the transform.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
     if queue.shares_memory {
         return None;
@@ -287,8 +286,8 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowPro
     ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
 }
 
-/// Returns the choices, beginning with the requested strategy and local size, or else the usual
-/// ones for the device.
+/// Returns the choices of the strategy and of the local size. They begin with those that the user requested, or else
+/// with the usual ones for the device.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene, 1))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))
@@ -379,7 +378,7 @@ mod tests {
             ["b", "d", "a"].map(|name| Some(name.to_owned()))
         );
         assert_eq!(next("unplugged", &found).as_deref(), Some("a"));
-        // A twin has the same properties; only `twins_before` distinguishes it.
+        // A twin is a second device with the same properties; only `twins_before` distinguishes the two.
         let mut twin = named("a", None);
         twin.info.twins_before = 1;
         assert_eq!(

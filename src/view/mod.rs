@@ -57,16 +57,17 @@ pub struct Viewer<S: Screen> {
     most_tests: u32,
     /// The drawing of the list of keys, if it is shown.
     help: Option<RgbImage>,
-    /// The last picture, without the keys over it.
+    /// The last picture, without the list of keys over it.
     shown: Option<RgbImage>,
     picker: Picker,
     pointer: Option<[u32; 2]>,
     picked: Option<Picked>,
     /// A note for the user, such as why a key had no effect.
     note: Option<String>,
-    /// True if the drawing over the picture has changed.
+    /// True if the list of keys over the picture was shown or hidden after the picture was drawn.
     redraws: bool,
-    /// True if the line beside the picture is out of date.
+    /// True if the line of text beside the picture must be written again, because something that the line states (such
+    /// as the strategy or the number of samples) has changed.
     stale: bool,
 }
 
@@ -121,7 +122,8 @@ impl<S: Screen> Viewer<S> {
         Ok((self.live, total))
     }
 
-    /// Casts and shows the next frame. Returns whether there was a frame to show.
+    /// Casts and shows the next frame. Returns whether there was a frame to show: if nothing has changed and all
+    /// samples are cast, there is none.
     fn show_next(&mut self) -> Result<bool> {
         if self.spins && self.rate.frames() > 0 {
             self.go(Action::Orbit([SPIN, 0.0]));
@@ -146,7 +148,7 @@ impl<S: Screen> Viewer<S> {
         Ok(Some(frame.picture))
     }
 
-    /// Shows a picture, with the keys over it if the user wants them.
+    /// Shows a picture, with the list of keys over it if the user wants this list.
     fn show(&mut self, picture: RgbImage) -> Result<()> {
         match &self.help {
             Some(panel) => {
@@ -160,7 +162,7 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the last picture again if the drawing over it has changed.
+    /// Shows the last picture again if the list of keys over it was shown or hidden.
     fn redraw(&mut self) -> Result<()> {
         match self.shown.take() {
             Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),
@@ -171,7 +173,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Does what the user wants. Returns whether the user wants to quit.
+    /// Does what the user's input asks for. Returns whether the user wants to quit.
     fn obey(&mut self, input: &Input) -> bool {
         if input.orbit != [0.0; 2] {
             self.go(dragged(input));
@@ -215,7 +217,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the keys, or hides them.
+    /// Shows the list of keys, or hides it.
     fn turn_help(&mut self) {
         self.help = match self.help.take() {
             Some(_) => None,
@@ -261,7 +263,7 @@ impl<S: Screen> Viewer<S> {
         self.stale = true;
     }
 
-    /// Finds the triangle at the pointer, if another triangle may be there now.
+    /// Finds the triangle at the pointer. Does nothing if the triangle at this pixel is known and cannot have changed.
     fn point(&mut self, pointer: Option<[u32; 2]>) {
         let known = std::mem::replace(&mut self.pointer, pointer);
         let Some(pixel) = pointer else {
@@ -288,8 +290,8 @@ impl<S: Screen> Viewer<S> {
     }
 }
 
-/// Returns how the eye goes around the scene if the pointer is dragged. The scene follows the pointer: it
-/// turns to the right if the eye goes to the left, and down if the eye goes up.
+/// Returns how the eye goes around the scene if the pointer is dragged. The scene seems to follow the pointer: it turns
+/// to the right because the eye goes to the left, and down because the eye goes up.
 fn dragged(input: &Input) -> Action {
     Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]])
 }

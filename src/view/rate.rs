@@ -15,7 +15,7 @@ pub struct Rate {
     times_ms: Vec<f64>,
     rays: f64,
     recent: Recent,
-    /// Frames and rays per second of the last whole period.
+    /// Frames per second and rays per second, measured over the last complete period of at least `PERIOD`.
     shown: [f64; 2],
 }
 
@@ -78,14 +78,13 @@ impl Rate {
         self.recent.ms += ms;
     }
 
-    /// Returns frames per second and rays per second of device time, and whether they are new since the last
-    /// call.
+    /// Returns frames per second, rays per second of device time, and whether these rates are new since the last call.
     pub fn recent(&mut self) -> ([f64; 2], bool) {
         let elapsed = self.recent.since.elapsed();
         let is_over = elapsed >= PERIOD;
         if is_over {
             let Recent { frames, rays, ms, .. } = std::mem::replace(&mut self.recent, Recent::now());
-            // If nothing was cast, the rate of the last frames stays.
+            // If no frame was cast in this period, rays per second keep their last value.
             let rays_per_s = if ms > 0.0 { rays / ms * 1e3 } else { self.shown[1] };
             self.shown = [f64::from(frames) / elapsed.as_secs_f64(), rays_per_s];
         }
@@ -155,7 +154,7 @@ mod tests {
         };
         assert_eq!(after_a_period(&[(1e6, 2.0), (3e6, 2.0)]), (true, 1e9));
         assert_eq!(after_a_period(&[(1e6, 2.0)]), (true, 5e8));
-        // If nothing was cast, the last rate of rays stays.
+        // If no frame was cast in a period, rays per second keep their last value.
         assert_eq!(after_a_period(&[]), (false, 5e8));
     }
 }

@@ -121,7 +121,7 @@ fn a_scene_that_changed_is_cast_again() {
     let until = Until { frames: Some(9), seconds: None };
     let viewer = Viewer::new(live(&[], 2), &mut screen, false);
     let (_, total) = viewer.run(until, || changes.next().unwrap_or(false)).expect("it casts");
-    // One sample before the change, and both samples after it.
+    // One of the two samples is cast before the scene changes, and both are cast after the change: three frames in all.
     assert_eq!(total.frames, 3);
     assert!(screen.pictures[0] == screen.pictures[1] && screen.pictures[1] != screen.pictures[2]);
 }
@@ -196,7 +196,8 @@ fn a_heat_map_becomes_finer_until_the_eye_moves_and_makes_way_for_the_picture() 
     let pictures = all(&mut viewer);
     viewer.act(Action::Tests);
     let maps = all(&mut viewer);
-    // Each pixel's primary ray is tested against the triangle, and the shadow ray of a hit too.
+    // Each pixel's primary ray is tested against the triangle; if it hits, the shadow ray is tested too. So a pixel has
+    // at most two tests.
     assert_eq!((pictures.len(), maps.len(), viewer.most_tests), (2, 3, 2));
     assert!(maps.iter().all(|map| !pictures.contains(map)));
     viewer.tell().expect("it tells");
@@ -248,7 +249,7 @@ fn rays_per_second_are_those_of_the_frames_that_the_device_cast() {
     let total = viewer.rate.total();
     let picture = viewer.shown.as_ref().expect("a picture");
     let hits = picture.pixels().filter(|pixel| *pixel != picture.get_pixel(0, 0)).count();
-    // One primary ray per pixel, and one shadow ray per hit.
+    // There is one primary ray per pixel, and one shadow ray per hit.
     let rays = total.rays_per_s * total.frame_ms / 1e3;
     assert!((rays - (800 + hits) as f64).abs() < 1e-6, "{rays} {hits}");
 }

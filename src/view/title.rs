@@ -1,11 +1,12 @@
-//! The line beside the picture.
+//! The line of text beside the picture.
 
 use super::Live;
 use crate::printer;
 use crate::strategy::preset_of;
 use crate::words::rate;
 
-/// Returns the line: the scene, the strategy, the local size, the speeds, the samples, `more`, and the device.
+/// Returns the line: the scene, the strategy, the local size, the speeds, the samples, the texts in `more`, and the
+/// device.
 pub fn line(live: &Live, [frames_per_s, rays_per_s]: [f64; 2], more: impl Iterator<Item = String>) -> String {
     let [across, down] = live.local_size();
     let [cast, samples] = live.progress();

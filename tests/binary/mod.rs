@@ -7,7 +7,7 @@ use std::process::{Child, Output, Stdio};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
-/// Only a process that hangs takes this long, even on a slow machine with other work.
+/// The time limit of a process. Only a process that hangs reaches it, even on a slow and busy machine.
 pub const LIMIT: Duration = Duration::from_secs(600);
 
 /// Waits until `so` returns true; fails after the time limit.
@@ -122,7 +122,8 @@ pub const NO_SETTINGS: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-settings
 pub fn program() -> std::process::Command {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_raycl"));
     command.env("XDG_CONFIG_HOME", NO_SETTINGS).env_remove("RAYCL_DEVICE").env_remove("RAYCL_RESULTS");
-    // The number of samples must not depend on where a virtual machine's processors are.
+    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
+    // Tests keep them, so that the number of samples does not depend on the machine.
     command.env("RAYCL_MOVED_SAMPLES", "keep");
     command
 }
@@ -204,7 +205,7 @@ impl Place {
     pub fn raycl(&self, arguments: &[&str]) -> Command {
         let mut command = Command::from_std(program());
         command.args(arguments).current_dir(self.0.path()).env("NO_COLOR", "1").timeout(LIMIT);
-        // Tests that do not test the lock of devices do not wait for each other.
+        // Each place has its own folder for the locks of devices, so that tests do not wait for each other.
         command.env("RAYCL_LOCK_DIR", self.path(".locks"));
         // Tests must not depend on programs that other tests or versions have stored in the cache, so they use no
         // cache. Tests of the cache set another size.

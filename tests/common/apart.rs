@@ -4,7 +4,7 @@ use crate::binary::finish_within;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// The variable that is set in the process of a single test.
+/// The environment variable that is set in a process that runs a single test.
 const MARK: &str = "RAYCL_TEST_APART";
 /// The time limit of a test. Only a test that hangs reaches it, although a test may build a hundred programs
 /// on a slow and busy machine.
@@ -40,7 +40,7 @@ pub fn has_run(here: &str) -> bool {
     let output = finish_within(LIMIT, command.spawn().expect("this program starts"));
     let (said, complained) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    // If no test has this name, the program succeeds too, so the number of passed tests is checked.
+    // The program also succeeds if no test has this name, so the number of passed tests is checked too.
     let passed = output.status.success() && said.contains("test result: ok. 1 passed");
     assert!(passed, "{name} ended with {}:\n{said}\n{complained}", output.status);
     true

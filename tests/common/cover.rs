@@ -12,7 +12,8 @@ fn pairs(strategy: &Strategy) -> HashSet<Pair> {
     (0..axes.len()).flat_map(pair).map(|(i, other)| (axes[i], other)).collect()
 }
 
-/// Returns every strategy that differs from a preset in at most two values and has no contradiction.
+/// Returns every strategy that differs from a preset in at most two values, except strategies with values that exclude
+/// each other.
 fn candidates() -> Vec<Strategy> {
     let mut all: HashSet<Strategy> = PRESETS.iter().map(|preset| preset.strategy).collect();
     for _ in 0..2 {
@@ -33,7 +34,7 @@ fn candidates() -> Vec<Strategy> {
     sorted
 }
 
-/// Returns strategies that together have every pair of values of any candidate. Adds, again and again, the
+/// Returns strategies that together have every pair of values that occurs in a candidate. Adds, again and again, the
 /// candidate with the most new pairs.
 pub fn pairwise_cover() -> Vec<Strategy> {
     let candidates: Vec<_> = candidates().into_iter().map(|strategy| (strategy, pairs(&strategy))).collect();

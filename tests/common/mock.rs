@@ -158,7 +158,8 @@ pub fn execute(
     interrupted: &AtomicBool,
 ) -> raycl::Result<Vec<Record>> {
     let mut results = Results::resume(folder, &Environment::default())?;
-    // The number of samples must not depend on where a virtual machine's processors are.
+    // Normally, a run leaves out samples during which the host moved a virtual machine's processors to other cores.
+    // Tests keep them, so that the number of samples does not depend on the machine.
     with_run(text, folder, |run| {
         Run { keeps_moved_samples: true, ..*run }.execute(&mut results, &mut (), spawner, interrupted)
     })

@@ -32,7 +32,7 @@ pub fn device() -> Device {
 /// The local size of all tests that work with any local size. PoCL then compiles kernels for only one size.
 pub const COMMON_LOCAL_SIZE: [u32; 2] = [8, 8];
 
-/// Returns whether this is `make test-long`, which runs all tests completely. If kernels take minutes to
+/// Returns whether the tests run as `make test-long`, which runs all tests completely. If kernels take minutes to
 /// compile, `make test` tests only a part of them.
 pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
@@ -51,7 +51,7 @@ pub fn scene(name: &str) -> Scene {
     load_scene(&path).expect("a scene of the repository").scene
 }
 
-/// A device, and the references of one scene at one size.
+/// A device with one scene, and the reference's pictures of this scene at one size.
 pub struct Stand {
     device: Device,
     /// The scene on the device.
@@ -66,7 +66,8 @@ impl Stand {
         Self::of(&Sources::Embedded, scene, size, |builtins| builtins)
     }
 
-    /// Returns a stand with other kernel sources, and with other built-in functions than the device's.
+    /// Returns a stand with these kernel sources. `change` may change the set of built-in functions that the device's
+    /// compiler is said to have.
     pub fn of(
         sources: &Sources,
         scene: Scene,

@@ -17,7 +17,7 @@ pub(super) struct Title<'a> {
 }
 
 impl Title<'_> {
-    /// Returns the comment at the beginning.
+    /// Returns the comment at the beginning of the printed program.
     pub fn head(&self, program: &Preprocessed, kernels: &[&str]) -> String {
         let [across, down] = self.workload.local_size;
         let (defines, options) = parted(self.options);
@@ -69,7 +69,7 @@ impl Title<'_> {
     }
 }
 
-/// Returns the comment at the end.
+/// Returns the comment at the end of the printed program.
 pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
     let has_code = |file: &&String| program.lines.iter().any(|line| line.is_code && *line.file == ***file);
     let without: Vec<&str> =

@@ -1,5 +1,5 @@
-//! The paper's Figure 5, computed from its two limits, next to the occupancy that compute capability 2.0
-//! allows.
+//! Prints the paper's Figure 5, computed from the only two limits that the paper uses: resident work-groups and
+//! resident threads. Beside these predictions, the table shows the occupancy that compute capability 2.0 allows.
 
 use serde_json::{Value, json};
 
@@ -7,7 +7,7 @@ use super::{LocalSize, Question};
 use crate::device::occupancy::{Limiter, Occupancy, multiprocessor};
 use crate::error::Result;
 
-/// Resident groups and threads per multiprocessor: the only limits that Figure 5 uses.
+/// Resident work-groups and threads per multiprocessor: the only limits that the paper's Figure 5 uses.
 const GROUPS: u32 = 8;
 const THREADS: u32 = 1536;
 /// The number of registers per thread in the paper.
@@ -15,7 +15,7 @@ const REGISTERS: u32 = 63;
 /// Bytes of a work-item's nine vectors, which the paper's optimisation 1 puts into `__local` memory.
 const VECTOR_BYTES: u32 = 108;
 
-/// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole groups as
+/// Returns the number of threads per multiprocessor that Figure 5 predicts: the threads of as many whole work-groups as
 /// both limits allow.
 fn predicted(items: u32) -> u32 {
     GROUPS.min(THREADS / items.max(1)) * items
@@ -76,7 +76,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly takes the first two into account: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
+        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly uses the limits of blocks and threads: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", row.size, contradiction(row));

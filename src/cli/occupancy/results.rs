@@ -1,4 +1,4 @@
-//! Predicted occupancy next to measured times, for those points of a run whose kernels have a known number of
+//! Prints predicted occupancy next to measured times, for those points of a run whose kernels have a known number of
 //! registers.
 
 use crate::device::occupancy::multiprocessor;
@@ -9,8 +9,8 @@ use serde_json::json;
 use std::path::Path;
 
 /// Prints a row per point of the run in `path`, a folder of results or its records.jsonl. Points with an unknown number
-/// of registers or an unknown occupancy are omitted. If a compute capability is given, the prediction is for this
-/// capability and not for the device's own.
+/// of registers or an unknown occupancy are omitted. If `compute_capability` is given, the prediction is for this
+/// capability; otherwise it is for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -22,8 +22,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
         .collect();
     if points.is_empty() {
-        return Err(Error::run(format!("{} has no point whose registers are known", path.display())).with_help(
-            "OpenCL does not report how many registers a kernel has; raycl knows this only if the compiler prints it to the build log",
+        return Err(Error::run(format!("{} has no point with a known number of registers", path.display())).with_help(
+            "OpenCL does not report how many registers a kernel has; raycl knows this number only if the compiler prints it to the build log",
         ));
     }
     if as_json {

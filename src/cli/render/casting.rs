@@ -23,7 +23,7 @@ pub enum Picture {
 pub struct Shows<'a> {
     pub display: Display,
     pub target: &'a Target,
-    /// The program that converts the image on a device with separate memory.
+    /// The program that converts the image on a device whose memory is separate from the host's.
     pub program: Option<&'a ShowProgram>,
 }
 
@@ -38,7 +38,8 @@ pub struct Cast {
     pub sampling: Sampling,
     /// For each number of samples, how many pixels got this number; `None` if all pixels got the same number.
     pub counts: Option<SampleCounts>,
-    /// The parts from which the picture is computed, if it is verified and has soft light at half resolution.
+    /// The pictures from which the filter of soft light makes the final picture. They are only kept if the picture is
+    /// verified and its soft light is cast at half resolution.
     pub parts: Option<LightParts>,
 }
 
@@ -72,7 +73,7 @@ impl Cast {
 }
 
 /// The time of the first frame includes the first use of memory, and often compilation. If several frames are cast, the
-/// first frame counts only if it takes longer than this limit: both parts are then negligible.
+/// first frame counts only if it takes longer than this limit: the time for memory and compilation is then negligible.
 const LONG_FRAME_MS: f64 = 1000.0;
 
 /// Returns whether the first frame counts as one of the requested frames: if only one frame is requested, or if the
@@ -89,11 +90,11 @@ pub fn cast(
     (scene, shows): (&Scene, Option<Shows<'_>>),
     timeline: &mut Timeline,
 ) -> Result<(Picture, Cast)> {
-    let refused = |refused: Refused| refused.into_error(&device.info.name);
+    let refused = |refused: Refused| refused.into_error(&device.info);
     let caster = prepared.caster().map_err(refused)?;
     let records_ms = caster.records_ms().unwrap_or(0.0);
     timeline.ends_with("buffers", &[("records", records_ms)]);
-    // With a single frame nothing is measured, so no lock is needed.
+    // With a single frame, nothing is measured, so this process need not lock the device against others.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
     let sampling = prepared.sampling;
     let frame = || -> Result<FrameTimes> {
@@ -182,8 +183,8 @@ mod tests {
     use std::path::Path;
     use std::sync::Arc;
 
-    /// The size of a piece. A frame, its triangles and its tree are each larger than a piece, so each of them is
-    /// transferred in several pieces.
+    /// The number of bytes that are transferred at a time (a piece). A frame, its triangles and its tree are each
+    /// larger than a piece, so each of them is transferred in several pieces.
     const PIECE_BYTES: usize = 1000;
 
     /// Calls a function with a caster for a scene. With `is_apart`, the device is treated as a device with separate
@@ -196,7 +197,7 @@ mod tests {
         let device = discover(&Sources::Embedded).unwrap().into_iter().next().expect("a device");
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/still-life.toml");
         let scene = Arc::new(load_scene(&path).unwrap().scene);
-        let queue = Queue::open(device.platform, device.device).unwrap();
+        let queue = Queue::open(&device).unwrap();
         let queue = if is_apart { queue.apart(PIECE_BYTES) } else { queue };
         let spec = ShowProgram::spec(&Sources::Embedded).unwrap();
         let show = ShowProgram::build(&queue, &spec, &Kept::default()).unwrap();
@@ -248,8 +249,8 @@ mod tests {
 
     #[test]
     fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
-        // The strategies transfer, in this order: triangles without a tree; a tree and its triangles; a tree, its
-        // triangles, and their surfaces in separate buffers.
+        // The three strategies transfer the following data, in this order: triangles without a tree; a tree and its
+        // triangles; a tree, its triangles, and their surfaces in separate buffers.
         for strategy in ["deferred", "bvh", "tile"] {
             let [apart, shared] = [true, false]
                 .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));

@@ -1,6 +1,6 @@
 //! Guesses which program a scene's picture needs, so that the program can be built before the scene is read. The guess
 //! is the program that this scene needed last time. For a new OBJ file, the guess follows from the file's size. A wrong
-//! guess only costs time.
+//! guess costs only the time in which the wrong program is built.
 
 use super::{Args, hurry, is_dressed};
 use crate::cache::Cache;
@@ -16,7 +16,8 @@ use std::time::SystemTime;
 
 /// The kind of cache entries that store guesses.
 const KIND: &str = "guess";
-/// Bytes per triangle of an OBJ file with positions only: the bunny has 35, the dragon 36.
+/// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per triangle,
+/// that of the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
 /// Number of stack entries in `__local` memory that most trees need.
 const USUAL_LOCAL_STACK: usize = 64;
@@ -30,7 +31,7 @@ struct Remembered {
     workload: Workload,
 }
 
-/// Returns the user's cache, or no cache if kernels are probably being edited.
+/// Returns the user's cache, or no cache with `--cl-dir` or `--watch`, because kernels are then probably being edited.
 pub fn cache(args: &Args) -> Cache {
     if args.subject.cl_dir.is_some() || args.watch { Cache::none() } else { Cache::of_user() }
 }
@@ -41,8 +42,9 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     spec(args, sources, device, &strategy, workload)
 }
 
-/// Returns the program to compile early if the likely one is not compiled yet and [`hurry`] may use another strategy;
-/// `None` if no guess is possible.
+/// Returns the program of the preset [`hurry::QUICK`] for the guessed scene. This program is compiled early if the
+/// [`likely`] program is not compiled yet and [`hurry`] may cast the picture with another strategy. `None` if no guess
+/// is possible.
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;
@@ -57,7 +59,8 @@ fn spec(
     strategy: &Strategy,
     known: Workload,
 ) -> Option<ProgramSpec> {
-    // The program contains the number of triangles that are copied to `__local` memory, which is not known yet.
+    // The program contains the number of triangles that are copied to `__local` memory. This number is not known before
+    // the scene is read.
     if strategy.triangles.are_staged() {
         return None;
     }
@@ -95,7 +98,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
         return None;
     }
     let triangles = args.subject.scene.metadata().ok()?.len() / BYTES_OF_TRIANGLE;
-    // The eye is outside a bare mesh, as `Task::default()` assumes.
+    // The camera of a bare mesh is outside the mesh, as `Task::default()` assumes.
     let pixels = args.subject.width as usize * args.subject.height as usize;
     let sky = is_dressed(args);
     let task = Task { triangles: triangles as usize, pixels, soft: sky, ..Task::default() };
@@ -198,8 +201,8 @@ mod tests {
             assert_eq!(likely(more, &device), None, "{more:?}");
         }
         assert_eq!(likely(&[], &other), None);
-        // `quick` guesses a program for the same scene. It differs from `known` in its strategy, local size and stack
-        // size.
+        // `quick` guesses a program for the same scene. This program differs from the program `known` in its strategy,
+        // local size and stack size.
         let quick = quick(&cache, &args(&scene, &[]), &Sources::Embedded, &device).unwrap();
         let (strategy, local_size) = hurry::quick(&device).unwrap();
         let of_quick = Workload { local_size, stack_size: ROUNDED_STACK, ..workload };
@@ -241,7 +244,7 @@ mod tests {
         assert!(large.options.contains("STACK_SIZE=128"), "{}", large.options);
     }
 
-    /// With a wrong guess, the first start would compile two programs.
+    /// If the guess for a new mesh were wrong, the first start of raycl with this mesh would compile two programs.
     #[test]
     fn the_guess_for_a_new_mesh_is_the_program_that_its_picture_needs() {
         let place = tempfile::tempdir().unwrap();

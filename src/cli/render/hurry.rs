@@ -1,5 +1,4 @@
-//! Chooses the strategy for the first picture on a GPU whose driver has not compiled the fastest strategy's program
-//! yet.
+//! Chooses the strategy for the first picture on a GPU, where the fastest strategy's program is not compiled yet.
 //!
 //! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
 //! program casts a picture in milliseconds. So the first picture is cast with [`QUICK`], while a background process
@@ -34,15 +33,15 @@ pub fn quick(device: &DeviceInfo) -> Option<(Strategy, [u32; 2])> {
     Some((strategy, strategy.local_size(&device.limits, QUICK_LOCAL)))
 }
 
-/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen no
-/// strategy, the frame is not timed, and the picture is small enough. Returns false with `--cl-dir`, since its kernels
-/// are being edited, perhaps those of the fastest strategy. Returns false for a CPU, where the usual strategy, `tile`,
-/// compiles in a short time.
+/// Returns whether a picture may be cast with [`QUICK`] instead of the fastest strategy: the user has chosen neither a
+/// strategy nor a local size, the command casts a single frame once, and the picture is small enough. Returns false
+/// with `--cl-dir` and `--watch`, since kernels are then probably being edited, perhaps those of the fastest strategy.
+/// Returns false for a CPU, where the usual strategy, `tile`, compiles in a short time.
 pub fn may(args: &Args, device: &DeviceInfo, sampling: Sampling) -> bool {
     !device.limits.is_cpu && may_on_a_gpu(args, sampling)
 }
 
-/// Returns whether [`may`] holds for devices that are not CPUs.
+/// Returns whether [`may`] returns true for devices that are not CPUs.
 pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
     let pixels: u64 = args.subject.size().map(u64::from).iter().product();
     args.subject.leaves_strategy_open()
@@ -53,14 +52,14 @@ pub fn may_on_a_gpu(args: &Args, sampling: Sampling) -> bool {
         && pixels * u64::from(sampling.most) <= MOST_RAYS
 }
 
-/// Returns whether [`may`] holds, and the scene is small enough.
+/// Returns whether [`may`] returns true and the scene is small enough.
 pub fn may_cast(args: &Args, device: &DeviceInfo, scene: &Scene, sampling: Sampling) -> bool {
     scene.mesh.triangles.len() <= MOST_TRIANGLES && may(args, device, sampling)
 }
 
 /// Returns the strategy and the local size with which to cast a picture: those of `fastest`, or those of [`QUICK`] if
-/// [`may_cast`] holds and the fastest strategy's program must still be compiled. In the second case, also returns the
-/// fastest strategy's program.
+/// [`may_cast`] returns true and the fastest strategy's program must still be compiled. If the result is [`QUICK`], the
+/// function also returns the fastest strategy's program.
 pub fn choose(
     args: &Args,
     device: &DeviceInfo,
@@ -77,7 +76,7 @@ pub fn choose(
 }
 
 /// Returns a strategy's program if it must still be compiled. Returns `None` also if the strategy cannot be prepared:
-/// the session then reports the reason when it prepares the strategy.
+/// the session reports the reason later, when it prepares the strategy for the picture.
 fn not_built(
     session: &mut Session,
     (strategy, local_size): (Strategy, [u32; 2]),
@@ -136,7 +135,7 @@ mod tests {
         }
         let cpu = DeviceInfo { limits: DeviceLimits { is_cpu: true, ..gpu.limits }, ..gpu.clone() };
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
-        // The limit is 200 million rays, and one million triangles.
+        // The limits are 200 million rays and one million triangles.
         let large = args(&["--width", "8192", "--height", "8192"]);
         assert!(super::may(&large, &gpu, Sampling::all(2)) && !super::may(&large, &gpu, Sampling::all(4)));
         let of = |count: usize| {
@@ -148,7 +147,7 @@ mod tests {
         assert!(of(1_000_000) && !of(1_000_001));
     }
 
-    /// This test uses `deferred` as the fastest strategy.
+    /// In this test, `deferred` stands for the fastest strategy.
     #[test]
     fn a_picture_is_hurried_until_the_fastest_strategys_program_is_in_the_cache() {
         let (device, folder) = (gpu(), tempfile::tempdir().unwrap());
@@ -170,7 +169,8 @@ mod tests {
         assert!(prepared.map_err(|refused| refused.reason()).unwrap().program.keep());
         let (chosen, later) = choose(&mut session());
         assert!(chosen == fastest && later.is_none());
-        // The fastest strategy itself may be the one that compiles in a short time.
+        // If the fastest strategy is QUICK's strategy itself, this strategy is chosen, and no other program is compiled
+        // later.
         let quick = (preset(QUICK).unwrap().strategy, [4, 4]);
         let mut session = session();
         let (chosen, later) = super::choose(&args(&[]), &device.info, &scene, &mut session, quick);

@@ -13,7 +13,7 @@ use crate::verify::{Verdict, verify};
 use std::path::Path;
 
 /// Returns an error if a value of the picture is infinite or not a number, even without `--verify`. `fate` is the part
-/// of the message that says whether and where the picture was saved.
+/// of the error message that says whether and where the picture was saved.
 pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let Some(([x, y], count)) = image.not_finite() else { return Ok(()) };
     let found = image.pixels[(y * image.width + x) as usize];
@@ -21,7 +21,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let message =
         format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may be too close to a surface there: move or dim the light, or set shadow_bias; {fate}"
+        "a light may be too close to the surface at this pixel: move or dim the light, or set shadow_bias; {fate}"
     )))
 }
 
@@ -31,9 +31,9 @@ pub(super) fn saved_at(path: &Path) -> String {
 }
 
 /// Compares a picture, or only `some` of its pixels, with the reference. Also checks the number of pixels whose rays
-/// hit a triangle. If the picture's soft light was cast in half pictures, `parts` contains the pictures from which the
-/// filter made the final picture. In this case the parts are compared with the reference, and the final picture is
-/// compared with the result of the same filter on the host.
+/// hit a triangle. If the picture's soft light was cast in half pictures (of half the width and height), `parts`
+/// contains the pictures from which the filter made the final picture. In this case these parts are compared with the
+/// reference, and the final picture is compared with the result of the same filter on the host.
 pub(super) fn check(
     scene: &Scene,
     (image, hits): (&Radiance, usize),
@@ -58,7 +58,7 @@ pub(super) fn check(
     let rounds = sampling.rounds().concat();
     let Some(parts) = parts else { return compare(scene, image, Some(hits), &rounds, counts) };
     let whole = compare(scene, &parts.whole, Some(parts.hits), &rounds, counts)?;
-    // The half pictures show the field of view of the whole picture.
+    // The half pictures have the same field of view as the whole picture.
     let camera = scene.camera.covering([image.width, image.height]);
     let half_scene = Scene { camera, ..scene.clone() };
     let mut max_difference = whole.max_difference;

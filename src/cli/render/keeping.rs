@@ -1,5 +1,5 @@
-//! Stores a program in the cache if the driver needs a long time to return the program's binary. The picture does not
-//! wait: a background process with low priority stores the program.
+//! Stores a program in the cache if the driver needs a long time to return the program's binary. The command that casts
+//! the picture does not wait: a background process with low priority stores the program.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -26,12 +26,12 @@ const LONGEST: Duration = Duration::from_secs(120);
 struct Order {
     /// The device's identity.
     device: String,
-    /// The lane operations for which the program was made. They are assumed from the device's extensions if raycl has
-    /// not tested them yet.
+    /// The lane operations (such as ballots among work-items that execute together) for which the program was made.
+    /// They are assumed from the device's extensions if raycl has not tested them yet.
     lanes: LaneOperations,
     program: Option<Source>,
-    /// True if the driver must compile the program. If the driver takes the program from its own cache, it prints no
-    /// log.
+    /// True if the driver must compile the program anew. raycl stores the build log together with the program, and a
+    /// driver prints a build log only if it compiles the program, not if it takes the program from its own cache.
     anew: bool,
 }
 
@@ -42,9 +42,9 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start: lets background processes store the program, or compile the faster program of `later` and
-/// the program for the display transform. Also remembers which program the scene needs. Returns notes for the user on
-/// these processes.
+/// Prepares the next start: lets background processes store the program, or compile the fastest strategy's program
+/// (`later`) and the program for the display transform (`show_later`). Also stores in the cache which program the scene
+/// needs. Returns notes for the user about these processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
@@ -55,7 +55,8 @@ pub fn for_the_next_start(
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
     let shows = show_later.is_some_and(|spec| compile_later(&Cache::of_user(), &spec, &device.info));
-    // Every background process also lists the devices.
+    // Every background process also lists the devices, so a process for the list alone is only needed if there is no
+    // other.
     if !stores && !shows && later.is_none() && !device.lanes_are_tested {
         list_later(&device.info);
     }
@@ -78,7 +79,7 @@ const STORES: &str =
 fn hurried(fastest: &Strategy) -> String {
     let name = preset_of(fastest).map_or_else(|| fastest.to_string(), str::to_owned);
     format!(
-        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with {}",
+        "the fastest strategy ({name}) is not compiled yet, so this picture was cast with the preset {}",
         hurry::QUICK
     )
 }
@@ -163,9 +164,10 @@ pub fn serve() -> Result<()> {
     let device = pick_one(&cache, &Sources::Embedded, LaneTest::Now, place)?;
     let device =
         device.ok_or_else(|| Error::run("the device has disappeared: its driver no longer lists it"))?;
-    // If the test found other lane operations than assumed, no program is stored: the next start needs another program.
+    // If the test of the device found other lane operations than assumed, no program is stored, since the next start
+    // needs a program for the lane operations that were found.
     let Some(Source { source, options }) = program_for(&order, &device.info) else { return Ok(()) };
-    let queue = Queue::open(device.platform, device.device)?;
+    let queue = Queue::open(&device)?;
     let spec = ProgramSpec { source, options, files: Vec::new() };
     let kept = Kept::of(cache, &device.info);
     let built = BuiltProgram::build(&queue.context, queue.device, &spec, &kept);
@@ -184,10 +186,10 @@ fn program_for(order: &Order, device: &DeviceInfo) -> Option<Source> {
     order.program.clone().filter(|_| order.lanes == device.limits.lane_operations)
 }
 
-/// Lowers this process's priority, since other processes have users who wait for them.
+/// Lowers this process's priority, since users may be waiting for other processes but not for this one.
 #[cfg(unix)]
 fn yield_to_others() {
-    // If the system does not allow this, the process continues with normal priority.
+    // If the system does not allow a lower priority, the process continues with normal priority.
     let _ = rustix::process::nice(19);
 }
 
@@ -256,8 +258,7 @@ mod tests {
     #[test]
     fn a_note_names_the_fastest_strategy_and_the_one_that_was_used() {
         let strategy = crate::strategy::preset("deferred").expect("a preset").strategy;
-        let expected =
-            "the fastest strategy (deferred) is not compiled yet, so this picture was cast with bvh";
+        let expected = "the fastest strategy (deferred) is not compiled yet, so this picture was cast with the preset bvh";
         assert_eq!(hurried(&strategy), expected);
     }
 
@@ -271,7 +272,8 @@ mod tests {
             cache.put(KIND, "a", &(now - ago).to_le_bytes());
             begin(&cache, "a")
         };
-        // The limit is two minutes; the test itself takes less than half of one.
+        // The limit LONGEST is two minutes. The test itself takes less than half a minute, so the process that began
+        // one minute ago does not count as dead.
         assert!(began_s_ago(LONGEST.as_secs() + 1) && !began_s_ago(LONGEST.as_secs() - 60));
     }
 }

@@ -25,8 +25,8 @@ use std::time::Instant;
 /// The frames per second if neither an option nor the scene sets them.
 const USUAL_RATE: u16 = 30;
 
-/// The heading of these options in the help. Every option names the heading itself, since a heading of the whole
-/// group would also apply to the options after the group.
+/// The heading of the options for moving pictures in the help. Every option names the heading itself: if the group of
+/// options had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "Moving pictures";
 
 /// Options for moving pictures.
@@ -53,7 +53,7 @@ pub struct Motion {
 
 /// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
-/// The options that need a single picture.
+/// The options that can only be used with a single picture.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {
@@ -67,12 +67,13 @@ impl Motion {
         self.animate
     }
 
-    /// True if the scene turns.
+    /// True if the frames of a turntable are rendered.
     pub fn turns(&self) -> bool {
         self.turntable.is_some()
     }
 
-    /// Returns the requested frames out of `count`; all processes together render these.
+    /// Returns the frames that the user requested, out of `count`. With `--shard`, all processes together render these
+    /// frames.
     fn asked(&self, count: u32) -> Result<Frames> {
         self.frames.unwrap_or(Frames { first: 1, last: count }).within(count)
     }
@@ -89,7 +90,8 @@ impl Motion {
 
 /// Reports that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
-    let text = format!("this shard has no frame of {}..{}: nothing to do", all.first, all.last);
+    let text =
+        format!("this shard renders nothing: frames {}..{} are fewer than the shards", all.first, all.last);
     match (args.json, args.quiet) {
         (true, _) => {
             crate::cli::print_json(&serde_json::json!({ "frames": 0, "skipped": 0, "notes": [text] }))
@@ -152,7 +154,7 @@ pub fn run(args: &Args) -> Result<()> {
         Sink::Movie(_) => wanted.numbers().collect(),
     };
     let (frames, skipped) = (missing.len() as u32, wanted.len() - missing.len() as u32);
-    let output = if frames > 0 { sink.name() } else { format!("{} (nothing to do)", sink.name()) };
+    let output = if frames > 0 { sink.name() } else { format!("{} (unchanged)", sink.name()) };
     let tree = tree.map(|tree| (Arc::clone(&first.mesh), tree));
     let stage = Stage {
         args,
@@ -215,11 +217,11 @@ fn cast_into(
             for &number in frames {
                 let scene = film.scene(number)?;
                 let cast = stage.cast(&scene);
-                let (image, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info.name))?;
+                let (image, ms) = cast.map_err(|refused| refused.into_error(&stage.device.info))?;
                 refuse_not_finite(&image, &format!("frame {number} was not written"))?;
                 times.push(ms);
                 let key = if has_keys { keys.key(&scene, number) } else { String::new() };
-                // If the writer has ended, its error is returned below.
+                // If the thread that writes frames has ended, its error is returned below.
                 if sender.send(((number, key, image), scene.display)).is_err() {
                     break;
                 }
@@ -262,9 +264,9 @@ fn all_frames(report: &Report) -> String {
     counted(all as usize, "frame") + &existed
 }
 
-/// Says that the kernel's time is a median, if several frames were cast.
+/// Returns a remark that the kernel's time is a median, if several frames were cast.
 fn kernel_remark(report: &Report) -> &'static str {
-    if report.frames > 1 { ", the median frame" } else { "" }
+    if report.frames > 1 { ", the median of the cast frames" } else { "" }
 }
 
 #[cfg(test)]
@@ -315,7 +317,7 @@ mod tests {
     fn times_of_frames_are_told_only_if_one_was_cast() {
         assert!(!told(0, 4).contains("kernel") && !told(0, 4).contains("speed"));
         assert!(told(1, 3).contains("1.50 ms\n") && told(1, 3).contains("4.0 frames/s"));
-        assert!(told(2, 2).contains("1.50 ms, the median frame\n"));
+        assert!(told(2, 2).contains("1.50 ms, the median of the cast frames\n"));
         assert!(told(0, 4).ends_with("note      a remark\npictures  a.png"), "{}", told(0, 4));
     }
 }

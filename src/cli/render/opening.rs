@@ -1,4 +1,4 @@
-//! Reads the scene and builds the likely program while the driver starts.
+//! Reads the scene while the driver starts, and builds the program that the scene will probably need.
 
 use super::timeline::Timeline;
 use super::{Args, guess, hurry, load, may_be_shown, sampling, target, timed};
@@ -25,16 +25,16 @@ pub struct Opened {
     pub early: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built early.
     pub tree: Option<(Strategy, HostTree)>,
-    /// The program for the display transform, if the device applies it.
+    /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
     /// The program for the display transform, if it is not compiled yet and this picture does not wait for it.
     pub show_later: Option<ProgramSpec>,
 }
 
 impl Opened {
-    /// Adds the parts to the timeline. Work done in parallel counts once. The parts are, in this order: loading the
-    /// scene, starting the driver, building the program, building the tree. Of each part, only the time after the end
-    /// of all earlier parts counts.
+    /// Adds the parts of this work to the timeline. If two parts ran in parallel, the time in which both ran counts
+    /// once. The parts are, in this order: loading the scene, starting the driver, building the program, building the
+    /// tree. Of each part, only the time after the end of all earlier parts counts.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;
@@ -42,8 +42,9 @@ impl Opened {
     }
 }
 
-/// Returns the parts from the durations of loading the scene, of starting the driver, and of building the program after
-/// the driver has started. A part that ended before an earlier part has a negative duration, which counts as 0.
+/// Returns the parts of the timeline, from the durations of loading the scene, of starting the driver, and of building
+/// the program after the driver has started. If a part ended before the part listed before it, its duration is negative
+/// and counts as 0.
 fn parts(load_ms: f64, start_ms: f64, build_ms: f64) -> [(&'static str, f64); 3] {
     let waited_ms = start_ms + build_ms - load_ms.max(start_ms);
     [("load", load_ms), ("discover", start_ms - load_ms), ("build", waited_ms)]
@@ -70,7 +71,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
             let device = one_device_with(args.subject.device.as_deref(), sources, lane_test)?;
             // If the loading thread has failed already, its error is returned below.
             let _ = found.send(device.info.clone());
-            let queue = Queue::open(device.platform, device.device)?;
+            let queue = Queue::open(&device)?;
             Ok((device, queue))
         });
         drop(found);
@@ -79,7 +80,8 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         let (show, show_later) = show.unwrap_or_default();
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
-        // For moving pictures, `Sink::check_alpha` makes this check, since they have other formats.
+        // The file format of a transparent picture must have an alpha channel. Moving pictures have other file formats,
+        // which `Sink::check_alpha` checks.
         if loaded.scene.transparent && !args.motion.moves() {
             check_alpha(&target(args))?;
         }
@@ -100,7 +102,8 @@ fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Stra
     Some((strategy, HostTree::ahead(&scene.mesh, &strategy, &workload, &device.limits)?))
 }
 
-/// Builds the guessed program. If the build fails, raycl builds the right program later and reports any errors.
+/// Builds the guessed program. If the build fails, nothing is reported here: raycl later builds the program that the
+/// scene needs, and reports errors of that build.
 fn early(
     args: &Args,
     sources: &Sources,

@@ -21,7 +21,7 @@ pub struct Report {
     pub lights: usize,
     /// The device's name.
     pub device: String,
-    /// Number of threads that the device cast with, if known (PoCL reports it).
+    /// Number of threads with which the device cast, if known (PoCL reports this number).
     pub threads: Option<u32>,
     /// The preset that equals the strategy; null if there is none.
     pub preset: Option<&'static str>,
@@ -49,7 +49,8 @@ pub struct Report {
     pub build_from_cache: bool,
     /// Time for uploading the scene.
     pub upload_ms: f64,
-    /// Device time for preparing records of triangles, once per scene; 0 if the strategy uses none.
+    /// Device time for preparing records of triangles (data for the ray-triangle test), once per scene; 0 if the
+    /// strategy uses no such records.
     pub records_ms: f64,
     /// Device time of the primary pass, if there is one.
     pub primary_ms: Option<f64>,
@@ -118,7 +119,7 @@ impl Verified {
             false => String::new(),
         };
         format!(
-            "verified  {sample}against the serial reference: largest difference {:.1e} relative, {} uncertain",
+            "verified  {sample}against the reference picture: largest relative difference {:.1e}, {} uncertain",
             self.max_difference,
             counted(self.uncertain_pixels, "pixel")
         )
@@ -126,7 +127,7 @@ impl Verified {
 }
 
 impl Report {
-    /// Fills in the fields known after casting; the command adds the rest.
+    /// Fills in the fields that are known after casting; the caller adds the others.
     pub fn of(scene: &Scene, device: &Device, strategy: &Strategy, prepared: &Prepared, cast: &Cast) -> Self {
         let workload = &prepared.workload;
         let triangles = scene.mesh.triangles.len();
@@ -206,7 +207,7 @@ impl Report {
         lines.join("\n")
     }
 
-    /// Returns a remark on a part.
+    /// Returns the remark that the report prints beside a part of the command's time.
     fn remark(&self, part: &str) -> String {
         match part {
             "kernel" => self.kernel_remark(),
@@ -216,7 +217,8 @@ impl Report {
         }
     }
 
-    /// Returns a remark on the parts of the kernel time.
+    /// Returns the remark on the kernel's time: the times of its passes, and the number of frames of which the time is
+    /// the median.
     fn kernel_remark(&self) -> String {
         let parts = [("primary", self.primary_ms), ("shadow", self.shadow_ms), ("shading", self.shade_ms)]
             .into_iter();
@@ -298,7 +300,7 @@ mod tests {
     fn a_sample_of_the_pixels_is_told_from_all_of_them() {
         let text =
             |pixels| Verified { max_difference: 1.5e-6, uncertain_pixels: 1, pixels, of_pixels: 40 }.text();
-        let found = "against the serial reference: largest difference 1.5e-6 relative, 1 pixel uncertain";
+        let found = "against the reference picture: largest relative difference 1.5e-6, 1 pixel uncertain";
         assert_eq!(text(40), format!("verified  {found}"));
         assert_eq!(text(10), format!("verified  10 of 40 pixels, chosen at random, {found}"));
     }

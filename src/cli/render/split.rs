@@ -29,7 +29,7 @@ struct Report {
     image_size: [u32; 2],
     /// Samples per pixel.
     samples: u32,
-    /// The longest device time; devices cast at the same time.
+    /// The longest of the devices' times; all devices cast at the same time.
     frame_ms: f64,
     /// The longest upload time of a device.
     upload_ms: f64,
@@ -51,7 +51,7 @@ struct Report {
     notes: Vec<String>,
 }
 
-/// One device's part.
+/// The part of the frame that one device cast.
 #[derive(Serialize)]
 struct Row {
     device: String,
@@ -165,7 +165,7 @@ fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
     }
 }
 
-/// Returns each device's strategy and local size: those that it would use alone.
+/// Returns each device's strategy and local size: those with which the device would cast the frame alone.
 fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>> {
     let casting = |device: &Device| -> Result<Casting> {
         let (strategy, local_size) = args.subject.strategy(&device.info, task)?;
@@ -174,7 +174,7 @@ fn castings(args: &Args, devices: &[Device], task: Task) -> Result<Vec<Casting>>
     devices.iter().map(casting).collect()
 }
 
-/// Returns the value that is the same in all rows, if there is one.
+/// Returns the value of `of` for the report's rows (one per device), if the value is the same in all rows.
 fn same<T: PartialEq>(rows: &[Row], of: impl Fn(&Row) -> T) -> Option<T> {
     let mut all = rows.iter().map(of);
     let first = all.next()?;
@@ -198,7 +198,7 @@ fn text(report: &Report) -> String {
         if report.samples > 1 { format!(", {} samples each", report.samples) } else { String::new() };
     lines.push(format!("size      {width} x {height} pixels{samples}\n{table}"));
     lines.push(format!(
-        "frame     {:.2} ms on the slowest device (median of {}); transfers {:.2} ms up, {:.2} ms down",
+        "frame     {:.2} ms on the slowest device (median of {}); upload {:.2} ms, download {:.2} ms",
         report.frame_ms, report.frames, report.upload_ms, report.read_ms
     ));
     lines.extend(
@@ -294,9 +294,9 @@ mod tests {
             "device rows strategy build ms upload ms frame ms read ms",
             "one 0 to 3 deferred 10.00 11.00 6.00 12.00",
             "two 3 to 9 deferred 10.00 11.00 6.00 12.00",
-            "frame 1.00 ms on the slowest device (median of 7); transfers 2.00 ms up, 3.00 ms down",
+            "frame 1.00 ms on the slowest device (median of 7); upload 2.00 ms, download 3.00 ms",
             "left out slow: it is slow",
-            "verified against the serial reference: largest difference 0.0e0 relative, 0 pixels uncertain",
+            "verified against the reference picture: largest relative difference 0.0e0, 0 pixels uncertain",
             "note a remark",
             "picture a.png",
         ] {

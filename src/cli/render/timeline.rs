@@ -40,7 +40,8 @@ impl Timeline {
         self.ends_with(part, &[]);
     }
 
-    /// Ends a part. `others` lists other parts that took some of this time, with their durations in milliseconds.
+    /// Ends a part that began when the previous one ended. `others` lists other parts that took some of this time, with
+    /// their durations in milliseconds; these durations are subtracted from the part.
     pub fn ends_with(&mut self, part: &'static str, others: &[(&'static str, f64)]) {
         let now = Instant::now();
         let mut left_ms = now.duration_since(self.last).as_secs_f64() * 1e3;
@@ -60,7 +61,7 @@ impl Timeline {
         }
     }
 
-    /// Returns the duration of a part; 0 if there is none.
+    /// Returns the duration of a part in milliseconds; 0 if there is no such part.
     pub fn ms(&self, part: &str) -> f64 {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }

@@ -17,8 +17,8 @@ pub fn foreseen(run: &Run<'_>, out: &Path, done: &[Record]) -> Result<Expected> 
     run.expected(&earlier(out), &done)
 }
 
-/// Returns the records in a folder of results and in its sibling folders, those of the latest journal last.
-/// Unreadable journals are ignored.
+/// Returns the records in a folder of results and in its sibling folders, in the order in which the folders' files
+/// records.jsonl last changed. Unreadable files are ignored.
 pub fn earlier(out: &Path) -> Vec<Record> {
     let beside = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folders = std::fs::read_dir(beside).into_iter().flatten().flatten();

@@ -13,7 +13,8 @@ pub fn environment(experiment: &Experiment, devices: &[&DeviceInfo], kernels: &[
         build: env!("RAYCL_BUILD").to_owned(),
         variables: variables::all(),
         started: jiff::Timestamp::now().to_string(),
-        // The conversion is lossy, since an argument need not be UTF-8; `args` would panic at such an argument.
+        // The conversion is lossy, since an argument need not be UTF-8; `std::env::args` would panic at an argument
+        // that is not UTF-8.
         command_line: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         host: Host::read(),
         devices: devices.iter().map(|device| DeviceEnvironment::of(device)).collect(),
@@ -32,7 +33,7 @@ fn files(experiment: &Experiment) -> impl Iterator<Item = Source> {
     std::iter::once(Source::file("config", &experiment.path)).chain(scenes)
 }
 
-/// Returns the kernels: the built-in ones, or those of a folder.
+/// Describes the kernel files as an input of the run: the built-in ones, or those of a folder.
 fn of_kernels(kernels: &Sources) -> Source {
     let (path, git) = match kernels {
         Sources::Embedded => ("built in".to_owned(), None),

@@ -16,7 +16,8 @@ pub fn args(words: &[&str]) -> Args {
     Command::parse_from([&["run"], words].concat()).args
 }
 
-/// Returns an experiment with `naive` on pictures of a triangle in two sizes. `lines` are more lines of its config.
+/// Returns an experiment with `naive` on pictures of a triangle in two sizes. `lines` are further lines of the
+/// experiment's config.
 pub fn experiment(lines: &str) -> Experiment {
     let text = format!(
         "question = '?'\nexpectation = '!'\nscenes = ['scenes/triangle.toml']\nstrategies = ['naive']\n\

@@ -3,7 +3,8 @@
 use crate::settings::results;
 use std::path::PathBuf;
 
-/// Returns the latest folder of this name if `resume` is true and there is one, otherwise the path of a new folder.
+/// If `resume` is true and there is a folder of results for the config `name`, returns the latest such folder.
+/// Otherwise returns the path of a new folder.
 pub fn default_folder(name: &str, resume: bool) -> PathBuf {
     let free = free_folder(name);
     let latest =
@@ -31,7 +32,7 @@ mod tests {
     #[test]
     fn the_latest_folder_is_gone_on_with_and_a_new_run_takes_the_next_name() {
         let place = tempfile::tempdir().unwrap();
-        // If the name is an absolute path, the folder of results is not put before it.
+        // If the name is an absolute path, `results` is not put before the name.
         let name = place.path().join("quick").display().to_string();
         let numbered = |ending: &str| PathBuf::from(format!("{name}{ending}"));
         let found = || [true, false].map(|resume| default_folder(&name, resume));

@@ -37,7 +37,7 @@ fn cells(point: &Forecast) -> [String; 6] {
     ]
 }
 
-/// Returns a line with the number of points, and how many of them are not measured.
+/// Returns a line with the number of points, and the number of those that the run will not measure.
 fn counts(points: &[Forecast]) -> String {
     let other_kind = points.iter().filter(|point| point.not_for.is_some()).count();
     let refused = points.iter().filter(|point| point.not_for.is_none() && point.refused.is_some()).count();

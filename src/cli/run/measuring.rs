@@ -59,14 +59,14 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..builder_count(cores, run.devices)).map(builder).collect()
 }
 
-/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than each device's memory
-/// allows.
+/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than fit into the memory of
+/// any device at the same time.
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))
 }
 
-/// Returns the cache of stored programs for each worker's device, in the order of [`Run::jobs`].
+/// Returns, for each worker, the cache of stored programs of the worker's device, in the order of [`Run::jobs`].
 fn kept(run: &Run<'_>) -> Vec<Kept> {
     let of = |device: &&DeviceInfo| Kept::of(Cache::of_user(), device);
     let own: Vec<Kept> = run.devices.iter().map(of).collect();

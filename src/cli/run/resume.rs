@@ -29,7 +29,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// Returns the options that another run needs in order to measure the same: devices, changed values of the config,
+/// Returns the options with which another command measures the same points: devices, changed values of the config,
 /// folders of kernels, and the time limit.
 pub fn choices(args: &Args) -> Vec<String> {
     let devices = args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]);

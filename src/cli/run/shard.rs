@@ -56,11 +56,12 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // This check for a plan comes last, since another shard may have begun in the folder meanwhile.
+    // The check whether the folder has a plan of shards comes last, since another shard may have written the plan
+    // during the checks above.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the part of the plan that all shards must agree on.
+/// Returns the part of the plan that must be the same for all shards.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
     let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
     Ok(Header {
@@ -73,7 +74,7 @@ fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Hea
     })
 }
 
-/// Makes the plan, and cuts it into shards of about equal expected time.
+/// Makes the plan of the experiment's points, and cuts the plan into shards of about equal expected time.
 pub fn make(run: &Run<'_>, header: Header, out: &Path) -> Result<ShardPlan> {
     let costs = run.costs(&earlier::earlier(out))?;
     let blocks = cut(&costs, header.shards);
@@ -196,7 +197,7 @@ impl Part<'_> {
     }
 }
 
-/// Returns the identity of a device's kind, as used in keys.
+/// Returns the text that identifies a device's kind in the keys of points.
 fn identity(device: &DeviceInfo) -> String {
     format!("{} | {}", device.identity(), device.state())
 }
@@ -215,7 +216,8 @@ mod tests {
         assert!(error.to_string().contains("can only be compared on one machine"), "{error}");
     }
 
-    /// Of two shards, each measures about half of the points, and one of them also measures a point of the other.
+    /// The plan has three shards for two groups of points, so a group is divided among shards. One of these shards also
+    /// measures (borrows) the control point of a group, which belongs to another shard.
     #[test]
     fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
         let place = tempfile::tempdir().expect("a folder");

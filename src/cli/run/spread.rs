@@ -16,14 +16,14 @@ const FILE: &str = "blocks.json";
 struct Spread {
     /// Number of devices.
     devices: usize,
-    /// The points of the plan for one device, in a readable form.
+    /// The label of each point in the plan (the points for one device), such as "triangle 16x10 naive 8x8".
     points: Vec<String>,
     blocks: Vec<Block>,
 }
 
-/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session, even if
-/// the expected times of points have changed; with new blocks, the points of one group could have different control
-/// points.
+/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session, even if the
+/// expected times of points have changed; with new blocks, points of one group that different sessions measured could
+/// have different control points.
 pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     let devices = run.devices.len();
     let plan = Plan::new(run.experiment, devices.min(1));

@@ -11,10 +11,10 @@ use crate::words::counted;
 /// A change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this fraction.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the points of the second folder compare with those of the first. Returns an error with exit code 1 if the
-/// second folder causes a statistically significant slowdown of more than `limit_percent`: of the mean of all points,
-/// of the mean of one strategy's points or of a single point. Also returns this error if a point fails with the second
-/// folder but was measured with the first.
+/// Prints how the times with the second folder of kernels compare with those with the first. Returns an error with exit
+/// code 1 if the second folder causes a statistically significant slowdown of more than `limit_percent`: of the mean of
+/// all points, of the mean of one strategy's points or of a single point. Also returns this error if a point fails with
+/// the second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {
@@ -52,7 +52,7 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
             .with_help("give --cl-dir twice: first for the old kernels, then for the new ones"));
     }
     if folders.len() > 2 {
-        return Err(Error::input(format!("{} folders of kernels", folders.len()))
+        return Err(Error::input(format!("--cl-dir names {} folders of kernels", folders.len()))
             .with_help("give --cl-dir once, or twice to compare two folders"));
     }
     if folders.len() == 2 && spread {

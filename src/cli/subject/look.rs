@@ -3,8 +3,8 @@
 use crate::scene::Setting;
 use toml::Value;
 
-/// The heading of these options in the help. Every option names the heading itself, since a heading of the whole
-/// group would also apply to the options after the group.
+/// The heading of the options for the view in the help. Every option names the heading itself: if the group of options
+/// had the heading, the heading would also apply to the options after the group.
 const HEADING: &str = "View of the scene";
 
 /// The view of a scene: direction, background and normals.
@@ -14,10 +14,10 @@ pub struct Look {
     #[arg(long, help_heading = HEADING, value_name = "AXIS", allow_hyphen_values = true, value_parser = ["x", "y", "z", "-x", "-y", "-z"])]
     up: Option<String>,
     /// View the whole scene from this angle to the right of the scene's front [default for a bare mesh: 31]
-    #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     azimuth: Option<f64>,
     /// View the whole scene from this angle above the horizon, -90 to 90 [default for a bare mesh: 21]
-    #[arg(long, help_heading = HEADING, value_name = "DEGREES", allow_negative_numbers = true)]
+    #[arg(long, help_heading = HEADING, value_name = "DEGREES")]
     elevation: Option<f64>,
     /// The background: a display colour (such as '#203040', black or white), or transparent, which adds an alpha
     /// channel to a PNG or EXR

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 /// A builder: starts the processes that build one program after another.
 pub struct Builder {
-    /// Starts the usual processes, which use the driver's cache of programs. They store machine code in this cache,
-    /// so that the workers that measure do not generate the code again.
+    /// Starts the usual processes, which use the driver's cache of programs. The processes store machine code in this
+    /// cache, so that the workers that measure do not generate the code again.
     pub usual: Box<dyn Spawner + Send>,
     /// Starts processes that do not use the driver's cache, for programs that an earlier process stored in this
     /// cache. With the cache, the driver would not compile such a program again, and would not print its number of
@@ -52,8 +52,8 @@ impl Pool {
         }
     }
 
-    /// Starts a process and waits until its device is open. If this fails, returns `None`; the run will notice the
-    /// failure itself.
+    /// Starts a process and waits until its device is open. Returns `None` if this fails. The worker that measures on
+    /// this device will then fail in the same way, and reports the failure.
     fn start(&mut self, device: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(device).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)

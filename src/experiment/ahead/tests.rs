@@ -108,12 +108,15 @@ fn a_program_is_built_once_and_one_of_a_tree_for_each_scene() {
     assert_eq!((points, with), (vec![0, 1, 2, 5], vec![0, 1, 2, 5]));
     assert_eq!((tally.compiled, tally.kept), (3, 1));
     let text = tally.text().unwrap();
-    assert!(text.starts_with("Built: 3 programs compiled, 1 taken from the cache; 4.0 s of work"), "{text}");
+    assert!(
+        text.starts_with("Built: 3 programs compiled, 1 taken from the cache; this took 4.0 s of work"),
+        "{text}"
+    );
     assert_eq!(Tally::default().text(), None);
     let text = Tally { compiled: 1, kept: 2, work_ms: 1500.0, waited_ms: 500.0 }.text().unwrap();
     assert_eq!(
         text,
-        "Built: 1 program compiled, 2 taken from the cache; 1.5 s of work in all; the run waited 0.5 s for programs"
+        "Built: 1 program compiled, 2 taken from the cache; this took 1.5 s of work in all, and the run waited 0.5 s for programs"
     );
     assert!(Tally { kept: 1, ..Tally::default() }.text().is_some());
 }
@@ -143,7 +146,8 @@ fn a_run_that_ends_builds_nothing_more() {
     assert!(ahead.next().is_none());
 }
 
-/// A version of raycl that builds trees in another way needs other programs.
+/// The program of a tree is compiled for this scene and this way of building the tree. A version of raycl that builds
+/// trees in another way must not use the stored program, so the program gets another name.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
     let name = |scene: Option<&str>| {

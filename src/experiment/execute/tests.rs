@@ -30,7 +30,7 @@ struct Answering {
     interrupted: Arc<AtomicBool>,
     /// The outcome of every check.
     outcome: Outcome,
-    /// True if every frame is refused.
+    /// True if workers refuse to cast any frame of a point that has passed its check.
     refuses: bool,
     /// The hashes in the requests to workers: those of pictures that need not be compared again.
     verified: Arc<Mutex<Vec<Option<String>>>>,
@@ -232,7 +232,8 @@ fn failed_points_are_measured_again_only_if_that_is_asked_for() {
 fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
-    // In the first launch, the point is checked once and cast five times, and the anchor runs once.
+    // The first launch consists of seven requests: the point is checked once and cast five times, and the anchor runs
+    // once. So the user interrupts the run in the second launch.
     let first = Answering { interrupts_at: 8, ..Answering::default() };
     assert!(session(folder.path(), &lines, &first, plain).0.is_err());
     let second = Answering::default();
@@ -398,8 +399,8 @@ fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_
     };
     let (found, samples, _) = anchors(2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
-    // In each launch, three kernels are cast five times: after the first, seventh and thirteenth of these frames the
-    // anchor is run.
+    // In each launch, each of three kernels is cast five times. The anchor is run after the first, seventh and
+    // thirteenth of these 15 frames.
     let of: Vec<_> = found.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
     assert_eq!(of, [(0, 0), (0, 2), (0, 4), (1, 0), (1, 2), (1, 4)]);
     for anchor in &found {
@@ -474,7 +475,7 @@ fn a_control_point_that_a_block_borrows_counts_as_steps_and_not_as_a_point() {
 
 #[test]
 fn programs_of_later_groups_are_ordered_at_once_unless_a_processor_is_timed() {
-    // The program of `naive` is the same for both scenes, and the program of a tree is not.
+    // Both scenes use the same program of `naive`, but each scene needs its own program of the tree.
     let more =
         "[[strategy]]\npreset = 'bvh'\nlocal_sizes = [1]\n[[scene]]\nfile = 'scenes/pyramid-upper.toml'";
     let lines = format!("local_sizes = [1]\n{TIMING}\n{more}");

@@ -140,8 +140,8 @@ fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
     assert_eq!((group.whole.len(), taken), (1, vec![vec![0; 5]; 2]));
 }
 
-/// Returns the launches of each record's samples. Three launches were measured earlier and two are requested; in the
-/// first launch the processors were further apart.
+/// Returns the launches of each record's samples. Three launches were measured earlier, and two are requested. The
+/// core-to-core latency was 180 ns in the first of these launches, and 20 and 25 ns in the other two.
 fn launches_in_records(kind: DeviceKind) -> Vec<Vec<u32>> {
     let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
@@ -184,7 +184,7 @@ fn moved_samples_are_left_out_only_on_processors_and_unless_the_user_keeps_them(
 fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     let timing = "timing = { launches = 1, min_samples = 5, max_samples = 5, time_limit_ms = 1000 }";
     let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
-    // No lock is taken for this device.
+    // This stand-in for a device casts nothing, so no lock is taken for it.
     let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
     let devices = [&device];
     let run = fixtures::run(&experiment, &devices, &locks);

@@ -67,8 +67,8 @@ impl Latency {
     }
 }
 
-/// Number of frames per run of the anchor. With this number, the anchor's time is known more precisely than a
-/// point's. Yet the anchor takes little time compared with the frames.
+/// A device's anchor is run once for this many frames of points. With this number, the anchor's time is known more
+/// precisely than a point's, yet the anchor takes little time compared with the frames.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {

@@ -101,7 +101,7 @@ fn in_a_launch_a_worker_goes_on_to_the_next_scene_of_its_device_and_each_launch_
     supervisor.turn_to(1, [task(2, 0, 1)].into_iter());
     passes(&mut supervisor, task(2, 0, 1));
     assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1], 1));
-    // The worker of device 0 cannot cast on device 1.
+    // The worker of device 0 cannot cast on device 1, so a new worker is started.
     supervisor.turn_to(1, [task(3, 1, 1)].into_iter());
     passes(&mut supervisor, task(3, 1, 1));
     assert_eq!((noting.devices.borrow().clone(), noting.dismissed.get()), (vec![0, 1, 1], 2));
@@ -224,7 +224,7 @@ fn a_frame_that_takes_longer_than_the_limit_is_given_up_with_its_worker() {
     let failure = supervisor.cast(task(0, 0, 0)).unwrap().unwrap().unwrap_err();
     assert_eq!((failure.outcome, supervisor.losses()), (Outcome::TimedOut, 1));
     passes(&mut supervisor, task(1, 0, 0));
-    // An anchor that hangs does not hang the run either.
+    // If the anchor hangs instead of crashing, the run does not hang either.
     noting.instead.borrow_mut().push_back(Wait::Silence);
     assert!(supervisor.anchor(task(1, 0, 0)).unwrap().is_none());
     passes(&mut supervisor, task(2, 0, 0));
@@ -240,7 +240,7 @@ fn while_a_worker_is_silent_interruptions_are_looked_up_and_no_wait_exceeds_the_
         let mut spawner = noting.clone();
         let mut supervisor = Supervisor::new(&mut spawner, &never, limit);
         assert!(matches!(supervisor.cast(task(0, 0, 0)), Ok(Some(Ok(_)))));
-        // The worker starts, checks the point and casts it.
+        // The supervisor waits for the start of the worker, for the point's check and for the cast.
         assert_eq!(*noting.limits.borrow(), [wait; 3]);
     }
 }
@@ -282,7 +282,8 @@ fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_to
     supervisor.start_ahead([task(0, 0, 0)].into_iter()).unwrap();
     passes(&mut supervisor, task(0, 0, 0));
     assert_eq!(noting.devices.borrow().len(), 2);
-    // A worker that was started before the launch's workers ended belongs to the launch.
+    // `retire` also ends workers that `start_ahead` has started and that have no request yet, so the next request goes
+    // to a new worker.
     supervisor.start_ahead([task(1, 1, 0)].into_iter()).unwrap();
     supervisor.retire();
     passes(&mut supervisor, task(1, 1, 0));

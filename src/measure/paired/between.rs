@@ -19,18 +19,18 @@ impl BetweenRuns {
     /// with two experiments. Each experiment was run several times on quiet virtual machines of two cores (docs/log.md,
     /// 2026-11-23 and 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// The differences for points on other devices. They were measured with one experiment, which was run several times
-    /// on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). The records of earlier runs, which were
-    /// made on three different days, were used too.
+    /// The differences for points on other devices. They were measured with one experiment, which was run several
+    /// times on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). Records of earlier runs, which
+    /// were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
-    /// Returns the error that these differences add to the mean time of `points` points.
+    /// Returns the error that the differences between runs add to the mean time of `points` points.
     pub(super) fn of_level(self, points: usize) -> Error {
         known(self.shared.powi(2) + self.own_variance(points))
     }
 
-    /// Returns the error that these differences add to the ratio of the mean times of `points[0]`
-    /// and `points[1]` points.
+    /// Returns the error that the differences between runs add to the ratio of the mean times of `points[0]` and
+    /// `points[1]` points.
     pub(super) fn of_ratio(self, other: Self, points: [usize; 2]) -> Error {
         let own = self.own_variance(points[0]) + other.own_variance(points[1]);
         let shared = if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) };

@@ -9,7 +9,8 @@ const SWEEPS: usize = 5;
 /// machine stays at one speed for tens of samples.
 const MOST_NEIGHBOURS: usize = 6;
 
-/// Returns the logarithm of each sample of one launch, less the drift of the machine at that time.
+/// Returns the logarithm of each sample's time in one launch, minus the drift of the machine at the time of the
+/// sample.
 ///
 /// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
 /// time. The drift is the running median over neighbours in time, not one value per round, so that it follows
@@ -53,7 +54,7 @@ mod tests {
 
     #[test]
     fn a_regime_that_begins_in_the_midst_of_a_round_is_taken_away() {
-        // Three points of 1, 2 and 4 ms; from the 20th sample on, all take twice as long.
+        // Three points take 1, 2 and 4 ms. From sample 20 on (counted from 0), all of them take twice as long.
         let sample = |place: usize| {
             let (point, slow) = (place % 3, if place < 20 { 1.0 } else { 2.0 });
             PairedSample { point, launch: 0, ms: f64::from(1 << point) * slow }
@@ -69,7 +70,8 @@ mod tests {
     /// A point without samples gives no information about the machine, so it does not add to the number of neighbours.
     #[test]
     fn only_points_with_samples_count_as_neighbours() {
-        // Two points take longer and longer, then suddenly as long as at the start.
+        // The times of two points increase from sample to sample; after 15 samples, they suddenly return to the time of
+        // the first sample.
         let ms = |place: usize| 1.0 + if place < 15 { place as f64 } else { 0.0 };
         let sample = |place: usize| PairedSample { point: place % 2, launch: 0, ms: ms(place) };
         let samples: Vec<_> = (0..30).map(sample).collect();

@@ -30,9 +30,9 @@ impl Interval {
     }
 
     /// Returns the geometric mean of independent values; `None` if there are none. Each value is weighted by the
-    /// inverse of its variance, so that an uncertain value has little weight. The variances are only estimates, which
-    /// makes the mean less certain than these variances suggest: Meier, "Variance of a weighted mean" (Biometrics 9,
-    /// 1953), equation 1.
+    /// inverse of its variance, so that an uncertain value has little weight. The variances are only estimates, so the
+    /// mean is less certain than they suggest. The result includes this additional error, by equation 1 of Meier,
+    /// "Variance of a weighted mean" (Biometrics 9, 1953).
     pub fn mean(all: &[Self]) -> Option<Self> {
         // Without an error, a value would have an infinite weight.
         let weight = |one: &Self| one.error.max(LEAST_ERROR).powi(-2);
@@ -70,8 +70,8 @@ mod tests {
     #[test]
     fn an_interval_leaves_a_fortieth_on_each_side() {
         let found = interval(2.0, Error { error: 0.1, degrees: f64::INFINITY });
-        // Quantiles of the normal distribution at 0.025 and 0.975 are 1.960; those at 0.05 and 0.95 are
-        // 1.645.
+        // The quantiles of the normal distribution at 0.025 and 0.975 are -1.960 and 1.960; those at 0.05 and 0.95 are
+        // -1.645 and 1.645.
         assert!((found.low.ln() - (2.0 - 0.195_996)).abs() < 1e-6, "{found:?}");
         assert!((found.high.ln() - (2.0 + 0.195_996)).abs() < 1e-6, "{found:?}");
     }

@@ -1,12 +1,12 @@
 //! Compares points by samples that were measured close in time, over several launches of the worker processes.
 //!
-//! Two things make the plain interval of a median too narrow. First, a machine changes its speed
-//! for seconds at a time, so samples are not independent. Second, some conditions are random but
-//! constant within a launch (addresses, placement of threads, the kernel's binary), so samples of
-//! that launch cannot show their effect. Therefore, following Kalibera and Jones, "Rigorous
-//! Benchmarking in Reasonable Time" (ISMM 2013), launches are repeated. Each launch gives one value
-//! per point, and intervals are computed from the spread of these values. The spread includes all
-//! effects within a launch, even autocorrelation, so no model of these effects is needed.
+//! Two things make the usual interval of a median, which treats all samples as independent, too narrow. First, a
+//! machine changes its speed for seconds at a time, so samples are not independent. Second, some conditions are random
+//! but constant within a launch (addresses, placement of threads, the kernel's binary), so samples of that launch
+//! cannot show their effect. Therefore, following Kalibera and Jones, "Rigorous Benchmarking in Reasonable Time" (ISMM
+//! 2013), launches are repeated. Each launch gives one value per point, and intervals are computed from the spread of
+//! these values. The spread includes all effects within a launch, even autocorrelation, so no model of these effects
+//! is needed.
 //!
 //! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
 //!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
@@ -16,8 +16,8 @@
 //!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
 //!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
-//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one. Other
-//!    tables of the same run add up to six more.
+//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one. The
+//!    tables of other groups of the same run add up to six more degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -139,7 +139,7 @@ impl Standing {
         Some(Self { point, points: points.iter().map(|one| one.points).sum(), ..first.clone() })
     }
 
-    /// Returns the relative difference above which two points can be distinguished, as [`Paired::resolution`] does.
+    /// Returns the relative difference above which two points can be distinguished, like [`Paired::resolution`].
     pub fn resolution(&self) -> Option<f64> {
         resolution(&self.pooled, self.between)
     }
@@ -188,8 +188,8 @@ impl Paired {
         Self { between, ..self }
     }
 
-    /// Improves the estimates of several tables of one run on one machine: each table also uses the spread between
-    /// launches in the other tables.
+    /// Improves the estimates of several tables of one run on one machine; a table has the points that were measured
+    /// together. Each table also uses the spread between launches in the other tables.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
         for (place, one) in all.iter_mut().enumerate() {

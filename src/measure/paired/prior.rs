@@ -13,8 +13,8 @@ const LEAST_SHARE: f64 = 1e-4;
 /// The degrees of freedom are searched between these limits. Below the first limit, the variances of points have
 /// nothing in common; above the second, the true variances are equal.
 const DEGREES: [f64; 2] = [1e-2, 1e4];
-/// Number of halvings of the interval between the limits [`DEGREES`]. They find the degrees of freedom with a relative
-/// error below a millionth.
+/// Number of halvings of the interval between the limits [`DEGREES`]. After so many halvings, the degrees of freedom
+/// are known with a relative error below a millionth.
 const HALVINGS: usize = 44;
 
 /// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
@@ -114,7 +114,7 @@ mod tests {
             assert!((trigamma(x) - expected).abs() < 1e-6, "{x}");
             assert!((inverse_trigamma(expected) - x).abs() < 1e-4, "{x}");
         }
-        // The series at a large argument: 1/x + 1/(2 x^2) + 1/(6 x^3).
+        // For a large argument x, trigamma is about 1/x + 1/(2 x^2) + 1/(6 x^3).
         assert!((trigamma(100.0) - 0.010_050_166_7).abs() < 1e-9);
         assert_eq!((inverse_trigamma(0.0), inverse_trigamma(-1.0)), (f64::INFINITY, f64::INFINITY));
     }
@@ -139,7 +139,8 @@ mod tests {
         assert!((found.typical - 1.31).abs() < 0.05, "{found:?}");
     }
 
-    /// Half of the points vary a hundred times as much as the others, so that the points borrow little from each other.
+    /// Half of the points vary a hundred times as much as the others, so that the variance of one point says little
+    /// about that of another.
     #[test]
     fn points_of_two_kinds_borrow_little() {
         let of_two: Vec<f64> =

@@ -7,8 +7,9 @@ use crate::measure::summary::quantile;
 
 /// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
 const BORROWED: usize = 6;
-/// The effect that a column has on all rows is estimated from the steadiest rows only: from one row in this many. In
-/// one run of Figure 8 on a processor, 19 of 37 points took 1.4 times as long in one of four launches.
+/// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
+/// in this many. The other rows may be far from steady: in a run of the paper's Figure 8 on a CPU, 19 of 37 points took
+/// 1.4 times as long in one launch as in the other three.
 const STEADY_PART: usize = 3;
 /// The effect of a column is estimated from at least this many rows if the table has so many, because fewer rows might
 /// be alike only by chance.
@@ -29,7 +30,8 @@ pub(super) struct Pooled {
 }
 
 impl Pooled {
-    /// Pools two tables of the same shape: `relative` has the medians without drift, `plain` has the medians with it.
+    /// Pools two tables of the same shape: `relative` has medians from which drift was subtracted; `plain` has medians
+    /// of the measured times.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
@@ -177,7 +179,7 @@ mod tests {
     #[test]
     fn what_rows_and_columns_share_is_no_interaction() {
         assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
-        // By hand: residuals of +-0.5 in all four cells, one degree of freedom.
+        // Computed by hand: the residuals are +-0.5 in all four cells, with one degree of freedom.
         assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
         assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }
@@ -199,7 +201,7 @@ mod tests {
     }
 
     /// A row is a point, and a column is a launch. Twenty of 37 points take 1.5 to 1.7 times as long in the second
-    /// launch. Similar times were measured in a run of Figure 8 on a processor.
+    /// launch as in the others. Similar times were measured in a run of the paper's Figure 8 on a CPU.
     #[test]
     fn steady_rows_are_known_though_they_are_fewer_than_half() {
         let cell = |row: usize, column: usize| {

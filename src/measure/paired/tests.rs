@@ -85,7 +85,8 @@ fn apart_the_interval_has_the_spread_of_both() {
     unsteady.iter_mut().filter(|sample| sample.launch > 0).for_each(|sample| sample.ms *= 4.0);
     let standing = |samples: &[PairedSample]| Paired::of(samples, 2).standing(0).expect("enough samples");
     let (unsteady, even) = (standing(&unsteady), standing(&steady(2, 3, 9)));
-    // By hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends of the interval are a factor of 53 apart.
+    // Computed by hand: the error is ln(4) / 3, and Student's t is 4.303, so the ends of the interval are a factor of
+    // 53 apart.
     for ratio in [unsteady.ratio_apart(&even), even.ratio_apart(&unsteady)] {
         assert!((ratio.high / ratio.low - 53.3).abs() < 1.0, "{ratio:?}");
     }
@@ -175,8 +176,8 @@ fn differences_between_runs_are_those_of_each_point_and_average_out_in_means() {
     let errors = [&one, &two, &three].map(|point| point.median_ms().error);
     assert!(errors.iter().zip([0.1, 0.2, 0.1]).all(|(error, own)| (error - own).abs() < 1e-9), "{errors:?}");
     let pair = Standing::mean(&[&one, &three]).unwrap();
-    // The mean factor of the pair has half the variance of a single point's factor. The other point of the ratio adds
-    // the whole variance of its factor.
+    // From run to run, each point's time changes by a factor. The mean of the pair's two factors has half the variance
+    // of one factor; the single point adds the whole variance of its factor to the ratio.
     for ratio in [pair.ratio(&one), one.ratio(&pair)] {
         assert!((ratio.error - 0.1 * 1.5_f64.sqrt()).abs() < 1e-9, "{ratio:?}");
     }

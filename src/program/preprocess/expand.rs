@@ -104,7 +104,8 @@ impl Expander<'_> {
         constant
     }
 
-    /// Like `constant`, for a macro without parameters that may be a constant.
+    /// Does the work of `constant` for a macro without parameters: expands the body, and returns it if it consists of
+    /// numbers and operators only.
     fn expanded_constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let mut body = called.body.clone();
         body.iter_mut().for_each(|token| token.hidden = hidden.to_vec());

@@ -49,16 +49,16 @@ impl Macros {
         self.not_constant.borrow_mut().insert(name.to_owned());
     }
 
-    /// Counts tokens that an expansion makes. Returns an error if expansions make too many tokens: a few lines can define
-    /// macros that double a text any number of times.
+    /// Counts tokens that an expansion makes. Returns an error if expansions make too many tokens. Such an error is
+    /// possible even in a short text: a few lines can define macros that double a text any number of times.
     pub fn count(&self, tokens: usize) -> Result<(), String> {
         self.made.set(self.made.get() + tokens);
         let fits = self.made.get() <= MOST_TOKENS;
         fits.then_some(()).ok_or_else(|| format!("macros expand to more than {MOST_TOKENS} tokens"))
     }
 
-    /// Calls `expand` for a text in this line; `expand` may call this function again. Returns an error if these calls are
-    /// nested too deeply.
+    /// Calls `expand` for a text in this line; `expand` may call this function again. Returns an error if the calls
+    /// are nested too deeply.
     pub fn nested(&self, line: u32, expand: impl FnOnce() -> Result<(), Misuse>) -> Result<(), Misuse> {
         let depth = self.nested.get();
         if depth == MOST_NESTED {

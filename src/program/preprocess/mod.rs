@@ -102,12 +102,12 @@ struct Place {
     line: i64,
 }
 
-/// The remedy for a line that may ask for a value: an `#error` or a condition.
-const VALUES: &str = "if the line asks for a value, set this value with --local-size or an axis; otherwise correct \
-    the line in the folder of --cl-dir";
-/// The remedy for any other line.
+/// The help in an error about a line that may ask for a value: an `#error` or a condition.
+const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or an axis; otherwise \
+    correct the line in the folder of --cl-dir";
+/// The help in an error about any other line.
 const CORRECT: &str = "correct the line in the folder of --cl-dir";
-/// The remedy for an `#if` without `#endif`.
+/// The help in an error about an `#if` without `#endif`.
 const CLOSE: &str = "close the #if with #endif in the same file, in the folder of --cl-dir";
 
 impl Place {

@@ -130,7 +130,7 @@ fn only_lines_that_may_ask_for_a_value_are_told_to_set_it() {
         [("#error A\n", true), ("#if 1 / A\n#endif\n", true), ("#else\n", false), ("#nonsense\n", false)]
     {
         let remedy = run(source, "").unwrap_err().remedy().to_owned();
-        assert_eq!(remedy.contains("asks for a value"), asks, "{source}: {remedy}");
+        assert_eq!(remedy.contains("asks for a macro's value"), asks, "{source}: {remedy}");
         assert!(remedy.contains("the folder of --cl-dir"), "{source}: {remedy}");
     }
 }
@@ -335,7 +335,7 @@ proptest::proptest! {
     }
 }
 
-/// A body is set apart if its statement would be wider than 120 columns.
+/// The contents of braces get lines of their own if the whole statement would be wider than 120 columns.
 #[test]
 fn a_long_body_is_set_apart_from_its_head_and_a_short_one_is_not() {
     let of = |name: &str| {

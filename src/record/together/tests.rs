@@ -47,7 +47,8 @@ fn a_hundredth_is_a_tie_and_few_samples_have_no_rank() {
     let records = judged([
         measured("gpu", "naive", 8, 10.0),
         measured("gpu", "wide", 1, 10.09),
-        // The samples show that this point takes 0.4% longer, but not that it takes 1% longer.
+        // The samples show that this point takes at least 0.4% longer than the fastest point, but not that it takes at
+        // least 1% longer.
         measured("gpu", "wide", 4, 10.15),
         measured("gpu", "wide", 2, 10.3),
         few("gpu", "naive", 4, 1.0, 4),
@@ -62,10 +63,10 @@ fn one_launch_is_said_to_be_a_look() {
     let look = judged([few("gpu", "naive", 8, 10.0, 5)]);
     assert!(how_sure(&look)[0].starts_with("Measured in only one launch"), "{:?}", how_sure(&look));
     let several = judged([launches("naive", 10.0, 0.0), launches("wide", 5.0, 0.0)]);
-    assert_eq!(how_sure(&several), ["Differences below 2.1% cannot be detected here."]);
+    assert_eq!(how_sure(&several), ["Differences below 2.1% between two points cannot be detected here."]);
     let on_processors = |name| Record { threads: Some(2), ..launches(name, 10.0, 0.0) };
     let several = judged([on_processors("naive"), on_processors("wide")]);
-    assert_eq!(how_sure(&several), ["Differences below 4.1% cannot be detected here."]);
+    assert_eq!(how_sure(&several), ["Differences below 4.1% between two points cannot be detected here."]);
     assert!(how_sure(&[]).is_empty());
 }
 

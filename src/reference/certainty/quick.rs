@@ -1,4 +1,5 @@
-//! Determines with only a few searches whether a pixel is certain, if so few are enough.
+//! Determines whether a pixel is certain with a few searches, instead of searches for every nudge. If a few searches
+//! are not enough, there is no result.
 
 use super::super::beam::Beam;
 use super::super::cast::Caster;

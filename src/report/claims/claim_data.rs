@@ -13,12 +13,13 @@ use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-/// A run at one image size. Both sides of a comparison come from the same run.
+/// The part of a folder of results that has one image size. A test of a claim compares only points that come from the
+/// same run.
 #[derive(Clone, Debug)]
 pub struct Run<'a> {
     /// The run's folder.
     pub folder: &'a Folder,
-    /// The run's records.
+    /// The run's records, in groups of points that are compared with each other.
     pub groups: Vec<Group<'a>>,
 }
 
@@ -68,14 +69,14 @@ impl<'a> ClaimData<'a> {
         Err(Line::cannot(text, format!("a device on which {point} runs")))
     }
 
-    /// Returns the line for a point without a record, with the commands that would measure it.
+    /// Returns the result line for a point that has no record, with the commands that would measure this point.
     pub(super) fn missing(&self, what: &str) -> Line {
         let commands: Vec<_> =
             self.configs.iter().map(|config| format!("`raycl run configs/{config}.toml`")).collect();
         Line::cannot(format!("no record of {what}"), format!("the missing record: {}", commands.join(", ")))
     }
 
-    /// Tests whether the ratio of two points' times is within bounds.
+    /// Tests whether the time of `of` divided by the time of `to` is in the range `held`.
     pub(super) fn ratio(&self, of: &Point, to: &Point, held: RangeInclusive<f64>) -> Line {
         let (slow, fast) = match (self.measured(of), self.measured(to)) {
             (Ok(slow), Ok(fast)) => (slow, fast),
@@ -108,7 +109,7 @@ impl<'a> ClaimData<'a> {
         }
     }
 
-    /// Returns the samples of a record, from its run's journal.
+    /// Returns the samples of a record, from the file samples.jsonl of its run.
     pub(super) fn samples(&self, record: &Record) -> Vec<Sample> {
         let read = read_lines::<Sample>(&self.run.path().join(SAMPLES));
         let all = read.map(|lines| lines.lines).unwrap_or_default();

@@ -36,8 +36,8 @@ pub(super) fn lines(test: &Test, found: &ClaimData<'_>) -> Vec<Line> {
 }
 
 /// Tests whether every other point takes at least `by` times as long as the point that is claimed to be the fastest.
-/// The line shows the ratio that decides the test: the smallest of the ratios that have the same verdict as the whole
-/// test.
+/// For each other point, the ratio of its time to the claimed point's time has a verdict of its own. The result line
+/// shows the smallest ratio whose verdict equals that of the whole test.
 fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let best = match found.measured(&test.is) {
         Ok(best) => best,

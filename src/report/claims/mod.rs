@@ -117,7 +117,8 @@ mod tests {
         assert_eq!(verdict(FALLS, &of(100.0)), Verdict::Held);
         assert_eq!(verdict(FALLS, &of(1.05)), Verdict::NotHeld);
         let mut near = of(50.0);
-        // In one launch, the ratio is below the bound; in the other launch, it is above the bound.
+        // In one launch (worker process), the ratio is below the bound of 5; in the other launch, the ratio is above
+        // this bound.
         near[0].samples_ms = [[45.0; 5], [55.0; 5]].concat();
         assert_eq!(verdict(FALLS, &near), Verdict::Unclear);
         let at_most = FALLS.replace("at_least", "at_most");
@@ -257,7 +258,7 @@ mod tests {
                 "kind = 'fits', strategy = 'local-triangles', local_size = '8x8', triangles = {triangles}, local_bytes = {local_bytes}, fits = true"
             )
         };
-        // A triangle takes 104 bytes, and the triangles may fill the memory completely.
+        // A triangle takes 104 bytes of `__local` memory, and triangles that fill this memory completely still fit.
         assert_eq!(
             [(472, 49152), (473, 49152), (472, 472 * 104)].map(|case| verdict(&fits(case), &records)),
             [Verdict::Held, Verdict::NotHeld, Verdict::Held]
@@ -285,7 +286,7 @@ mod tests {
             "{held:?}"
         );
         assert_eq!(told(false, &records).verdict, Verdict::NotHeld);
-        // If the point runs at no size, the line names the smallest size.
+        // If the point runs at no local size, the line names the smallest local size.
         let neither = told(false, &[records[3].clone(), records[0].clone()]);
         assert_eq!(neither.verdict, Verdict::Held);
         assert!(neither.lines[0].text.contains("at 4 x 4"), "{neither:?}");
@@ -296,7 +297,7 @@ mod tests {
         let told = |[q1, median, q3]: [f64; 3]| {
             let folder = tempfile::tempdir().unwrap();
             let private_ns = Figure { q1, median, q3, repeats: 9 };
-            // A cycle takes a nanosecond.
+            // At a clock frequency of 1000 MHz, a cycle takes a nanosecond.
             let peak =
                 Peak { device: "gpu".into(), max_clock_mhz: Some(1000), private_ns, ..Peak::default() };
             Peak::write(&[peak], &folder.path().join(FILE)).unwrap();
@@ -366,7 +367,7 @@ mod tests {
                     ..Default::default()
                 };
                 journal.append(&sample).unwrap();
-                // Another point's shadow pass takes as long as its primary pass.
+                // The samples of another point, whose shadow pass takes as long as its primary pass, must not count.
                 let other = crate::record::Sample { key: "other".into(), shadow_ms: Some(2.0), ..sample };
                 (0..3).for_each(|_| journal.append(&other).unwrap());
             }

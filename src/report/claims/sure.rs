@@ -10,8 +10,8 @@ use std::ops::RangeInclusive;
 pub struct Ratio {
     /// The ratio with its 95% interval; `None` if either record has too few samples.
     sure: Option<(f64, [f64; 2])>,
-    /// The smaller of the two records' numbers of samples. If there are too few samples for an interval, the smallest
-    /// number of samples in a launch of either record.
+    /// The number of samples of the record that has fewer. If there are too few samples for an interval, the smallest
+    /// number of samples in a single launch (worker process) of either record.
     n: usize,
     /// The longer of the two median times in milliseconds, from which [`more_samples`] computes a time limit.
     frame_ms: f64,
@@ -69,7 +69,7 @@ impl Ratio {
         }
     }
 
-    /// Returns the line for a claim that the ratio is in the range `held`.
+    /// Returns the result line for the claim that the ratio is in the range `held`.
     pub(super) fn line(&self, text: String, held: RangeInclusive<f64>) -> Line {
         let text = format!("{text}; required: {}", asked(&held));
         match self.verdict(&held) {
@@ -89,10 +89,10 @@ impl Ratio {
     }
 }
 
-/// Returns a text with the number of samples that a verdict needs, and the option that sets a time limit long enough
-/// for so many samples of frames that take `frame_ms`.
+/// Returns a text with the number of samples that a verdict needs, and with the option for a time limit that is long
+/// enough for this number of samples if a frame takes `frame_ms`.
 fn more_samples(frame_ms: f64) -> String {
-    // Warm-up frames take additional time.
+    // The factor 1.5 allows for warm-up frames, which take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
     format!("{MIN_SAMPLES} samples of each point, with `--set timing.time_limit_ms={limit}`")
 }
@@ -118,8 +118,8 @@ mod tests {
             let at = move |launch: u32| low + (high - low) * 0.5 * f64::from(launch);
             sampled(name, (0..3).flat_map(move |launch| (0..n).map(move |_| (launch, at(launch)))))
         };
-        // In a launch in which one record is slow, the other record is fast; otherwise the changes
-        // would cancel out in the ratio.
+        // In each launch in which one record is slow, the other record is fast. If both were slow in the same launch,
+        // the slowdowns would cancel out in the ratio.
         let records = judged([record("naive", slow), record("wide", [fast[1], fast[0]])]);
         Ratio::of(&records[0], &records[1]).expect("both are measured")
     }

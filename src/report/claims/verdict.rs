@@ -7,8 +7,8 @@ pub enum Verdict {
     Held,
     /// The measurement contradicts the claim.
     NotHeld,
-    /// The measurement does not decide the claim: an interval contains a bound, there are too few
-    /// samples, or a part has no record.
+    /// The measurement does not decide the claim: the 95% interval of a ratio contains a bound of the claimed range,
+    /// there are too few samples, or only some of the claim's comparisons could be made.
     Unclear,
     /// The claim cannot be tested with this data.
     Cannot,
@@ -42,9 +42,9 @@ impl Verdict {
         self.row().3
     }
 
-    /// Returns the verdict of a claim with several parts. The claim holds if all parts hold. The
-    /// claim does not hold if one part does not hold. The claim cannot be tested if no part can be
-    /// tested. Otherwise the claim is unclear.
+    /// Returns the verdict of a claim from the verdicts of its comparisons (`parts`). The claim holds if all
+    /// comparisons hold. The claim does not hold if one comparison does not hold. The claim cannot be tested if no
+    /// comparison can be tested. Otherwise the claim is unclear.
     pub(super) fn of_all(parts: impl Iterator<Item = Self> + Clone) -> Self {
         let all = |wanted: Self| parts.clone().all(|part| part == wanted);
         match () {
@@ -63,7 +63,7 @@ pub struct Line {
     pub text: String,
     /// The comparison's verdict.
     pub verdict: Verdict,
-    /// The measurement that would decide the comparison; empty if it is decided.
+    /// The measurement that would decide the comparison; empty if the comparison is decided.
     pub decides: String,
 }
 

@@ -1,17 +1,16 @@
-//! Computes the change of a point's time from one run to another. Since a machine's speed differs
-//! between days, each time is first divided by the time of the anchor or of the baselines in the
-//! same rounds.
+//! Computes the change of a point's time from one run to another. Since a machine's speed differs between days, each
+//! time is first divided by a reference time from the same rounds: that of the anchor (a fixed kernel), of the
+//! baselines, or of other points.
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
 use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
 
-/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by
-/// which both are divided. The reference is the time of the device's anchor. Without an anchor, the
-/// reference is the mean time of the baselines that both runs measured in the same rounds as the
-/// point, with the same program. Without such baselines, the reference is the mean time of those
-/// points of the same rounds whose times changed by similar factors. Returns `None` if there is no
-/// reference, or if there are too few samples.
+/// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
+/// are divided. The reference is the time of the device's anchor. Without an anchor, the reference is the mean time of
+/// the baselines that both runs measured in the same rounds as the point, with the same program. Without such
+/// baselines, the reference is the mean time of those points of the same rounds whose times changed by similar factors.
+/// Returns `None` if there is no reference, or if there are too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
@@ -25,7 +24,7 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
         false => (baselines, Against::Baselines),
         true => (alike(beside.clone()), Against::PointsInCommon),
     };
-    // A point's change relative to itself is always zero, so a single point is not enough.
+    // With a single point, the reference would be the point itself, and its change would always be zero.
     if beside.len() < 2 {
         return None;
     }
@@ -34,14 +33,15 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
     Some((of(after, second)?.over(of(before, first)?), against))
 }
 
-/// Compares the point's two ratios to the anchor's time, if both runs have the same anchor.
+/// Compares the two times of the point, each divided by the anchor's time in the same run. Returns `None` if the runs
+/// do not have the same anchor.
 fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     let ((first, before), (second, after)) = (anchored(before)?, anchored(after)?);
     (first == second).then(|| after.over(before))
 }
 
-/// Returns the half of the points whose changes are closest to the median change. Points that a change
-/// of code made slower are in the other half, which is left out.
+/// Returns the half of the points whose changes are closest to the median change. If a change of code made a minority
+/// of points slower, these points are in the other half, which is left out.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
@@ -105,7 +105,8 @@ mod tests {
     #[test]
     fn a_kernel_is_compared_with_the_baselines_of_its_own_group() {
         let before = two_groups([[1.0, 10.0], [100.0, 300.0]]);
-        // In the first group, the machine became half as fast. In the second group, the kernel became half as fast.
+        // In the second run, the machine was half as fast for the first group. For the second group, only the kernel
+        // was half as fast.
         let after = two_groups([[2.0, 20.0], [200.0, 300.0]]);
         let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
         let [first, _, second, _] = all[..] else { panic!("{} pairs", all.len()) };

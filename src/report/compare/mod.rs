@@ -74,8 +74,8 @@ impl Comparison {
         devices.any(|record| Some(&record.device) != first)
     }
 
-    /// Compares two folders. A `threshold` of 0.02 is 2%. If `bare` is true, times are compared
-    /// without an anchor or baselines.
+    /// Compares two folders. The largest change that counts as "same" is `threshold`, as a fraction: 0.02 is 2%. If
+    /// `bare` is true, times are compared without an anchor or baselines.
     ///
     /// Points correspond if their scenes, image sizes, strategies and local sizes are equal.
     /// Devices correspond if their names are equal. If each folder has a single device, the two
@@ -139,8 +139,8 @@ impl Comparison {
         }
         if comparison.pairs.iter().any(|pair| pair.change.is_some()) {
             comparison.notes.push(
-            "Changes are computed from samples that were taken close together, so they differ somewhat from the ratio of the \
-             medians."
+            "Changes are computed from samples that were taken close together in time, so they differ somewhat from the \
+             ratio of the medians."
                 .to_owned(),
         );
         }
@@ -179,7 +179,7 @@ impl Comparison {
 
     fn add(&mut self, before: Record, after: &Record) {
         if let (Some(_), Some(_)) = (median(&before), median(after)) {
-            // `judge` sets the verdict when all points are known.
+            // This verdict is a placeholder: `judge` sets the verdict when all points are known.
             self.pairs.push(Pair { before, after: after.clone(), verdict: Verdict::NotEnough, change: None });
         } else if before.outcome != after.outcome {
             let [a, b] = [before.outcome, after.outcome].map(Outcome::name);
@@ -276,8 +276,8 @@ fn line(pair: &Pair) -> PairLine<'_> {
     }
 }
 
-/// Returns a copy of the folder in which each record has a position: its times, relative to the times of the records
-/// and anchors that were measured together with the record.
+/// Returns a copy of the folder in which each record also has its times relative to the times of the records and
+/// anchors that were measured together with it.
 fn beside_anchors(folder: &Folder) -> Folder {
     let mut folder = folder.clone();
     judge_beside_anchors(&mut folder.records, &folder.anchors);

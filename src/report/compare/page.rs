@@ -38,16 +38,16 @@ impl Comparison {
         text
     }
 
-    /// Explains how the verdicts are determined.
+    /// Returns a text that explains how the verdicts are determined.
     fn rule(&self) -> String {
         format!(
             "In each folder, a point's time is divided by the time of the anchor, a kernel that never changes and is \
              timed in the same rounds. Without an anchor, the point's time is divided by the mean time of the baselines. \
              Without baselines, it is divided by the mean time of the points that changed by similar factors. If both \
-             times were measured in the same rounds, they are compared directly. The change is the ratio of the second result to the first. \
+             times of the point were measured in the same rounds, they are compared directly. The change is the ratio of the second folder's result to the first folder's. \
              A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
-             interval lies within {0}%, and unclear otherwise. At most one verdict in 40 is \
-             wrong. Points with fewer than five samples in a launch are not judged.",
+             interval lies completely within {0}% in both directions, and unclear otherwise. At most one \
+             verdict in 40 is wrong. Points with fewer than five samples in a launch are not judged.",
             self.threshold_percent()
         )
     }
@@ -94,8 +94,8 @@ impl Comparison {
                     tip,
                 })
             });
-            // Green for faster, vermilion for slower, blue for same and grey for unclear, as in the table; the other
-            // two verdicts have colours of their own.
+            // As in the table, green means faster, vermilion slower, blue same, and grey unclear. The other two
+            // verdicts ("not enough samples" and "cannot tell") have colours of their own.
             let look = Look::of([2, 1, 0, 6, 4, 5][place]);
             let name = format!("{} ({})", verdict.name(), pairs.len());
             (!pairs.is_empty()).then(|| Series { name, look, joined: false, marks: marks.collect() })

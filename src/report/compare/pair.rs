@@ -96,8 +96,8 @@ pub(super) fn name(record: &Record) -> String {
     format!("{} {}, {} {}", record.scene, by(record.image_size), strategy(record), size_name(record))
 }
 
-/// Returns the name of a record's strategy, without the folder of kernels that the name may end with. A point that is
-/// compared has one name, whichever folder its kernels are from.
+/// Returns the name of a record's strategy, without the folder of kernels that the name may end with. The two records
+/// of a compared point thus have the same name, even if their kernels are from different folders.
 pub(super) fn strategy(record: &Record) -> &str {
     let folder = record.kernels_of.as_ref().map(|kernels| format!(" ({kernels})"));
     folder.and_then(|folder| record.name.strip_suffix(&folder)).unwrap_or(&record.name)

@@ -1,6 +1,6 @@
-//! Finds regressions: slowdowns that are statistically significant. Single points, the mean of every strategy's points,
-//! and the mean of all points are tested. The means detect small slowdowns of many points even if no single slowdown is
-//! significant, for example after a change to a file that all strategies share.
+//! Finds regressions: slowdowns that are statistically significant. The tests cover each single point, the mean of each
+//! strategy's points, and the mean of all points. The means detect small slowdowns of many points even if no single
+//! slowdown is significant, for example after a change to a file that all strategies share.
 
 use super::Comparison;
 use super::pair::{Against, Pair, percent, strategy};
@@ -10,8 +10,8 @@ use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
 /// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
 
-/// Returns one line per regression. The risk is divided into three equal parts: for the mean of all
-/// points, for the strategies' means, and for the single points.
+/// Returns one line per regression. The permitted probability of a false report (`RISK`) is divided into three equal
+/// parts: for the mean of all points, for the strategies' means, and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -58,7 +58,7 @@ fn spread(record: &Record) -> Option<f64> {
     (!sorted.is_empty()).then(|| at(0.1) / at(0.5))
 }
 
-/// Groups pairs by strategy; only strategies with several points are returned.
+/// Groups the compared points by strategy; strategies with a single point are left out.
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
     for &pair in kernels {

@@ -72,8 +72,8 @@ fn a_baseline_whose_program_changed_is_none() {
 fn an_estimate_that_is_not_certain_is_no_regression() {
     let names = ["naive", "wide", "bvh", "tile", "raster"];
     let before = names.map(|name| timed("a", name, 5.0)).to_vec();
-    // The point is 10% slower in one launch (worker process) and 50% slower in another. So even its fastest samples are
-    // slower, but the interval of its mean change is wide.
+    // The point is 10% slower in one launch (worker process) and 50% slower in another. So even the fastest samples are
+    // slower than before, but the 95% interval of the mean change is wide.
     let mut after = before.clone();
     after[2].samples_ms[..5].iter_mut().for_each(|ms| *ms *= 1.1);
     after[2].samples_ms[5..].iter_mut().for_each(|ms| *ms *= 1.5);
@@ -93,7 +93,8 @@ fn one_kernel_that_is_slower_is_found_among_others() {
     assert_eq!(comparison.summary(), "0 faster, 1 slower, 4 same, 0 unclear");
     let regressions = comparison.regressions(5.0);
     assert!(regressions[0].contains("bvh"), "{regressions:?}");
-    // Single points have a third of the risk of 2%, and each of the five points has a fifth of this third.
+    // The permitted probability of a false report is 2%. A third of it is for single points, and each of the five
+    // points has a fifth of this third.
     let (change, _) = comparison.pairs.iter().find(|pair| pair.before.name == "bvh").unwrap().change.unwrap();
     let least = |risk: f64| format!("at least {:.1}%", super::pair::percent(change.surely_above(risk)));
     assert_ne!(least(0.02 / 3.0 / 5.0), least(0.02 / 5.0));
@@ -111,7 +112,8 @@ fn a_machine_of_two_speeds_is_no_regression() {
         after[2].median_ms = Some(7.5);
         of(&folder("old", before.clone()), &folder("new", after))
     };
-    // In `some`, one sample in five is as fast as before. In `all`, every sample is slower.
+    // In `some`, one sample in five of the second folder is as fast as in the first folder. In `all`, every sample is
+    // slower than in the first folder.
     let [some, all] = [1, 0].map(slow_from);
     let change = some.pairs[2].change_percent();
     assert!(change.is_some_and(|percent| percent > 40.0), "{change:?}");
@@ -242,7 +244,8 @@ fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
         let slow_machine = of(&usual, &run("new", 2.0, 1.0));
         assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
         assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
-        // Only the points of the second group are 1.2 times as slow; the mean of all is the root of this factor.
+        // Only the points of the second group take 1.2 times as long as before. So the geometric mean of all points'
+        // changes is the square root of 1.2.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
         assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
         let found = slow_kernels.regressions(5.0);
@@ -260,7 +263,8 @@ fn points_of_one_group_that_were_two_groups_in_the_other_run_are_compared_with_t
         and(anchored(label, 1.0, |_| 1.0), anchored(label, machine, |_| 1.0), launches, "gpu")
     };
     let together = run("together", 1.0, 0);
-    // Relative to the other group's anchor, the points of the second run would be slower.
+    // If points were compared relative to the anchor of the other group, they would appear to be slower in the run
+    // `after`.
     let (fast, slow) = (run("fast", 0.5, 10), run("slow", 2.0, 10));
     for (before, after) in [(&together, &slow), (&fast, &together)] {
         let comparison = of(before, after);

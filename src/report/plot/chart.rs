@@ -21,7 +21,7 @@ pub enum Across {
 /// A chart.
 #[derive(Clone, Debug)]
 pub struct Chart {
-    /// Its title.
+    /// The chart's title.
     pub title: String,
     /// The quantity along x, and its unit.
     pub x_label: String,

@@ -18,7 +18,7 @@ pub enum Cell {
         text: String,
         /// True if the point is a winner: the fastest point, or tied with it.
         wins: bool,
-        /// Its tooltip.
+        /// The cell's tooltip.
         tip: String,
     },
     /// No time.
@@ -38,7 +38,7 @@ pub struct HeatMap {
     /// A name that is unique on the page. The hatching pattern's name contains this name, and so is
     /// unique too.
     pub id: String,
-    /// Its title.
+    /// The map's title.
     pub title: String,
     /// The label of the columns.
     pub x_label: String,
@@ -46,7 +46,7 @@ pub struct HeatMap {
     pub columns: Vec<String>,
     /// The rows' names and cells. Each row has one cell per column.
     pub rows: Vec<(String, Vec<Cell>)>,
-    /// Each code and its meaning.
+    /// Each code for a missing time, and the meaning of the code.
     pub codes: Vec<(String, String)>,
 }
 
@@ -356,7 +356,8 @@ mod tests {
         };
         let colours: Vec<String> = cells(&map(&[1.0, 2.0, 4.0])).into_iter().map(|(fill, _)| fill).collect();
         assert_eq!(colours, [1.0, 0.5, 0.0].map(|place| hex(viridis(place))));
-        // If all times are close together, noise must not look like a difference.
+        // If all times are similar, the colour scale still extends to twice the fastest time, so that noise does not
+        // look like a difference.
         assert_eq!([map(&[1.0, 1.1]).worst(), map(&[1.0, 3.0]).worst()], [2.0, 3.0]);
         let width = |columns: usize| cells(&map(&vec![1.0; columns])).remove(0).1;
         assert_eq!([width(2), width(10), width(40)], ["82", "58", "50"]);

@@ -69,7 +69,7 @@ mod tests {
         assert_eq!((lines.len(), lines.join(" ").as_str()), (2, title));
         assert!(lines.iter().all(|line| line.chars().count() as f64 * LETTER <= NARROW.whole_width()));
         assert_eq!(NARROW.lines(""), [""]);
-        // A line has room for 42 letters.
+        // A line of a title has room for 42 letters.
         let words = |second: usize| format!("{} {}", "a".repeat(20), "b".repeat(second));
         assert_eq!([21, 22].map(|second| NARROW.lines(&words(second)).len()), [1, 2]);
     }

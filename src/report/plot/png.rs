@@ -12,7 +12,7 @@ const FAMILY: &str = "DejaVu Sans";
 /// Pixels of the PNG per unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// Converts SVG to PNG at twice its size, so that it is sharp in print.
+/// Converts SVG to PNG, with two pixels per unit of the drawing across and down, so that the picture is sharp in print.
 pub fn png(svg: &str) -> Result<Vec<u8>> {
     let fail = |error: &dyn std::fmt::Display| Error::fault(format!("a plot could not be drawn: {error}"));
     let mut options = usvg::Options { font_family: FAMILY.to_owned(), ..usvg::Options::default() };
@@ -26,7 +26,7 @@ pub fn png(svg: &str) -> Result<Vec<u8>> {
     resvg::render(&tree, tiny_skia::Transform::from_scale(SCALE, SCALE), &mut pixels.as_mut());
     let (width, height) = (size.width(), size.height());
     let mut bytes = Vec::new();
-    // Fast settings, since a report can have hundreds of plots.
+    // The encoder's settings are fast ones, since a report can have hundreds of plots.
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Adaptive);
     encoder
         .write_image(&pixels.take_demultiplied(), width, height, ExtendedColorType::Rgba8)

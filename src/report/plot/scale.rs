@@ -32,8 +32,7 @@ impl Scale {
                 [if low < 0.0 { low - room } else { 0.0 }, high + room]
             }
             Kind::Log => {
-                // On an axis that spans less than a factor of two, noise would look like a
-                // difference.
+                // The axis spans at least a factor of two, since noise would look like a difference on a shorter axis.
                 let room = (high / low).powf(0.05).max((2.0 / (high / low)).sqrt());
                 [low / room, high * room]
             }
@@ -154,7 +153,7 @@ mod tests {
     fn a_linear_scale_between_values_other_than_zero_places_them_evenly() {
         let scale = Scale::between(Kind::Linear, [10.0, 20.0], [100.0, 200.0]);
         assert_eq!([10.0, 15.0, 20.0].map(|value| scale.place(value)), [100.0, 150.0, 200.0].map(Some));
-        // A vertical axis runs upwards, against the direction of pixels.
+        // The values of a vertical axis grow upwards, while the y coordinates of pixels grow downwards.
         let up = Scale::between(Kind::Linear, [10.0, 20.0], [200.0, 100.0]);
         assert_eq!(up.place(12.5), Some(175.0));
     }

@@ -20,16 +20,16 @@ pub struct Row {
     pub interval: Option<[f64; 2]>,
     /// The first and third quartile, as percentages above or below the median.
     pub quartiles: Option<[f64; 2]>,
-    /// Its tooltip.
+    /// The row's tooltip.
     pub tip: String,
 }
 
 /// A strip plot.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// Its title.
+    /// The plot's title.
     pub title: String,
-    /// Its rows, from the top.
+    /// The plot's rows, from the top.
     pub rows: Vec<Row>,
 }
 
@@ -49,8 +49,8 @@ const BESIDE: Form = Form { layout: Layout { left: 262.0, width: 510.0, ..WIDE }
 const ABOVE: Form = Form { layout: Layout { left: 14.0, width: 330.0, ..NARROW }, row: 52.0, head: 18.0 };
 /// The margin on the right of a plot on a screen.
 const BESIDE_MARGIN: f64 = 24.0;
-/// The label of the x axis. It is centred below the axis, and must not be much longer than the axis.
-const LABEL: &str = "time of a frame, in % from the point's median; earlier samples are further up";
+/// The label of the x axis. The label is centred below the axis, and must not be much longer than the axis.
+const LABEL: &str = "a frame's time minus the point's median, in %; earlier samples are further up";
 /// The largest number of dots in a row. If a row has more samples, only every second, third, ... sample is shown.
 const DOTS: usize = 120;
 
@@ -92,9 +92,8 @@ impl Strip {
         svg.finish([right + margin, end], &self.title, LABEL)
     }
 
-    /// Returns how far the axis extends on both sides of 0, in percent. Nearly all samples are
-    /// within this range. Outliers may lie outside, so that the axis does not compress the other
-    /// samples.
+    /// Returns how far the x axis extends on both sides of 0, in percent of the median. Nearly all samples are within
+    /// this range. Outliers may lie outside, so that the axis does not compress the other samples.
     fn reach(&self) -> f64 {
         let mut sizes: Vec<f64> =
             self.rows.iter().flat_map(|row| &row.deviations).map(|deviation| deviation.abs()).collect();
@@ -192,7 +191,7 @@ mod tests {
     #[test]
     fn the_axis_shows_nearly_all_samples_on_both_sides_and_no_outlier() {
         let close = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
-        // One sample in a hundred takes ten times as long.
+        // One sample in a hundred takes ten times as long as the median.
         let mut samples: Vec<f64> = (0..99).map(|place| if place % 2 == 0 { 2.0 } else { -4.0 }).collect();
         samples.push(900.0);
         assert!(close(reach(samples), 1.15 * 4.0));
@@ -241,7 +240,7 @@ mod tests {
             })
         };
         let ([quartiles, wide], [sure, narrow]) = (bar("quartiles"), bar("sure"));
-        // Ten per cent are `unit` pixels wide.
+        // `unit` is the width of ten per cent on the x axis, in pixels.
         let unit = right[0] - middle[0];
         assert!((wide - unit).abs() < 0.1 && (narrow - unit / 2.0).abs() < 0.1, "{wide} {narrow} {unit}");
         assert!(

@@ -1,5 +1,5 @@
-//! The answer at the top of the page, in four lines: the best memory strategy, the best local size, why
-//! these are the best, and how certain the answer is.
+//! The answer at the top of the page of `raycl reproduce`, in four lines: the best memory strategy, the best local
+//! size, why these are the best, and how certain the answer is.
 
 use crate::measure::Ranking;
 use crate::memory::readable;
@@ -39,7 +39,7 @@ pub struct Answer {
     pub plots: Vec<Plot>,
 }
 
-/// The kernels of one scene; they differ only in the memories that they use.
+/// The records of one scene for kernels that differ only in the memories that they use.
 struct Contest<'a> {
     group: &'a Group<'a>,
     ranking: Ranking<&'a Record>,
@@ -68,8 +68,8 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Returns the answer for a device, from the run that has the most memory strategies. If no run has
-/// several memory strategies, each line says so.
+/// Returns the answer for a device, from the run that has the most memory strategies. If no run has several memory
+/// strategies, each line of the answer says so.
 pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     let kinds = |run: &&Run<'_>| {
         let contests = run.groups.iter().filter(|group| group.device == device).map(Contest::of);
@@ -109,7 +109,7 @@ fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> Strin
 
 const NO_WINNER: &str = "no winner (too few samples)";
 
-/// Returns the names of the records in the order of the records, each name once.
+/// Returns the strategies' names in the order of the records, each name once.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
     let mut names: Vec<&str> = Vec::new();
     for record in records {
@@ -197,7 +197,8 @@ fn place_of_vectors(record: &Record) -> &'static str {
     }
 }
 
-/// Returns the known properties of a record's main kernel, as pairs of name and value.
+/// Returns the known properties of a record's main kernel (the kernel that casts primary rays), as pairs of name and
+/// value.
 fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
@@ -213,7 +214,7 @@ fn facts(record: &Record) -> Vec<(&'static str, String)> {
     facts.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
 }
 
-/// Compares the properties that are known for both kernels: "private: 62 registers (naive: 67),
+/// Compares the properties that are known for both the best and the naive kernel: "private: 62 registers (naive: 67),
 /// ...".
 fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> String {
     let pair = |(fact, value): &(&str, String)| {
@@ -227,8 +228,8 @@ fn against(name: &str, best: &[(&str, String)], naive: &[(&str, String)]) -> Str
     }
 }
 
-/// Returns the ratio of the naive kernel's best time to the best time of all kernels, and the
-/// number of points that tie.
+/// Returns a text with the ratio of the naive kernel's best time to the best time of all kernels, and with the number
+/// of points that tie.
 fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));

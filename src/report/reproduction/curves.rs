@@ -99,7 +99,7 @@ fn both(curve: &Curve<'_>, place: &dyn Fn(u32) -> Option<f64>, as_shapes: bool) 
         if as_shapes { values.fold(f64::INFINITY, f64::min) } else { 1.0 }
     };
     let theirs = least(&mut curve.published.iter().map(|(_, ms)| *ms));
-    // A shape consists of ratios, so points with too few samples are left out.
+    // A curve's shape consists of ratios of times, so points with too few samples for a ratio are left out.
     let ours = || curve.ours.iter().copied().filter(|record| !as_shapes || interval(record).is_some());
     let fastest =
         ours().min_by(|a, b| median(a).unwrap_or(f64::MAX).total_cmp(&median(b).unwrap_or(f64::MAX)));

@@ -16,9 +16,9 @@ const TABLE: &str = include_str!("figures.toml");
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Described {
-    /// Its number.
+    /// The figure's number.
     pub number: u32,
-    /// Its title.
+    /// The figure's title.
     pub title: String,
     /// Scenes whose pictures are shown.
     pub pictures: Vec<String>,
@@ -77,7 +77,7 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// Returns a device's picture of a scene, from the run with the largest picture.
+/// Returns a scene's picture that a device cast, from the run with the largest picture.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures<'_>) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| &run.groups);
     let own = groups.filter(|group| group.scene == scene && group.device == device);

@@ -30,8 +30,8 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. All values have the same
-/// structure.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. The values of all keyframes have the
+/// same structure: numbers, or lists of the same length.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,
@@ -74,7 +74,7 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
         + (3.0 * square - 2.0 * cube) * (to - from)
         + (cube - 2.0 * square + part) * slopes[0]
         + (cube - square) * slopes[1];
-    // Only rounding can make the value leave the range.
+    // Only a rounding error can move the value out of the range between `from` and `to`.
     value.clamp(from.min(to), from.max(to))
 }
 
@@ -100,10 +100,10 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     }
 }
 
-/// Returns the slope at the first or the last keyframe: the slope of the parabola through three
-/// keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB,
-/// 2004, section 3.6). The arguments are the lengths and the slopes of the two lines between these
-/// keyframes. In both arguments, the line that touches the first or the last keyframe comes first.
+/// Returns the slope at the first or the last keyframe: the slope of the parabola through this keyframe and its two
+/// nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004,
+/// section 3.6). The arguments are the lengths and the slopes of the two lines between these three keyframes. In both
+/// arguments, the line that touches the first or the last keyframe comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_smooth_curve_is_fritsch_and_butlands() {
-        // Computed with fractions: the slopes at the keys are 5/2, 6/7, 0 and -17/6.
+        // The expected values were computed by hand from the slopes at the four keyframes: 5/2, 6/7, 0 and -17/6.
         let (frames, values) = ([0.0, 1.0, 3.0, 4.0], [0.0, 2.0, 3.0, 1.0]);
         let slopes = [0, 1, 2, 3].map(|key| slope(&frames, &values, key));
         let expected = [5.0 / 2.0, 6.0 / 7.0, 0.0, -17.0 / 6.0];
@@ -173,14 +173,15 @@ mod tests {
         }
     }
 
-    /// The slopes of the parabola were computed by hand: (3 * 1 - next) / 2 for lines of equal length.
+    /// The expected slopes of the parabola were computed by hand. If both lines are equally long and the first has the
+    /// slope 1, the parabola's slope at the end is (3 * 1 - next) / 2, where `next` is the slope of the second line.
     #[test]
     fn an_end_has_the_slope_of_a_parabola_unless_the_curve_would_overshoot() {
         for (next, expected) in [(1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (10.0, 0.0), (-1.0, 2.0), (-5.0, 3.0)] {
             assert_eq!(end_slope([1.0, 1.0], [1.0, next]), expected, "{next}");
             assert_eq!(end_slope([1.0, 1.0], [-1.0, -next]), -expected, "{next}");
         }
-        // The nearer line is twice as long: ((4 + 1) * 1 - 2 * 0.5) / 3.
+        // The line at the end is twice as long as the next line, so the slope is ((4 + 1) * 1 - 2 * 0.5) / 3.
         assert!((end_slope([2.0, 1.0], [1.0, 0.5]) - 4.0 / 3.0).abs() < 1e-15);
     }
 }

@@ -1,4 +1,4 @@
-//! One value of a scene over time.
+//! A track: one value of a scene over time, interpolated between its keyframes.
 
 use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
@@ -7,12 +7,12 @@ use crate::scene::document::Document;
 use crate::words::counted;
 use toml::{Spanned, Value};
 
-/// Largest number of names and indices in a path; `object.0.face_normals.0.0` has five.
+/// Largest number of names and indices in a track's path; `object.0.face_normals.0.0` has five.
 const MAX_DEPTH: usize = 8;
 
 /// A value of the scene over time.
 pub(super) struct Track {
-    /// The value's path in the document.
+    /// The value's dotted path in the scene file.
     pub path: Spanned<String>,
     /// The frames of the keyframes, ascending.
     at: Vec<f64>,
@@ -47,12 +47,11 @@ impl Track {
         Ok(Self { path, at, values, interpolation })
     }
 
-    /// Checks that this track does not replace the value that an earlier track sets.
+    /// Checks that this track does not replace a value that the track `earlier` sets.
     ///
     /// # Errors
     ///
-    /// Fails if both tracks have the same path, or if the earlier track sets a part of this track's
-    /// value.
+    /// Fails if both tracks have the same path, or if `earlier` sets a part of the value that this track sets.
     pub fn refuse_to_hide(&self, document: &Document, earlier: &Self) -> Result<()> {
         let (path, other) = (self.path.get_ref(), earlier.path.get_ref());
         let refused = |message: String, label: &str| document.error(self.path.span(), message, label);
@@ -94,7 +93,7 @@ impl Track {
     }
 }
 
-/// The remedy for values that cannot be interpolated.
+/// The help in an error about values that cannot be interpolated.
 pub const STEPS: &str = "interpolation = \"step\" keeps a value until the next keyframe";
 
 /// Returns the frames in `at`, which must contain one frame for each value.
@@ -123,7 +122,8 @@ fn given(
     Ok(list.iter().map(|frame| f64::from(*frame.get_ref())).collect())
 }
 
-/// Returns `values` positions from the first frame to the last, at equal distances.
+/// Returns the frames of `values` keyframes at equal distances, the first at frame 1 and the last at frame `frames`. A
+/// result need not be a whole number.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
     // The multiplication comes before the division, so that whole frames are exact.

@@ -1,5 +1,5 @@
-//! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees
-//! the whole scene. Keys of the document change values of this camera.
+//! The camera of a scene: the paper's camera, the camera of a mesh's file, or a camera that sees the whole scene. Keys
+//! of the scene file change values of this camera.
 
 use super::super::document::Document;
 use super::super::framing::{self, Ball, View};
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use glam::{DVec3, Vec3};
 
 impl CameraWire {
-    /// Returns whether the document sets an angle from which the camera sees the whole scene.
+    /// Returns whether the scene file sets an angle from which the camera sees the whole scene.
     pub(super) fn is_framed(&self) -> bool {
         self.azimuth_degrees.is_some() || self.elevation_degrees.is_some()
     }
@@ -71,8 +71,8 @@ pub(super) fn camera(
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// Returns the tangent of half the field of view, and whether it is measured across the height; `None` if the document
-/// sets no field of view.
+/// Returns the tangent of half the field of view, and whether it is measured across the height; `None` if the scene
+/// file sets no field of view.
 fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
     let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
@@ -95,7 +95,7 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
     }
     let message =
         format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);
-    // Suggests y as the upward direction, or z if the camera looks mostly along y.
+    // The help suggests y as the upward direction, or z if the camera looks mostly along y.
     let direction = (target - position).abs();
     let usable = if direction.y <= direction.x.max(direction.z) { "[0, 1, 0]" } else { "[0, 0, 1]" };
     document

@@ -125,13 +125,13 @@ fn read_file(
     Ok(read)
 }
 
-/// Refuses a file that is not a mesh, with a short message and the line that names the file.
+/// Refuses a file that is not a mesh. The message is short, and has the line of the scene file that names the file.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let name = format!("{}: {}", document.place_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
 }
 
-/// Refuses keys that belong to another kind of object and would have no effect.
+/// Refuses keys of an object that would have no effect, since they belong to another kind of object.
 fn refuse_strays(document: &Document, wire: &ObjectWire) -> Result<()> {
     let spans = |keys: [(&'static str, Option<Range<usize>>); 3]| {
         keys.into_iter().find_map(|(key, span)| span.map(|span| (key, span)))
@@ -180,8 +180,8 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Refuses shapes that have more than `most` triangles together, even if each shape has slightly fewer triangles than
-/// its target.
+/// Refuses shapes that have more than `most` triangles together. Only the shapes' target numbers are known, and a shape
+/// may have slightly fewer triangles than its target, so a sixteenth is subtracted from the sum of the targets.
 pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], most: u64) -> Result<()> {
     let mut triangles = 0;
     for wire in objects.iter().map(Spanned::get_ref) {

@@ -12,8 +12,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 use toml::Spanned;
 
-/// Returns the sky of a document. `is_seen` says whether rays that hit nothing see the sky's
-/// picture.
+/// Returns the sky of a scene file. `is_seen` says whether rays that hit nothing see the sky's picture.
 pub(super) fn build(
     document: &Document,
     sky: &Spanned<SkyWire>,

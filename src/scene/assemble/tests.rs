@@ -84,7 +84,8 @@ fn a_camera_with_a_position_only_looks_at_the_middle_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
     std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n").unwrap();
-    // Without a position, the camera would look along -z, at the triangle's front.
+    // The position is behind the triangle. If only the position were used, the camera would look along -z, away from
+    // the triangle.
     let behind = Value::Array([1, 1, -5].map(Value::Integer).to_vec());
     let scene = load_scene_with(&path, &[("camera.position".to_owned(), behind)]).unwrap().scene;
     assert!(scene.camera.forward.distance(Vec3::Z) < 1e-6, "{}", scene.camera.forward);
@@ -280,7 +281,8 @@ fn the_camera_of_a_file_is_scaled_like_its_mesh_unless_it_is_too_far_away() {
         let scene = load_scene_with(&path, &[]).unwrap().scene;
         (scene.mesh.positions[1].x.max(scene.mesh.positions[2].x), scene.camera.position, scene.camera.z_near)
     };
-    // The edges of the mesh are 2^-34, so it is multiplied by 2^35.
+    // The mesh has edges of length 2^-34. The mesh is scaled by 2^35, unless the camera would then be beyond the limit
+    // of coordinates.
     let scale = 2_f32.powi(35);
     assert_eq!(scene(2_f64.powi(-31)), (2.0, Vec3::Z * 16.0, 0.1 * scale));
     assert_eq!(scene(16.0), (2.0, Vec3::Z * 16.0 * scale, 0.1 * scale));
@@ -312,7 +314,7 @@ fn loaded(before: &str) -> Result<crate::scene::Loaded, crate::Error> {
     load_scene_with(&path, &[])
 }
 
-/// Returns an error's message and the line that it marks.
+/// Returns the message of the error for a scene file that begins with `text`, and the line that the error marks.
 fn told(text: &str) -> (String, usize) {
     let crate::Error::Input(error) = loaded(text).unwrap_err() else { panic!("not an input error") };
     let source = error.source_code.as_ref().unwrap().inner();
@@ -460,7 +462,7 @@ fn nothing_is_noted_about_a_mesh_of_another_folder() {
     let two =
         SEEN.replace(r#"{"camera": 0, "#, r#"{"camera": 0}, {"camera": 0, "#).replace("[0, 1]", "[0, 1, 2]");
     std::fs::write(&path, two).unwrap();
-    let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[]).unwrap().notes;
+    let notes = |of: &Path| crate::scene::load_scene_named_in(of, &path, &[], None).unwrap().notes;
     assert_eq!((notes(folder.path()).len(), notes(Path::new("/elsewhere")).len()), (1, 0));
 }
 

@@ -37,8 +37,8 @@ impl FileLight {
         Self { source: Source::Direction(direction.normalize_or(DVec3::NEG_Y)), strength: irradiance }
     }
 
-    /// Returns the light in the coordinates of a mesh that was placed in this way. A point light becomes stronger with
-    /// the square of the scale, and so illuminates the mesh as brightly as before.
+    /// Returns the light in the coordinates of a mesh that was moved and scaled by `placement`. A point light becomes
+    /// stronger with the square of the scale, and so illuminates the mesh as brightly as before.
     pub(super) fn placed_by(self, placement: &Placement) -> Self {
         match self.source {
             Source::Point(position) => Self {

@@ -23,8 +23,8 @@ pub(in crate::scene) use origin::Placement;
 pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
-/// and the triangles; for a short time there are two copies of the points and triangles. (Measured for OBJ: 3.2 with
-/// dragons of 202,520 and 810,080 triangles, 2026-11-20.)
+/// and the triangles; for a short time there are two copies of the points and triangles. (Measured for OBJ on
+/// 2026-11-20: 3.2 times the file's size, with meshes of a dragon of 202,520 and of 810,080 triangles.)
 const READING_FACTOR: u64 = 4;
 
 /// A triangle counts as a line if the sine of its angle at the first corner is at most this.
@@ -35,7 +35,7 @@ const THIN: f64 = 1e-6;
 pub(in crate::scene) struct MeshFile {
     /// The mesh; normals that are missing have the number [`MISSING`](super::normals::MISSING).
     pub mesh: Mesh,
-    /// How the positions of the file were changed, in double precision, before they were rounded.
+    /// How the file's positions were changed, in double precision, before they were rounded to single precision.
     pub placement: Placement,
     /// The first triangle of each part after the first, if the file has separate parts.
     pub more_starts: Vec<u32>,
@@ -50,7 +50,8 @@ pub(in crate::scene) struct MeshFile {
 }
 
 impl MeshFile {
-    /// Returns the file with a mesh of its own size. In a scene file, other objects have the same unit as the mesh.
+    /// Undoes the scaling of the mesh, so that it has the size that its file states: in a scene file, the mesh and the
+    /// other objects have the same unit.
     pub fn unscaled(mut self) -> Self {
         let scale = std::mem::replace(&mut self.placement.scale, 1.0);
         if scale != 1.0 {

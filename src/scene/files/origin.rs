@@ -11,11 +11,12 @@ use glam::{DVec3, Vec3};
 /// A mesh counts as far from the origin if its centre is this many radii away; f32 has then lost four of its
 /// 24 bits.
 const FAR_RADII: f64 = 16.0;
-/// A mesh with a smaller radius is scaled. A ray-triangle test multiplies up to four lengths. The edges of a fine mesh
-/// are a thousandth of its radius, and the smallest normal number of single precision is 1.2e-38.
+/// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle test
+/// multiplies up to four lengths. The edges of a fine mesh are a thousandth of its radius, so at this radius the
+/// product of four edges is 1e-36; the smallest normal number of single precision is 1.2e-38.
 const SMALLEST_RADIUS: f64 = 1e-6;
-/// A mesh with a larger radius is scaled. raycl's own lights are ten radii away and its sky reaches further, and
-/// coordinates must be within +-1e12.
+/// A mesh with a larger radius is scaled. raycl's own lights are ten radii away from the mesh, and the edges of raycl's
+/// own ground are 60 radii away; their coordinates must be within +-1e12.
 const LARGEST_RADIUS: f64 = 1e9;
 
 /// The change of a mesh's positions before they are rounded to single precision: a vector is subtracted, and the result
@@ -54,18 +55,20 @@ impl Placement {
         is_usual.then_some(Self::IDENTITY)
     }
 
-    /// Returns a position of the file as the mesh has it.
+    /// Converts a position from the file's coordinates to the mesh's coordinates.
     pub fn place(&self, position: DVec3) -> DVec3 {
         (position - self.origin) * self.scale
     }
 
-    /// Returns a camera at this position of the file as the mesh has it.
+    /// Converts a camera from the file's coordinates to the mesh's coordinates; `position` is the camera's position in
+    /// the file.
     pub fn camera(&self, position: DVec3, camera: &Camera) -> Camera {
         let z_near = (f64::from(camera.z_near) * self.scale) as f32;
         Camera { position: self.place(position).as_vec3(), z_near, ..*camera }
     }
 
-    /// Returns notes for the user of a mesh that stays as it was placed.
+    /// Returns notes that tell the user how the mesh was moved and scaled. They are for a mesh without a scene file,
+    /// for which these changes are not undone.
     pub fn notes(&self) -> Vec<String> {
         // Without an exponent, the smallest numbers would have hundreds of digits.
         let shown = |value: f64| {
@@ -92,13 +95,14 @@ impl Placement {
 /// far away (in whole numbers if the mesh is larger than one unit), else zero.
 fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
-    // A small mesh need not contain a point with whole coordinates.
+    // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie outside the
+    // mesh.
     let rounded = if radius > 1.0 { centre.round() } else { centre };
     if far { rounded } else { DVec3::ZERO }
 }
 
 /// Returns the power of two that makes an extreme radius at least 1 and less than 2. The power is 1 for a radius of
-/// ordinary size, and for one that has no such power: that of a point, and one below the normal numbers.
+/// ordinary size, for the radius 0 of a point, and for a radius below the smallest normal number.
 fn scale_of(radius: f64) -> f64 {
     if !radius.is_normal() || (SMALLEST_RADIUS..=LARGEST_RADIUS).contains(&radius) {
         return 1.0;
@@ -122,7 +126,7 @@ pub(super) fn settle(
     settle_if(name, positions, triangles, |_| true)
 }
 
-/// Settles positions. The mesh is scaled only if `fits` returns true for the placement.
+/// Does the same as [`settle`], but scales the mesh only if `fits` returns true for the placement.
 pub(super) fn settle_if(
     name: &str,
     positions: &[DVec3],
@@ -134,7 +138,7 @@ pub(super) fn settle_if(
     }
     let wanted = placement_of(positions);
     let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
-    // An unused position that is not valid gets a value that does not enlarge the mesh.
+    // A position that is neither used nor valid gets a value that does not enlarge the mesh.
     let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
     let settled = |position: &DVec3| placement.place(if is_valid(position) { *position } else { instead });
     Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), placement))

@@ -198,7 +198,7 @@ mod tests {
         assert!(decoded(b"nothing", None).unwrap_err().contains("not a PNG"));
         assert!(decoded(&png(2, 2)[..20], None).unwrap_err().contains("cannot be decoded"));
         let mut huge = png(2, 2);
-        // The width in the header.
+        // These bytes of the PNG's header are its width.
         huge[16..20].copy_from_slice(&40_000_u32.to_be_bytes());
         assert!(decoded(&huge, None).is_err());
         assert!(decoded(b"#?RADIANCE\n", None).unwrap_err().contains("not a PNG"));

@@ -90,7 +90,8 @@ impl Parts {
             let normals = if with_normals { corners } else { [MISSING; 3] };
             mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });
         };
-        // Products of the lengths of a tiny outline would underflow.
+        // Outlines are moved and scaled before they are divided into triangles, since products of a tiny outline's
+        // lengths would underflow.
         let placement = placement_of(&positions);
         let mut short = 0;
         for (number, face) in self.faces.iter().enumerate() {

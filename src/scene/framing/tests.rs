@@ -15,7 +15,7 @@ fn from(azimuth: f64, elevation: f64, up: DVec3) -> View {
     View { up, azimuth_degrees: Some(azimuth), elevation_degrees: Some(elevation), ..three_quarter(1.6) }
 }
 
-/// Returns the extent of a mesh in a picture, as fractions of half its width and height: left, right, bottom,
+/// Returns the extent of a mesh in a picture, as fractions of half the picture's width and height: left, right, bottom,
 /// top.
 fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
     let mut extent = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
@@ -30,7 +30,7 @@ fn extent(camera: &Camera, mesh: &Mesh, aspect: f64) -> [f64; 4] {
     extent
 }
 
-/// Returns a box of this size around a point.
+/// Returns a box of this size around the point `centre`.
 fn block(size: Vec3, centre: Vec3) -> Mesh {
     let mut mesh = generate(&Shape::Sphere { triangles: 400 });
     let corner = |p: Vec3| p.signum() * size / 2.0 + centre;
@@ -163,7 +163,7 @@ fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() 
     let [key, fill] = towards(Ball { opening: None, ..ball })[..] else { panic!("two lights") };
     assert!(key.x < 0.0 && key.y > 0.0 && key.z > 0.0, "{key}");
     assert!(fill.x > 0.0 && fill.y > 0.0 && fill.z > 0.0, "{fill}");
-    // Light enters an opening only from near the viewer.
+    // The mesh is open towards +z, where the eye is. Only light from there enters the mesh.
     for light in towards(Ball { opening: Some(DVec3::Z), ..ball }) {
         assert!(light.normalize().z > 0.9, "{light}");
     }
@@ -183,8 +183,9 @@ fn a_mesh_is_open_if_opposite_sides_differ_by_more_than_a_tenth_of_its_area() {
         };
         Ball::around(&mesh, DVec3::Y).opening
     };
-    // The front has an area of 1. In the first mesh, the sides differ by 0.18 of a total of 1.82, in the second by 0.2
-    // of 1.8.
+    // The mesh has a front with an area of 1, and a back with the given area. With a back of 0.82, the two areas differ
+    // by 0.18, which is less than a tenth of their sum, 1.82. With a back of 0.8, they differ by 0.2, which is more
+    // than a tenth of their sum, 1.8.
     assert_eq!([opening(0.82), opening(0.8)], [None, Some(DVec3::Z)]);
     assert_eq!(opening(1.25), Some(DVec3::NEG_Z));
 }

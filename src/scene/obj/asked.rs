@@ -87,7 +87,7 @@ impl Count {
         }
     }
 
-    /// Lists each keyword, with its count if there are several.
+    /// Lists each keyword, with its count if there are several keywords.
     fn told(&self) -> String {
         if let [(name, _)] = self.names.iter().collect::<Vec<_>>()[..] {
             return name.clone();

@@ -21,8 +21,8 @@ pub(super) struct Start<'a> {
     material: &'a str,
 }
 
-/// Returns the starts of all pieces, followed by a start for the end of the file. `coordinates` has
-/// the texture coordinates of each piece, or is empty.
+/// Returns a [`Start`] for each piece of the file, followed by one for the end of the file. `coordinates` has the
+/// texture coordinates of each piece, or is empty.
 pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]) -> Vec<Start<'a>> {
     let mut start = Start::default();
     let mut starts = vec![start];
@@ -36,7 +36,7 @@ pub(super) fn starts<'a>(points: &'a [PointChunk], coordinates: &[Vec<[f32; 2]>]
     starts
 }
 
-/// The inputs for reading faces.
+/// The data of the whole file that reading faces needs.
 pub(super) struct FaceContext<'a> {
     pub positions: &'a [Vec3],
     /// The normals that are not valid, in order.
@@ -55,7 +55,7 @@ impl FaceContext<'_> {
     }
 }
 
-/// The triangles of a piece; missing normals are [`MISSING`].
+/// The triangles of a piece of the file; missing normals are [`MISSING`].
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
@@ -227,7 +227,8 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// Returns the zero-based index that `part` means. `part` counts from 1, or backwards from -1.
+/// Returns the zero-based index that the text `part` means. Its number counts from 1; a negative number counts
+/// backwards from -1, the last element before the face.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };
@@ -246,8 +247,8 @@ fn not_an_index(part: &[u8], token: &[u8]) -> String {
     format!("{} in {} is not an index; expected a whole number", quoted(part), quoted(token))
 }
 
-/// Parses an integer. An integer beyond half the range of i64 becomes the nearest end of this half, which is out of
-/// bounds too.
+/// Parses an integer. An integer whose absolute value exceeds half of the largest i64 becomes this half, with its sign.
+/// No mesh has an element with such an index, so callers refuse the result like the integer itself.
 fn integer(token: &[u8]) -> Option<i64> {
     let (negative, digits) = match token {
         [b'-', digits @ ..] => (true, digits),

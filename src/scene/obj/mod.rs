@@ -1,10 +1,10 @@
-//! Wavefront OBJ -> [`Mesh`], from files of any quality.
+//! Reads Wavefront OBJ files of any quality into a [`Mesh`].
 //!
-//! Geometry is read here and not by `tobj`: `tobj` 4.0.5 lets NaN, infinities
-//! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a
-//! triangle, divides concave polygons into fans, refuses a byte order mark, `\` continuations and
-//! Latin-1 text, reports no line numbers, and uses one core. raycl uses the MTL reader of `tobj`
-//! ([`mtl`]), and tests compare raycl's meshes with those of the OBJ reader of `tobj`.
+//! Geometry is read here and not by the crate `tobj`, because `tobj` 4.0.5 has several limits: it lets NaN, infinities
+//! and `1e400` through, returns fewer normals than positions for `f 1//1 2 3`, turns `l 1 2 3` into a triangle, and
+//! divides concave polygons into fans. It refuses a byte order mark, `\` continuations and Latin-1 text. It reports no
+//! line numbers, and uses one core. raycl uses the MTL reader of `tobj` ([`mtl`]), and tests compare raycl's meshes
+//! with those of the OBJ reader of `tobj`.
 //!
 //! There are two passes over the text, both in parallel over pieces of whole lines. The first pass reads
 //! vertices and normals. The second pass reads faces, and can check every index. If a material has a
@@ -47,7 +47,7 @@ pub(in crate::scene) struct Permitted {
     pub beyond: bool,
     /// True if messages may quote the mesh.
     pub quotes: bool,
-    /// True if the mesh may be scaled, since it has no place in a scene.
+    /// True if the mesh may be scaled, since no scene file places it among other objects.
     pub scaled: bool,
 }
 
@@ -59,7 +59,8 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     read(&source, reach, &Reading::USUAL)
 }
 
-/// Reads a mesh. If it has triangles too large for `reading` and may be scaled, it is read again.
+/// Reads a mesh. If some triangles are too large for `reading`, and the mesh may be scaled, the mesh is read again with
+/// positions of any size.
 fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile> {
     let Source { name, text, quotes } = *source;
     let chunks = text::chunks(text);
@@ -116,7 +117,8 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
     Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
 
-/// Adds the positions and normals of all pieces to a mesh; `total` has their numbers.
+/// Adds the positions and normals of all pieces of the file to a mesh; `total` has the numbers of positions and
+/// normals.
 fn add_points(mesh: &mut Mesh, points: &[PointChunk], total: faces::Start) {
     mesh.positions.reserve_exact(total.positions);
     mesh.normals.reserve_exact(total.normals);

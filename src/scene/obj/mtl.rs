@@ -159,11 +159,11 @@ struct Checked {
 #[derive(Default)]
 struct Extras {
     asked: Asked,
-    /// The value of `illum`.
+    /// The value of `illum`, the number of an illumination model.
     model: Option<Vec<u8>>,
-    /// The value of `map_Kd`, and its position.
+    /// The value of `map_Kd`, and the byte offset of its line.
     colour: Option<(usize, Map)>,
-    /// The value of `map_d`, and its position.
+    /// The value of `map_d`, and the byte offset of its line.
     mask: Option<(usize, Map)>,
 }
 

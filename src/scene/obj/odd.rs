@@ -1,6 +1,6 @@
-//! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for points
-//! that were not measured, and other leftovers that no face uses. A vertex that is not valid is a mistake only if a face
-//! uses the vertex. A normal that is not valid counts as missing.
+//! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for
+//! points that were not measured, and other numbers for leftover points that no face uses. A vertex that is not valid
+//! is a mistake only if a face uses the vertex. A normal that is not valid counts as missing.
 
 use super::faces::Start;
 use super::points::{PointChunk, is_large, mistake_in_normal, mistake_in_vertex};
@@ -12,9 +12,10 @@ use glam::Vec3;
 /// A vertex or a normal that is not valid.
 #[derive(Clone, Copy)]
 pub(super) struct Odd {
-    /// Its number, from 0, in its piece of the file or in the file.
+    /// The number of the vertex or the normal, from 0. It counts within a piece of the file, or within the whole file
+    /// in the results of [`vertices`] and [`normals`].
     pub number: usize,
-    /// The offset of its line in the text.
+    /// The byte offset of the vertex's or normal's line in the text.
     pub offset: usize,
 }
 

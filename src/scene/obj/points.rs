@@ -17,7 +17,8 @@ pub(super) const UNCOLOURED: Vec3 = Vec3::INFINITY;
 /// If a channel exceeds this, the file's colours are from 0 to 255. The limit is above 1 because rounded channels may
 /// exceed 1 slightly.
 const MOST_OF_UNIT: f32 = 1.5;
-/// The largest coordinate of a mesh that may be scaled. The distance between two such points is still finite.
+/// The largest coordinate of a mesh that may be scaled. The distance between two points within this limit is finite in
+/// double precision.
 const LARGEST: f64 = 1e300;
 
 /// How positions are read.
@@ -30,9 +31,9 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Unchanged positions within the range of all meshes.
+    /// Positions are unchanged, and valid if they are within +-1e12, the limit of coordinates.
     pub const USUAL: Self = Self { placement: Placement::IDENTITY, is_large: false };
-    /// Unchanged positions of any size.
+    /// Positions are unchanged, and valid at any size.
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
     /// Reads a position. Returns `None` if it is not valid.
@@ -43,7 +44,7 @@ impl Reading {
         Some(self.placement.place(self.exact(tokens)?).as_vec3())
     }
 
-    /// Reads a position in double precision, unchanged. Returns `None` if it is not valid.
+    /// Reads a position in double precision, without moving or scaling it. Returns `None` if the position is not valid.
     fn exact<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<DVec3> {
         let mut values = [0.0; 3];
         for value in &mut values {
@@ -126,7 +127,7 @@ impl PointChunk {
         self.normals.push(normal);
     }
 
-    /// Records the vertices with two coordinates as vertices that are not valid.
+    /// Records the vertices with only two coordinates as vertices that are not valid.
     fn drop_flat(&mut self) {
         self.flat.iter().for_each(|flat| self.positions[flat.number] = Vec3::NAN);
         self.odd_vertices.append(&mut self.flat);
@@ -154,7 +155,7 @@ impl PointChunk {
     }
 }
 
-/// Reads a piece.
+/// Reads a piece of the file.
 pub(super) fn read(chunk: &Chunk, reading: &Reading) -> PointChunk {
     let mut points = PointChunk::default();
     for (offset, line) in chunk.lines() {

@@ -100,8 +100,8 @@ impl<'a> Remaining<'a> {
         area(a, b, c)
     }
 
-    /// Cuts a corner off. This changes only the triangles of its neighbours, so only they can become or cease to be
-    /// ears.
+    /// Cuts a corner off. This changes only the triangles of the corner's two neighbours, so only these neighbours can
+    /// become or cease to be ears.
     fn cut(&mut self, at: usize) {
         self.corners.remove(at);
         self.is_ear.remove(at);
@@ -111,8 +111,8 @@ impl<'a> Remaining<'a> {
         neighbours.iter().for_each(|at| self.is_ear[*at] = self.has_ear(*at));
     }
 
-    /// Returns whether a corner is convex and no other corner lies in its triangle. If any corner lies there, so does
-    /// one that is not convex.
+    /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not convex
+    /// are tested: if any corner lies in the triangle, so does one that is not convex.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);
@@ -193,7 +193,7 @@ mod tests {
         outline
     }
 
-    /// The corners of a spiral band of five turns, with as many corners on each of its two sides.
+    /// The corners of a spiral band of five turns (for 200 `corners`), with `corners` corners on each of its two sides.
     fn spiral(corners: usize) -> Vec<DVec3> {
         let at = |i: usize, inner: f64| {
             let (radius, angle) = (inner + 0.01 * i as f64, std::f64::consts::TAU * i as f64 / 40.0);

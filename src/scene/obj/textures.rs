@@ -9,7 +9,7 @@ use crate::scene::{Mapped, Mesh, Textures, Wrap};
 use crate::words::counted;
 use glam::Vec3;
 
-/// Options of a map that have one argument; these options are ignored.
+/// Options of `map_Kd` and `map_d` that have one argument each, and that raycl ignores.
 const OF_ONE_WORD: [&[u8]; 9] =
     [b"-blendu", b"-blendv", b"-cc", b"-texres", b"-bm", b"-imfchan", b"-boost", b"-type", b"-colorspace"];
 
@@ -26,7 +26,7 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures. The mask is placed on a triangle in the same way as the colour.
+    /// Makes a material's textures. The mask is placed on a triangle with the colour's settings.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
         if let [Some(colour), Some(mask)] = places
@@ -83,7 +83,8 @@ pub(super) struct Map {
     pub name: String,
     /// The location of the line that names the file, for messages.
     at: String,
-    /// True if the material has no colour, or is black, which would hide the texture.
+    /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white, since black
+    /// would hide the texture.
     alone: bool,
     scale: [f32; 2],
     offset: [f32; 2],

@@ -9,7 +9,7 @@ use crate::words::{counted, counted_are};
 pub(super) struct Unfit {
     /// The keyword, and the form of the colour if raycl does not support this form. There is one note per kind.
     kind: String,
-    /// The line's value; quotes the file.
+    /// The line's value, quoted from the file.
     found: String,
     /// The form that raycl accepts.
     expected: String,
@@ -79,7 +79,8 @@ pub(super) fn shininess(rest: &[u8]) -> Result<f32, Unfit> {
     })
 }
 
-/// Checks the numbers of a feature that raycl does not support: raycl uses none of them, so each finite number is valid.
+/// Checks the numbers of a feature that raycl does not support: raycl uses none of these numbers, so each finite number
+/// is valid.
 pub(super) fn unused(key: &[u8], rest: &[u8]) -> Result<(), Unfit> {
     let Some((wish, most)) = wishes::of_numbers(key) else { return Ok(()) };
     let options: [&[u8]; 3] = [b"-halo", b"spectral", b"xyz"];

@@ -1,13 +1,13 @@
-//! Recognises statements of OBJ and MTL that raycl does not support. Statements that affect no picture are
-//! not counted: names and groups (`o`, `g`, `mg`), texture coordinates (`vt`; the texture that uses them is
-//! counted), the construction of free-form shapes (`cstype`, `deg`, `parm`, ...; the shape is counted), a
-//! refractive index (`Ni`; refraction is counted).
+//! Recognises statements of OBJ and MTL that raycl does not support. Statements that affect no picture, such as names
+//! and groups (`o`, `g`, `mg`), are not counted. Some other statements have an effect only together with a second
+//! statement; only the second one is counted. These are texture coordinates (`vt`) of a texture, the construction
+//! (`cstype`, `deg`, `parm`, ...) of a free-form shape, and the refractive index (`Ni`) of a refracting material.
 
 use super::asked::{Asked, Wish};
 use super::text::{number, tokens};
 
-/// Counts a line of an OBJ file if it asks for something that raycl does not support. The line is not a `v`, `vn`, `f`,
-/// `usemtl` or `mtllib`.
+/// Counts a line of an OBJ file if it asks for something that raycl does not support. Callers handle `v`, `vn`, `f`,
+/// `usemtl` and `mtllib` themselves.
 pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let off = || matches!(tokens(rest).next(), None | Some(b"off" | b"0"));
     let wish = match keyword {
@@ -27,8 +27,8 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     asked.add(wish, keyword);
 }
 
-/// Counts a line of a material if it asks for something that raycl does not support. The line is not a `newmtl`, `Kd`,
-/// `Ks` or `Ns`.
+/// Counts a line of a material if it asks for something that raycl does not support. Callers handle `newmtl`, `Kd`,
+/// `Ks` and `Ns` themselves.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);
@@ -54,7 +54,7 @@ pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     }
 }
 
-/// Returns the unsupported feature that a keyword asks for by numbers, and the most numbers that the keyword has.
+/// Returns the unsupported feature that a keyword requests with numbers, and how many numbers may follow the keyword.
 pub(super) fn of_numbers(keyword: &[u8]) -> Option<(Wish, usize)> {
     match &keyword.to_ascii_lowercase()[..] {
         b"d" | b"tr" => Some((Wish::Transparency, 1)),

@@ -21,7 +21,7 @@ pub(super) const MAX_FINENESS: u32 = 1250;
 pub enum Shape {
     /// The paper's ground: y = -1, x from -10 to 10, z from -10 to -0.01; two triangles.
     Ground,
-    /// Figure 3's pyramid with its hidden back and base; four triangles.
+    /// The pyramid of the paper's Figure 3 with its hidden back and base; four triangles.
     Pyramid,
     /// The closed unit sphere about the origin.
     Sphere {

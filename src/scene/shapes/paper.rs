@@ -29,7 +29,8 @@ pub(super) fn ground() -> Mesh {
     mesh
 }
 
-/// Returns Figure 3's two visible faces with the paper's normals, then the back and the base.
+/// Returns the pyramid of the paper's Figure 3: the two visible faces with the paper's normals, then the back and the
+/// base.
 pub(super) fn pyramid() -> Mesh {
     let [apex, front, left, right] =
         [(0.0, 2.0, -3.5), (0.0, -1.0, -2.0), (-2.0, -1.0, -3.0), (2.0, -1.0, -3.0)].map(Vec3::from);

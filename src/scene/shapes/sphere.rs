@@ -4,8 +4,8 @@ use super::grid::{revolve, split};
 use crate::scene::Mesh;
 use std::f64::consts::PI;
 
-/// Returns a sphere of about `triangles` triangles, at least six; on the equator, two of them form a nearly square
-/// quad.
+/// Returns a sphere of about `triangles` triangles, at least six. On the equator, pairs of triangles form nearly square
+/// quads.
 pub(super) fn sphere(triangles: u32) -> Mesh {
     // The equator is twice as long as a meridian from pole to pole.
     let (segments, rings) = split(f64::from(triangles) / 2.0, 2.0);

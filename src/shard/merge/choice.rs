@@ -83,7 +83,7 @@ impl Chosen {
                 .map(|(attempt, outcome)| format!("{} in {}", outcome.name(), attempts[*attempt].name))
                 .collect();
             notes.push(format!(
-                "Attempts disagree on {} of {}: {}; the record with the wrong image is used.",
+                "Attempts disagree on {} of {}: {}; the record with the wrong image is used, so that the error is not hidden.",
                 record.name,
                 record.scene,
                 told.join(", ")

@@ -59,8 +59,8 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let mut records: Vec<Measured> = chosen.of_keys(planned.keys());
     let mut controls = controls(&attempts)?;
     let launches = Launches::of(records.iter().chain(&controls));
-    // This file shows that a merge wrote the folder. It is written first, so that a merge that was killed can be
-    // repeated.
+    // `merge.json` shows that a merge wrote the folder. This file is written first, so that a merge that was killed
+    // can be repeated.
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
@@ -81,7 +81,8 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
 
 /// Returns the error for a folder that has no shards.
 pub fn no_shards(out: &Path) -> Error {
-    let what = if out.is_dir() { "holds no experiment in shards" } else { "is not a folder" };
+    let what =
+        if out.is_dir() { "holds no experiment that is divided into shards" } else { "is not a folder" };
     Error::input(format!("{} {what}", out.display()))
         .with_help("give the path of the folder that `raycl run --shard` wrote (its --out)")
 }

@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn points_follow_cases_then_kinds_then_the_plan_and_namesakes_are_told_apart() {
-        // Points 0 and 2 are of the second case.
+        // Points 0 and 2 belong to the second case (combination of scene and image size).
         let plan = ShardPlan { cases: vec![1, 0, 1, 0], ..ShardPlan::default() };
         let kinds = [kind(HOST, "amd", &[3]), kind(HOST, "intel", &[2, 3]), kind("gpu", "x", &[2, 1, 0])];
         let planned = Planned::of(&plan, &kinds);

@@ -43,7 +43,8 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     Ok(())
 }
 
-/// Checks that 16-bit indices reach every entry, and that a tree's child words can index every triangle.
+/// Checks that 16-bit indices, if the layout uses them, reach every position, normal and material of the mesh. Also
+/// checks that the child words of the strategy's tree, if it uses one, can index every triangle.
 pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {

@@ -68,7 +68,8 @@ fn vectors_of_24x24_do_not_fit_48_kib() {
 fn work_items_of_a_wide_strategy_cover_blocks_of_pixels() {
     let wide = preset("wide").unwrap().strategy;
     assert_eq!(workload(1, 6).global_size(&wide), [204, 126]);
-    // Pixels that do not fill a block of 4 x 4 need a work-item too.
+    // Each work-item covers a block of 4 x 4 pixels. Pixels at the image's edges that do not fill a whole block need a
+    // work-item too.
     let odd = Workload { image_size: [33, 9], ..workload(1, 1) };
     assert_eq!(odd.global_size(&wide), [9, 3]);
 }
@@ -204,7 +205,7 @@ fn magnitudes(bits: u32) -> impl proptest::strategy::Strategy<Value = u64> {
 
 fn workloads() -> impl proptest::strategy::Strategy<Value = Workload> {
     let counts = [(); 6].map(|()| magnitudes(64));
-    // Far more pixels than raycl supports, but a product that fits into `usize`.
+    // An image may have far more pixels than raycl supports, but their number fits into `usize`.
     let side = |bits| magnitudes(bits).prop_map(|side| (side as u32).max(1));
     (counts, [side(30), side(30)], [side(12), side(12)]).prop_map(|(counts, image_size, local_size)| {
         let counts = counts.map(|count| count as usize >> 1);

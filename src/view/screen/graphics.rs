@@ -31,7 +31,7 @@ const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 const PATIENCE_MS: u64 = 500;
 /// The feature in a terminal's answer that shows that the terminal draws sixels (DEC STD 070).
 const SIXELS: &str = "4";
-/// Largest picture of sixels, in pixels across and down: xterm cuts off the rest.
+/// Largest width and height, in pixels, of a picture of sixels: xterm cuts off the rest of a larger picture.
 const MOST_SIXELS: u32 = 1000;
 /// Largest part of a picture in one command of kitty's protocol, in bytes.
 const CHUNK_BYTES: usize = 4096;

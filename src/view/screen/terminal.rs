@@ -201,7 +201,7 @@ mod tests {
         let key = |letter: char, modifiers| KeyEvent::new(KeyCode::Char(letter), modifiers);
         let (none, control) = (KeyModifiers::NONE, KeyModifiers::CONTROL);
         assert_eq!(input(&[key('c', control)]), (true, vec![]));
-        // A later key does not cancel Ctrl-C.
+        // A later key does not cancel the effect of Ctrl-C.
         assert_eq!(input(&[key('c', control), key('s', none)]), (true, vec![Key::Char('s')]));
         assert_eq!(input(&[key('c', none)]), (false, vec![Key::Char('c')]));
         assert_eq!(input(&[key('q', control)]), (false, vec![]));

@@ -24,7 +24,7 @@ pub struct Window {
     pixels: Vec<u32>,
     /// The position of the pointer when the drag was last read.
     dragged: Option<[f64; 2]>,
-    /// True if showing the last picture has also read the user's input.
+    /// True if the call that showed the last picture has also read the user's input.
     looked: bool,
 }
 
@@ -145,7 +145,7 @@ impl Typed {
 
     fn send(&self, key: Key) {
         if !self.is_held || keys::repeats(key) {
-            // The receiver is only gone if the window is gone.
+            // The receiver is gone only if the window is gone; then the key does not matter.
             let _ = self.sender.send(key);
         }
     }
@@ -193,7 +193,8 @@ mod tests {
     fn a_tap_counts_and_only_movement_repeats() {
         let (sender, keys) = channel();
         let mut typed = Typed::new(sender);
-        // A tap, then two held keys, which X11 reports again and again.
+        // The first press is a tap. The next two are reports of one key that is held, which X11 reports again and
+        // again.
         for is_down in [true, false, true, true] {
             typed.set_key_state(minifb::Key::S, is_down);
             if is_down {

@@ -24,7 +24,7 @@ impl Film {
             return Ok(Self::Turntable { scene, orbit: loaded.orbit, count });
         }
         let Some(animation) = loaded.animation else {
-            let message = format!("{} has no [animation]", args.subject.scene.display());
+            let message = format!("{} has no [animation] table", args.subject.scene.display());
             return Err(Error::input(message).with_help(
                 "docs/scenes.md explains how to animate a scene; --turntable 120 turns any scene once, in 120 frames",
             ));
@@ -48,7 +48,7 @@ impl Film {
         }
     }
 
-    /// Refuses frames whose values do not make a valid scene.
+    /// Returns an error if the animation's values in one of these frames do not make a valid scene.
     pub fn check(&self, first: u32, last: u32) -> Result<()> {
         match self {
             Self::Turntable { .. } => Ok(()),
@@ -70,8 +70,9 @@ impl Film {
         }
     }
 
-    /// Returns the text that distinguishes turntables of different lengths. A frame of an animation is
-    /// distinguished by its number and scene alone, so a longer animation can use the frames of a shorter one.
+    /// Returns the part of a frame's key that distinguishes turntables with different numbers of frames. The key of an
+    /// animation's frame contains only its number and its scene, so a longer animation can use the existing frames of a
+    /// shorter one.
     fn kind(&self) -> String {
         match self {
             Self::Turntable { count, .. } => format!("turntable {count}"),

@@ -92,8 +92,8 @@ impl Numbered {
     }
 
     /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame, which
-    /// identifies its picture. `key` is only called for frames whose file has a key. A file with another key causes an
-    /// error; with `--force`, its frame is rendered again.
+    /// identifies its picture. `key` is only called for frames whose file contains a key. A file with a different key
+    /// shows a different picture and causes an error; with `--force`, its frame is rendered again.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Mutex, PoisonError};
 
-/// The remedy for a file name that moving pictures cannot have.
+/// The help in the error message about a file name that moving pictures cannot have.
 const NAMES: &str =
     "`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture, `-o -` a y4m stream";
 
@@ -24,7 +24,7 @@ pub enum Sink {
 pub type Cast = (u32, String, Radiance);
 
 impl Sink {
-    /// Refuses a name that moving pictures cannot have, before the scene is loaded.
+    /// Returns an error, before the scene is loaded, if moving pictures cannot be written to the output's file name.
     pub fn check(args: &Args) -> Result<()> {
         let target = target(args);
         let ending = target.path().extension().unwrap_or_default().to_ascii_lowercase();
@@ -81,7 +81,7 @@ impl Sink {
             .with_help("`-o NAME.png` writes NAME-0001.png and so on, `-o NAME.apng` one animated picture"))
     }
 
-    /// Writes frames as they come, until the last.
+    /// Writes frames as they arrive from `frames`, up to the last.
     pub fn write(self, size: [u32; 2], frames: Receiver<(Cast, Display)>) -> Result<()> {
         match self {
             Self::Numbered(numbered) => each_of(frames, writers(size), |((number, key, image), display)| {
@@ -92,14 +92,15 @@ impl Sink {
     }
 }
 
-/// Returns the error for a rate that is given with numbered pictures, which have no rate.
+/// Returns the error for a number of frames per second that is given with numbered pictures, which have no such number.
 fn no_rate(rate: u16, target: &Target) -> Error {
     let name = target.path().display();
     Error::input(format!("--rate {rate} has no effect: '{name}' is written as numbered pictures"))
         .with_help("leave out --rate, or write an .apng or a y4m stream (`-o -`): only these have a rate")
 }
 
-/// The largest number of pictures that are encoded at the same time; with more, a GPU casts no faster.
+/// The largest number of pictures that are encoded at the same time; encoding more pictures at once does not let a GPU
+/// cast more frames per second.
 const MOST_WRITERS: usize = 4;
 /// Number of cores per picture that is being encoded. An encoder uses several cores, but not all the time.
 const CORES_OF_WRITER: usize = 4;
@@ -118,7 +119,7 @@ fn writers_on(cores: usize, [width, height]: [u32; 2]) -> usize {
 /// The largest number of pixels in all pictures that are encoded at the same time; a pixel takes 12 bytes.
 const MOST_PIXELS: u64 = 1 << 26;
 
-/// Tells the other threads to stop if its own thread panics.
+/// If this value is dropped because its thread panics, it tells the other threads to stop.
 struct StopsOthers<'a>(&'a AtomicBool);
 
 impl Drop for StopsOthers<'_> {
@@ -129,7 +130,7 @@ impl Drop for StopsOthers<'_> {
     }
 }
 
-/// Calls `work` for everything that is received, on this many threads, until one call fails. Returns one of the errors.
+/// Calls `work` for every item that is received, on `threads` threads, until one call fails. Returns one of the errors.
 fn each_of<T: Send>(
     received: Receiver<T>,
     threads: usize,

@@ -7,27 +7,27 @@ use super::Frame;
 /// One mark.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
-    /// Its x value.
+    /// The mark's x value.
     pub x: f64,
-    /// Its y value.
+    /// The mark's y value.
     pub y: f64,
     /// The 95% interval of y, if there is one.
     pub interval: Option<[f64; 2]>,
-    /// Its tooltip, one fact per line.
+    /// The mark's tooltip, one fact per line.
     pub tip: String,
 }
 
 /// Marks that belong together.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Its name in the legend. A series without a name is a line without markers. It belongs to the
-    /// series before it and is hidden together with that series.
+    /// The series' name in the legend. A series without a name is a line without markers, such as a fitted line. This
+    /// line belongs to the series before it and is hidden together with that series.
     pub name: String,
     /// The appearance of the series.
     pub look: Look,
-    /// True if its marks are joined, in the order of x.
+    /// True if a line joins the series' marks, in the order of x.
     pub joined: bool,
-    /// Its marks.
+    /// The series' marks.
     pub marks: Vec<Mark>,
 }
 

@@ -138,10 +138,10 @@ impl<'a> Numbers<'a> {
         let replacements =
             self.place(sparse.values.buffer_view, offset, component, N, accessor.normalized)?;
         for number in 0..sparse.count.0 as usize {
-            let ends = || "its sparse elements end early".to_owned();
+            let ends = || "its buffers hold fewer sparse elements than it states".to_owned();
             let [index] = indices.element::<1>(number).ok_or_else(ends)?;
             let value = replacements.element(number).ok_or_else(ends)?;
-            *values.get_mut(index as usize).ok_or("a sparse index beyond its elements")? = value;
+            *values.get_mut(index as usize).ok_or("a sparse index is beyond its elements")? = value;
         }
         Ok(())
     }
@@ -191,7 +191,8 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
 mod tests {
     use super::*;
 
-    /// The limit is 65,536 elements or, in a larger file, one element per byte.
+    /// An accessor without data may have at most 65,536 elements or, if the file's buffers have more bytes than this,
+    /// one element per byte.
     #[test]
     fn elements_without_data_are_zeros_and_a_small_file_has_not_too_many() {
         let zeros = |count: usize, held: usize| {

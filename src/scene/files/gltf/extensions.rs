@@ -13,8 +13,8 @@ const KNOWN: [&str; 4] =
 /// Beginnings of the names of further extensions that have their own notes; these extensions only
 /// concern surfaces.
 const KNOWN_FAMILIES: [&str; 3] = ["KHR_materials_", "EXT_texture_", "MSFT_texture_"];
-/// This extension does not count as known, although its name begins with `KHR_materials_`. It concerns no single surface,
-/// but offers other materials to choose from.
+/// This extension does not count as known, although its name begins with `KHR_materials_`. It concerns no single
+/// surface, but offers other materials to choose from.
 const VARIANTS: &str = "KHR_materials_variants";
 /// An extension whose name contains one of these words compresses positions in a form that raycl cannot read.
 const COMPRESSIONS: [&str; 3] = ["compression", "draco", "meshopt"];

@@ -84,7 +84,7 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
         .with_help("export the file as glTF 2.0"),
         _ => {
             let message = error.to_string();
-            // The line number is printed before the message.
+            // The message's own line number is removed, since the location before the message has it.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
             mistake(&format!("{name}:{}", error.line()), format!("not valid glTF 2.0: {what}"))
         }

@@ -18,18 +18,18 @@ pub(super) struct LeftOut {
     pub empty: usize,
     pub dangling: usize,
     pub unmapped: usize,
-    /// Meshes of a file whose scene has no meshes.
+    /// The number of the file's meshes, if the file's scene contains none of them.
     pub unplaced: usize,
 }
 
 impl LeftOut {
-    /// Counts a part's empty accessors, and its triangles that name a missing position.
+    /// Counts a primitive's empty accessors, and its triangles that name a position that does not exist.
     pub fn add(&mut self, part: &Part) {
         self.empty += part.empty;
         self.dangling += part.dangling;
     }
 
-    /// Refuses a file if no triangle remains because triangles with missing positions were left out.
+    /// Refuses a file if all of its triangles were left out because they name positions that do not exist.
     pub fn check(&self, triangles: usize) -> Parsed<()> {
         if triangles == 0 && self.dangling > 0 {
             let triangles = counted_are(self.dangling, "triangle with a position that does not exist");
@@ -42,7 +42,7 @@ impl LeftOut {
         let notes = [
             (self.unplaced, "mesh that no node places", "shown without a transform"),
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
-            (self.spots, "spot light", "shown as lights that shine in all directions"),
+            (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
             (self.skins, "skinned mesh", "shown as stored, without joints"),
             (self.targets, "primitive with morph targets", "shown without them"),

@@ -58,7 +58,8 @@ fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
 
-/// Returns the colour in linear light; older files store it as `diffuseFactor`.
+/// Returns the base colour in linear light. Files with the older extension KHR_materials_pbrSpecularGlossiness store
+/// this colour as `diffuseFactor`.
 fn base_colour(wire: &Wire) -> Vec3 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
         let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;

@@ -222,8 +222,9 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. Otherwise, the
-    /// mesh is not scaled: a camera at such a distance, 1e11 radii and more, sees it as less than a pixel.
+    /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. If they are not,
+    /// the mesh is not scaled. This does not change the picture: a camera this far away, at 1e11 radii and more, sees
+    /// the mesh as less than a pixel.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
@@ -291,8 +292,8 @@ fn local(node: &Node) -> DMat4 {
     )
 }
 
-/// Returns the matrix of cofactors, negated if the determinant is negative. This matrix equals the inverse transpose times a
-/// positive factor, and also exists if the transform flattens the mesh.
+/// Returns the matrix of cofactors, negated if the determinant is negative. This matrix equals the inverse transpose
+/// times a positive factor, and also exists if the transform flattens the mesh.
 fn normal_matrix(linear: DMat3) -> DMat3 {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
     let turned = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));

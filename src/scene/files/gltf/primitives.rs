@@ -8,16 +8,16 @@ use gltf::json::accessor::Accessor;
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// A part in the coordinates of its node.
+/// A part of a mesh (a primitive in glTF), in the coordinates of its node.
 pub(super) struct Part {
     pub positions: Vec<DVec3>,
-    /// One per position, or empty.
+    /// The normals: one per position, or none at all.
     pub normals: Vec<DVec3>,
-    /// Linear colours, one per position, or empty.
+    /// The colours in linear light: one per position, or none at all.
     pub colours: Vec<Vec3>,
     /// True if some of the colours have an alpha below 1.
     pub is_clear: bool,
-    /// Coordinates in the material's texture, one per position, or empty.
+    /// Coordinates in the material's texture: one pair per position, or none at all.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
     /// The number of the material: 0 if the part has none; the file's materials start at 1.
@@ -28,7 +28,7 @@ pub(super) struct Part {
     pub dangling: usize,
 }
 
-/// The accessors of a primitive that are used.
+/// The accessors of a primitive that raycl reads.
 struct Used {
     positions: Option<Index<Accessor>>,
     normals: Option<Index<Accessor>>,

@@ -94,7 +94,7 @@ fn nodes_turn_scale_mirror_and_nest() {
     assert!(mesh.corner_normals(&mesh.triangles[0])[0].distance(Vec3::Z) < 1e-6);
 }
 
-/// Returns the file with corners of normalised 8-bit numbers.
+/// Returns the file of [`triangle`], with the corners' positions stored as normalised 8-bit numbers.
 fn quantised() -> String {
     let mut quantised = [[0_i8, 0, 0], [-128, 0, 0], [0, 127, -127]].concat();
     quantised.resize(36, 0);
@@ -114,8 +114,9 @@ fn normalised_numbers_go_from_minus_one_to_one() {
 
 #[test]
 fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
-    // The sparse accessor's index is the second index of the file: 1. Its value is made of the second to fourth numbers
-    // of the positions: 0, 0, 1.
+    // The sparse accessor replaces one position. Its data are other bytes of the file: the index of the replaced
+    // position is the second of the triangle's indices, 1, and the new position is the second to fourth numbers of the
+    // positions: 0, 0, 1.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 4}},"#;
@@ -125,8 +126,9 @@ fn a_sparse_accessor_replaces_the_elements_that_its_indices_name() {
 
 #[test]
 fn sparse_elements_are_normalised_like_the_others() {
-    // The sparse accessor's index is the second index of the file: 1. Its value is made of the sixth to eighth numbers
-    // of the corners: 0, 0, 127.
+    // The sparse accessor replaces one position. Its data are other bytes of the file: the index of the replaced
+    // position is the second of the triangle's indices, 1, and the new position is the sixth to eighth numbers of the
+    // corners: 0, 0, 127.
     let sparse = r#""type": "VEC3", "sparse": {"count": 1,
 "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
 "values": {"bufferView": 0, "byteOffset": 5}},"#;

@@ -51,7 +51,7 @@ impl Files<'_> {
             let number = info.index.value();
             self.map(&info, least_alpha(wire), pictures)
                 .map_err(|why| {
-                    // The reason may quote the file.
+                    // The reason may quote the file, so it is shown only if messages may quote the file.
                     let why = if self.reach.permitted.quotes {
                         format!(" {why}")
                     } else {
@@ -121,7 +121,8 @@ impl Files<'_> {
     }
 }
 
-/// Returns the texture of a material's colour; older files store it as `diffuseTexture`.
+/// Returns the texture of a material's colour. Files with the older extension KHR_materials_pbrSpecularGlossiness store
+/// this texture as `diffuseTexture`.
 pub(super) fn colour_texture(wire: &Wire) -> Option<Info> {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness");
     match older {

@@ -2,13 +2,13 @@
 
 use std::borrow::Cow;
 
-/// The first words of a header's lines.
+/// The first words of the lines that PLY defines for a header.
 const WORDS: [&[u8]; 7] =
     [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
 /// The word that is put before a line that begins with none of `WORDS`.
 const COMMENT: &[u8] = b"comment ";
-/// The longest header that is searched, in bytes. In a longer header, the reader refuses lines that
-/// PLY does not define.
+/// The longest header that is searched for lines that PLY does not define, in bytes. Such lines are refused in a longer
+/// header.
 const MAX_BYTES: usize = 1 << 20;
 
 /// Turns lines that PLY does not define into comments, and counts them: some exporters write their

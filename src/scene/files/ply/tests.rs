@@ -187,7 +187,7 @@ fn a_message_begins_with_the_files_name() {
         let error = parse("a.ply", SQUARE.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
         assert!(error.starts_with("a.ply:"), "{error}");
     }
-    // A binary file has no lines.
+    // A binary file has no lines, so the message names no line.
     let binary = "ply\nformat binary_little_endian 1.0\nelement vertex 9\nproperty float x\nend_header\n1234";
     let error = parse("a.ply", binary.as_bytes()).err().unwrap().to_string();
     assert!(error.starts_with("a.ply:"), "{error}");

@@ -49,7 +49,7 @@ fn a_mask_has_holes_where_its_alpha_times_the_materials_is_below_the_cutoff() {
 fn corners_of_a_mirrored_triangle_keep_their_texture_coordinates() {
     let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
     let mesh = read(&text.replace(r#"{"mesh": 0,"#, r#"{"mesh": 0, "scale": [-1, 1, 1],"#)).unwrap().mesh;
-    // The second and the third corner change places.
+    // The node mirrors the triangle, so its second and third corner change places.
     assert_eq!(corners(&mesh), [Vec3::Z * 5.0, Vec3::new(0.0, 1.0, 5.0), Vec3::new(-1.0, 0.0, 5.0)]);
     assert_eq!(mesh.textures.mapped[0].corners, [[0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]);
 }
