@@ -34,7 +34,7 @@ pub fn is_inside() -> bool {
 /// # Errors
 ///
 /// Fails if a driver ended the child process, and the command cannot run again without the failing drivers. Also fails
-/// if a driver ends the second child process too.
+/// if a driver ends the second child process.
 pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));

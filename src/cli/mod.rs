@@ -58,7 +58,7 @@ use colour::Colour;
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C.
 
-The file ~/.config/raycl/config.toml contains your own defaults (device, color, results). The environment
+The file ~/.config/raycl/config.toml may contain your own defaults (device, color, results). The environment
 variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal), always or never [default: auto, or never if NO_COLOR is set]
@@ -246,7 +246,7 @@ impl Cli {
 /// Lets a negative number be a value of every option that has a value. If the number is out of range, the message then
 /// says which values are expected; otherwise clap would take `-3` for an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
-    let allow = |arg: clap::Arg| match arg.get_action().takes_values() {
+    let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),
         false => arg,
     };
@@ -279,9 +279,11 @@ mod tests {
             let text = Cli::parse_words(&typed).expect_err("a mistake").to_string();
             assert!(text.contains("'-3'") && text.contains("1..="), "{text}");
         }
-        let unknown = words(&["raycl", "render", "a.obj", "-j"]);
-        let text = Cli::parse_words(&unknown).expect_err("a mistake").to_string();
-        assert!(text.contains("unexpected argument '-j'"), "{text}");
+        for unknown in ["-j", "-8"] {
+            let typed = words(&["raycl", "render", unknown, "a.obj"]);
+            let text = Cli::parse_words(&typed).expect_err("a mistake").to_string();
+            assert!(text.contains(&format!("unexpected argument '{unknown}'")), "{text}");
+        }
     }
 
     #[test]

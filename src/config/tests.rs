@@ -89,12 +89,15 @@ fn every_config_of_the_repository_loads() {
 }
 
 #[test]
-fn scenes_have_a_limit_of_triangles_if_every_strategy_needs_a_tree() {
+fn a_single_scene_has_a_limit_of_triangles_if_every_strategy_needs_a_tree() {
     let most = |text: &str| load_with(text, &[]).unwrap().scenes[0].most_triangles;
     let named = |strategies: &str| GOOD.replace(r#"["naive", "local-vectors"]"#, strategies);
     let trees = named(r#"["bvh", "tile"]"#);
     assert_eq!(most(&trees), Some(1 << 25));
     assert_eq!(most(&named(r#"["bvh", "naive"]"#)), None);
+    let two =
+        trees.replace(r#"["../scenes/teapot.toml"]"#, r#"["../scenes/teapot.toml", "../scenes/gourd.toml"]"#);
+    assert_eq!(most(&two), None);
     assert_eq!(most(&format!("baselines = [\"serial\"]\n{trees}")), None);
 }
 

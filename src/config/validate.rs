@@ -29,8 +29,11 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
         return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
     }
-    if baselines.is_empty() && strategies.iter().all(|named| named.strategy.needs_tree()) {
-        scenes.iter_mut().for_each(|scene| scene.most_triangles = Some(WideBvh::MAX_INDEX as u64));
+    // Beside other scenes, a scene that is too large is recorded as infeasible, and the other scenes are measured.
+    if let ([scene], []) = (&mut scenes[..], &baselines[..])
+        && strategies.iter().all(|named| named.strategy.needs_tree())
+    {
+        scene.most_triangles = Some(WideBvh::MAX_INDEX as u64);
     }
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let stated = |text: &Option<Spanned<String>>, key| {

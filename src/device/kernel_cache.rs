@@ -36,7 +36,7 @@ fn default_folder() -> Option<PathBuf> {
 }
 
 /// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
-/// this by writing a file without a name into the nearest existing folder. Permission bits alone show too little: for
+/// this by creating a temporary file in the nearest existing folder. Permission bits alone show too little: for
 /// the superuser they permit writing even if the file system does not.
 fn can_be_written(folder: &Path) -> bool {
     let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());

@@ -57,8 +57,11 @@ impl FromStr for Fault {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || format!("'{text}' is not a fault; expected one such as abort@check:3 or segv@cast:0:once");
+        let wrong = || {
+            format!(
+                "'{text}' is not a fault to inject; expected KIND@STEP:POINT or KIND@STEP:POINT:once, such as abort@check:3 or segv@cast:0:once"
+            )
+        };
         let (kind, place) = text.split_once('@').ok_or_else(wrong)?;
         let (_, kind) = KINDS.into_iter().find(|(name, _)| *name == kind).ok_or_else(wrong)?;
         let mut words = place.split(':');

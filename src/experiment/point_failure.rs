@@ -30,7 +30,7 @@ impl PointFailure {
         Self::new(Outcome::WrongImage, reason)
     }
 
-    /// Returns the failure of a strategy that a device (none for a caster on the host) refused to cast.
+    /// Returns the failure of a point that was refused. `device` is the worker's device, if it has one.
     pub fn of(refused: &Refused, device: Option<&DeviceInfo>) -> Self {
         let outcome = match refused {
             Refused::Launch { error: LaunchError::WorkGroup { .. }, .. }

@@ -105,7 +105,8 @@ impl<'a> RequestHandler<'a> {
         Ok(Reply::Checked { record: Box::new(record), ready })
     }
 
-    /// Drops the data of other groups, and loads the scene of a point if it is not the current scene.
+    /// Prepares for requests about a point: drops the entries of the previous group if the point is in another group,
+    /// and loads the point's scene if another scene is loaded.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.is_beside(&point)) {
             self.entries.clear();

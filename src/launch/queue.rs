@@ -34,10 +34,14 @@ impl Queue {
             Ok(Self { context, commands, device, shares_memory, staging: Arc::default() })
         };
         open().map_err(|error| {
-            let reason = LaunchError::from(error).on(info);
-            Error::run(format!("cannot open the OpenCL device: {reason}")).with_help(
-                "another process may be using the device's memory; `raycl devices` lists other devices",
-            )
+            let error = LaunchError::from(error);
+            let remedy = match error {
+                LaunchError::Resources(_) => {
+                    "another process may be using the device's memory; `raycl devices` lists other devices"
+                }
+                _ => "`raycl devices` lists other devices",
+            };
+            Error::run(format!("cannot open the OpenCL device: {}", error.on(info))).with_help(remedy)
         })
     }
 

@@ -38,7 +38,7 @@ const ANOTHER: &str =
 /// The remedy if a launch fails.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
 /// The remedy if a launch fails because memory is missing.
-const FREE_MEMORY: &str = "a smaller picture or scene needs less memory; other processes may also be using the memory; `raycl devices` lists other devices";
+const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less; other processes may also be using the memory; `raycl devices` lists other devices";
 
 /// The remedy for an error in a kernel file of the user.
 const OWN_FILE: &str =

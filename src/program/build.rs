@@ -191,8 +191,9 @@ fn load(context: &Context, device: Device, found: &KeptProgram, options: &str) -
     Program::with_binary(context.as_core(), &[device], &[&found.binary], &options).ok()
 }
 
-/// Returns whether the device's compiler can print resources, like
-/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources), but from the device's handle.
+/// Returns whether the device's compiler has an option to print a kernel's registers and spills. The function
+/// [`DeviceInfo::prints_resources`](crate::device::DeviceInfo::prints_resources) returns the same, but needs more than
+/// the device's handle.
 fn prints_resources(device: Device) -> bool {
     let extensions = ocl::core::get_device_info(device, ocl::core::DeviceInfo::Extensions);
     extensions

@@ -107,16 +107,22 @@ impl Folder {
         })
     }
 
-    /// Returns the text of a top-level key in the run's config; `None` if there is none.
+    /// Returns the text of a top-level key in the run's config, or that of the last `--set` for this key; `None` if
+    /// there is none.
     pub fn config(&self, key: &str) -> Option<String> {
-        let table: toml::Table = toml::from_str(self.environment["config"].as_str()?).ok()?;
-        Some(table.get(key)?.as_str()?.to_owned())
+        let overrides = self.environment["overrides"].as_array().into_iter().flatten().rev();
+        overrides.chain([&self.environment["config"]]).find_map(|text| {
+            let table: toml::Table = toml::from_str(text.as_str()?).ok()?;
+            Some(table.get(key)?.as_str()?.to_owned())
+        })
     }
 
-    /// Returns the question of the run's config, or the folder's label if it states none; and the expectation, which
-    /// is empty if the config states none.
+    /// Returns the question of the run's config. If the config states none, this is the name of the config or, if the
+    /// name is not known, the folder's label. Also returns the expectation, which is empty if the config states none.
     pub fn question(&self) -> (String, String) {
-        let question = self.config("question").unwrap_or_else(|| self.label.clone());
+        let name =
+            || Some(Path::new(self.environment["config_path"].as_str()?).file_stem()?.to_str()?.to_owned());
+        let question = self.config("question").or_else(name).unwrap_or_else(|| self.label.clone());
         (question, self.config("expectation").unwrap_or_default())
     }
 
@@ -422,6 +428,27 @@ mod tests {
         assert_eq!(read.label, name.file_name().unwrap().to_string_lossy());
         let values = ["question", "scenes", "answer"].map(|key| read.config(key));
         assert_eq!(values, [Some("Which?".to_owned()), None, None]);
+    }
+
+    #[test]
+    fn the_question_is_that_of_set_or_of_the_config_or_the_configs_name_or_the_folders() {
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let question = |environment: Value| {
+            std::fs::write(folder.path().join("environment.json"), environment.to_string()).unwrap();
+            let read = Folder::read(folder.path()).unwrap();
+            (read.question(), read.label)
+        };
+        let stated = "question = \"Which?\"\nexpectation = \"This.\"\n";
+        let set = ["question = \"One?\"", "question = \"Two?\"", "timing.seed = 2"];
+        let path = "configs/sizes.toml";
+        let with = |config: &str, overrides: &[&str]| {
+            question(serde_json::json!({"config": config, "overrides": overrides, "config_path": path})).0
+        };
+        assert_eq!(with(stated, &set), ("Two?".to_owned(), "This.".to_owned()));
+        assert_eq!(with(stated, &[]).0, "Which?");
+        assert_eq!(with("", &[]), ("sizes".to_owned(), String::new()));
+        let (unknown, label) = question(serde_json::json!({"config": ""}));
+        assert_eq!(unknown, (label, String::new()));
     }
 
     #[test]

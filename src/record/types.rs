@@ -137,8 +137,8 @@ pub struct Record {
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor
-    /// are left out, and so are samples and launches in which a virtual machine's processors were on cores further apart
-    /// than in most samples of the run, or shared a core.
+    /// are left out, and so are samples and launches in which a virtual machine's processors were on cores further
+    /// apart than in most samples of the run, or shared a core.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have

@@ -186,7 +186,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tiled-pixel-linear",
-        about: "pixel-linear planes streamed through __local memory, 16 rays per work-item: fewest operations per test on a GPU",
+        about: "triangles as pixel-linear planes, streamed through __local memory, 16 rays per work-item: fewest operations per ray-triangle test on a GPU",
         strategy: Strategy {
             width: Width::W16,
             intersector: Intersector::PIXEL_LINEAR,

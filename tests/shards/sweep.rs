@@ -8,7 +8,8 @@ use raycl::shard::{About, Attempt, Block, Cost, End, Header, Kind, KindPoint, Sh
 use std::path::Path;
 use std::process::Stdio;
 
-/// A sweep of many points in many shards, as if it had been measured: recorded times, under other names, in attempts' folders.
+/// A sweep of many points in many shards, as if it had been measured: recorded times, under other names, in attempts'
+/// folders.
 struct Replay {
     points: usize,
     shards: u32,

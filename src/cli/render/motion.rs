@@ -90,8 +90,10 @@ impl Motion {
 
 /// Reports that this process has no frame to render, because there are fewer frames than processes.
 fn nothing_to_do(args: &Args, all: Frames) -> Result<()> {
-    let text =
-        format!("this shard renders nothing: frames {}..{} are fewer than the shards", all.first, all.last);
+    let text = format!(
+        "this shard renders nothing: there are fewer frames ({}..{}) than shards",
+        all.first, all.last
+    );
     match (args.json, args.quiet) {
         (true, _) => {
             crate::cli::print_json(&serde_json::json!({ "frames": 0, "skipped": 0, "notes": [text] }))

@@ -27,7 +27,8 @@ pub struct Opened {
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
-    /// The program for the display transform, if it is not compiled yet and this picture does not wait for it.
+    /// The program for the display transform that a background process compiles for the next start; `None` if the
+    /// program is compiled already, or if this picture waits for it.
     pub show_later: Option<ProgramSpec>,
 }
 

@@ -3,12 +3,13 @@
 
 use statrs::function::gamma::digamma;
 
-/// When the distribution is estimated, a variance counts as at most this multiple of the typical variance. Both are
-/// compared after the bias of the variances' logarithms is corrected. With two degrees of freedom, a variance exceeds
-/// this limit if it is more than 9 times the typical variance; if all points are alike, one in 8,000 does so by chance.
+/// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this multiple of
+/// the typical variance is reduced to this multiple. Both are compared after the bias of the variances' logarithms is
+/// corrected. With two degrees of freedom, a variance exceeds this limit if it is more than 9 times the typical
+/// variance; if all points are alike, one in 8,000 does so by chance.
 const MOST_TIMES: f64 = 16.0;
-/// When the distribution is estimated, a variance counts as at least this fraction of the mean variance. A variance can
-/// be 0, because with a coarse clock all times of a point can be equal.
+/// Before the distribution is estimated, a variance below this fraction of the mean variance is raised to this
+/// fraction. A variance can be 0, because with a coarse clock all times of a point can be equal.
 const LEAST_SHARE: f64 = 1e-4;
 /// The degrees of freedom are searched between these limits. Below the first limit, the variances of points have
 /// nothing in common; above the second, the true variances are equal.
