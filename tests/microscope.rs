@@ -119,9 +119,19 @@ fn without_objdump_the_page_says_what_is_missing() {
     let (place, device) = (Place::with(&[("scene.toml", crate::binary::TRIANGLE)]), device());
     let mut command =
         place.raycl(&["compile", "scene.toml", "--device", &device, "--strategy", "naive", "--json"]);
-    // With this `PATH`, raycl does not find `objdump`. PoCL works all the same, since it finds its linker by an
-    // absolute path.
-    let output = command.env("PATH", place.path("")).output().expect("it runs");
+    // In this `PATH`, raycl does not find `objdump`; PoCL finds the linker, which it needs for kernels that are not in
+    // its cache.
+    std::fs::create_dir(place.path("tools")).expect("a folder");
+    let path = std::env::var_os("PATH").expect("a PATH");
+    if let Some(linker) =
+        std::env::split_paths(&path).map(|folder| folder.join("ld")).find(|file| file.exists())
+    {
+        std::os::unix::fs::symlink(linker, place.path("tools/ld")).expect("a link");
+    }
+    for cache in ["XDG_CACHE_HOME", "POCL_CACHE_DIR"] {
+        command.env(cache, place.path("cache"));
+    }
+    let output = command.env("PATH", place.path("tools")).output().expect("it runs");
     let made: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     if made["binary_is_ptx"] == false {
         let notes = made["microscope"]["notes"].to_string();

@@ -21,10 +21,10 @@ use bounds::Bounds;
 pub use triangles::{PADDING_ROWS, TRIANGLE_WORDS, write_surface_rows, write_triangle_rows};
 pub use wide::WideBvh;
 
-/// A hash of the trees over a few fixed meshes. Each measured point (a strategy at a local size on a scene) is stored
-/// under a key. If the point uses a tree, its key contains this hash. A change to the builder or the layout changes
-/// these trees; a test then fails until the hash is updated. With a new hash, points that use a tree are measured
-/// again.
+/// A hash of the trees over a few fixed meshes. Each measured point (a strategy with a local size, an image size, a
+/// scene and a device) is stored under a key. If the point uses a tree, its key contains this hash. A change to the
+/// builder or the layout changes these trees; a test then fails until the hash is updated. With a new hash, points that
+/// use a tree are measured again.
 pub const FINGERPRINT: &str = "ad49ebad8d6679c1";
 
 /// A node of a [`Bvh`]: 32 bytes.

@@ -143,7 +143,7 @@ fn text(report: &Report) -> String {
                 report.largest_error
             ));
             lines.push(format!(
-                "relative error    {:8.2e}    at most, relative to the expected pixel's brightest channel",
+                "relative error    {:8.2e}    at most, divided by the expected pixel's brightest channel",
                 report.largest_relative_difference
             ));
             let percent = 100.0 * report.different_pixels as f64 / report.pixels.max(1) as f64;
@@ -230,7 +230,7 @@ mod tests {
             [
                 "PSNR 43.69 dB",
                 "largest error 0.20000 of white (51.0 of 255), at column 12, row 7",
-                "relative error 5.00e-1 at most, relative to the expected pixel's brightest channel",
+                "relative error 5.00e-1 at most, divided by the expected pixel's brightest channel",
                 "different pixels 3 of 400 (0.75%)",
                 "differences d.png",
             ]

@@ -111,8 +111,8 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
     CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
 }
 
-/// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, are sent by other processes,
-/// so they are not the driver's fault.
+/// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the
+/// process, so they are not the driver's fault.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
 
 #[cfg(unix)]

@@ -66,9 +66,9 @@ impl Subject {
         load_scene_for(&self.scene, &self.overrides()?, Shot { aspect, turns, dressed, most_triangles })
     }
 
-    /// Returns whether the requested strategy needs a tree. If no strategy is requested, returns true, since a scene
-    /// with many triangles is then cast with a strategy that needs a tree, such as `tile`. Mistakes in the requested
-    /// strategy are reported later, when the strategy is chosen.
+    /// Returns whether the requested strategy needs a tree. If neither a strategy nor an axis is requested, returns
+    /// true, since a scene with many triangles is then cast with a strategy that needs a tree, such as `tile`. Mistakes
+    /// in the requested strategy are reported later, when the strategy is chosen.
     fn needs_tree(&self) -> bool {
         let strategy = preset("tile")
             .and_then(|tile| requested_strategy(self.strategy.as_deref(), &self.set, tile.strategy));

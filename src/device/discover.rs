@@ -210,7 +210,7 @@ fn inspect(platform: ocl::Platform, device: ocl::Device) -> Device {
     if info.unusable.is_none() {
         info.limits.lane_operations = LaneOperations::assumed(&info);
     }
-    let lanes_are_tested = info.limits.lane_operations == LaneOperations::Barriers; // works on any device
+    let lanes_are_tested = info.limits.lane_operations == LaneOperations::Barriers; // barriers work everywhere
     Device { info, platform, device, lanes_are_tested }
 }
 

@@ -138,7 +138,7 @@ pub struct Record {
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor
     /// are left out, and so are samples and launches in which a virtual machine's processors were on cores further
-    /// apart than in most samples of the run, or shared a core.
+    /// apart than in other samples of the run, or shared a core.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -253,7 +253,7 @@ pub struct Record {
     #[serde(default)]
     pub moved_samples: Option<u32>,
     /// Number of launches of the record's group that were left out because the processors were further apart than in
-    /// most samples of the run, or shared a core; null if it is unknown how far apart the processors were.
+    /// other samples of the run, or shared a core; null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.

@@ -23,7 +23,7 @@ const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply,
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
-    /// The TOML text, after all values from `--set` or from a config have been set in it.
+    /// The TOML text, after all values that options or a config set have been set in it.
     pub text: String,
     /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
@@ -119,7 +119,7 @@ impl Document {
         self.changed.as_ref().map_or(&self.text, |changed| &changed.original)
     }
 
-    /// Returns the origin of a part of the text: a setting (a value from `--set` or a config), or a part of the file.
+    /// Returns the origin of a part of the text: a setting (a value from an option or a config), or a part of the file.
     fn origin(&self, span: &Range<usize>) -> Origin<'_> {
         match &self.changed {
             Some(changed) => changed.origin(&self.text, span),
@@ -141,7 +141,7 @@ impl Document {
         format!("{}:{}", self.name, self.original().lines().count())
     }
 
-    /// If an error's mistake lies in no setting, adds the names of all settings to the error's remedy.
+    /// Adds the names of all settings to the remedy of an error whose mistake lies in no setting.
     fn with_settings(&self, error: Error) -> Error {
         let Some(changed) = &self.changed else { return error };
         let remedy = format!("{}; {}", error.remedy(), changed.told());

@@ -86,9 +86,9 @@ pub fn load_scene_for(path: &Path, settings: &[Setting], shot: Shot) -> Result<L
     load(path, settings, shot, true)
 }
 
-/// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the
-/// folder of that other file; messages quote the scene only if the scene's file is in this folder. Shapes of more than
-/// `most_triangles` triangles are refused before they are made.
+/// Loads a scene that another file names, in the same way as [`load_scene_with`]. `folder` is the folder of that other
+/// file; messages quote the scene only if the scene's file is in this folder. Shapes that have more than
+/// `most_triangles` triangles together are refused before they are made.
 ///
 /// # Errors
 ///

@@ -160,7 +160,7 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, soft lights and a sky adds nothing to the hash here, so its hash is the same as in
+        // A scene without textures, soft lights or a sky adds nothing to the hash here, so its hash is the same as in
         // records of older versions, which had none of these features.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);

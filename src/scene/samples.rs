@@ -162,7 +162,7 @@ impl Sample {
     }
 }
 
-/// Returns the samples that are cast through each pixel. All pixels have the same samples.
+/// Returns the samples of a pixel that gets `count` samples. All such pixels have the same samples.
 pub fn pixel_samples(count: u32) -> Vec<Sample> {
     let offsets = (0..).zip(pixel_offsets(count));
     let sample =

@@ -14,8 +14,8 @@ const PROGRAM_BYTES: u64 = 240_000_000;
 /// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle's corners and number,
 /// and 72 bytes for nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
-/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and the mark of a certain
-/// pixel.
+/// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and whether the pixel is
+/// certain.
 const REFERENCE_PIXEL_BYTES: u64 = 96 + 12 + 1;
 /// Bytes per pixel of a picture: radiance that was read back, 8-bit channels, and the file.
 const PICTURE_BYTES: u64 = 12 + 3 + 3;

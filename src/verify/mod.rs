@@ -1,12 +1,12 @@
 //! Verifies images: an image that is wrong never enters the results.
 //!
 //! The [`Reference`] also casts rays in slightly changed directions (nudges). Wide nudges move a pixel's ray by much
-//! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if wide nudges do
-//! not change its value. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
-//! [`relative_difference`]), and within one 8-bit step per channel as displayed. A pixel that only wide nudges change
-//! must agree in the same way. A pixel that narrow nudges change must lie within the range of the pixel's values under
-//! these nudges. Pixels outside this range are counted, and only few of them are allowed. The number of pixels that hit
-//! something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is computed
+//! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if no nudge changes
+//! its value noticeably. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
+//! [`relative_difference`]), and within one 8-bit step per channel as displayed. Any other pixel must lie within the
+//! range of its values under narrow nudges. If only wide nudges change the pixel, this range is no wider than the
+//! relative limit. Pixels outside their range are counted, and only few of them are allowed. The number of pixels that
+//! hit something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is computed
 //! from this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};

@@ -1,4 +1,4 @@
-//! Chooses the strategy for the first picture on a GPU, where the fastest strategy's program is not compiled yet.
+//! Chooses the strategy for the first picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
 //! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
 //! program casts a picture in milliseconds. So the first picture is cast with [`QUICK`], while a background process

@@ -59,8 +59,8 @@ fn builders(run: &Run<'_>, folder: &Path) -> Vec<Builder> {
     (0..builder_count(cores, run.devices)).map(builder).collect()
 }
 
-/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than fit into the memory of
-/// any device at the same time.
+/// Returns the number of builders: one per core, but at most `MOST_BUILDERS`, and no more than fit into each device's
+/// memory at the same time.
 fn builder_count(cores: usize, devices: &[&DeviceInfo]) -> usize {
     let room = |device: &&DeviceInfo| (device.limits.global_bytes / BYTES_PER_BUILDER).max(1) as usize;
     cores.min(devices.iter().map(room).fold(MOST_BUILDERS, usize::min))

@@ -52,8 +52,8 @@ impl Pool {
         }
     }
 
-    /// Starts a process and waits until its device is open. Returns `None` if this fails. The worker that measures on
-    /// this device will then fail in the same way, and reports the failure.
+    /// Starts a process and waits until its device is open. Returns `None` if this fails. If the cause persists, the
+    /// worker that measures on this device fails too, and the run reports that failure.
     fn start(&mut self, device: usize, patience: &Patience<'_>) -> Option<Box<dyn Worker>> {
         let mut worker = self.spawner.spawn(device).ok()?;
         matches!(patience.wait(worker.as_mut()), Some(Reply::Started)).then_some(worker)

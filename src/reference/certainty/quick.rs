@@ -1,4 +1,4 @@
-//! Determines whether a pixel is certain with a few searches, instead of searches for every nudge. If a few searches
+//! Determines with a few searches, instead of searches for every nudge, whether a pixel is certain. If a few searches
 //! are not enough, there is no result.
 
 use super::super::beam::Beam;

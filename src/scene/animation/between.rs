@@ -30,8 +30,8 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. The values of all keyframes have the
-/// same structure: numbers, or lists of the same length.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. Unless the interpolation is by steps,
+/// the values of all keyframes have the same structure: numbers, or lists (perhaps nested) of the same length.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,

@@ -1,5 +1,5 @@
 //! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for
-//! points that were not measured, and other numbers for leftover points that no face uses. A vertex that is not valid
+//! points that were not measured, and leave behind other such vertices that no face uses. A vertex that is not valid
 //! is a mistake only if a face uses the vertex. A normal that is not valid counts as missing.
 
 use super::faces::Start;

@@ -223,8 +223,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. If they are not,
-    /// the mesh is not scaled. This does not change the picture: a camera this far away, at 1e11 radii and more, sees
-    /// the mesh as less than a pixel.
+    /// the mesh is not scaled: a camera this far away, at 1e11 radii and more, sees the mesh as less than a pixel
+    /// anyway.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())
