@@ -18,7 +18,7 @@ use crate::strategy::AXES;
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// The question that the experiment answers, in a sentence [default: the name of the file].
+    /// The question that the experiment answers, in a sentence [default: the name of the file, without `.toml`].
     #[schemars(with = "Option<String>", length(min = 1))]
     pub question: Option<Spanned<String>>,
     /// The expected answer, written before measuring [default: none].

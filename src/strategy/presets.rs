@@ -174,7 +174,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide-pixel-linear",
-        about: "wide, with planes through the eye and each edge as linear functions of the pixel's x and y: fewest operations per test",
+        about: "wide, with planes through the eye and each edge as linear functions of the pixel's x and y: fewest operations per ray-triangle test",
         strategy: Strategy { width: Width::W16, intersector: Intersector::PIXEL_LINEAR, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
