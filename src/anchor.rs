@@ -4,7 +4,7 @@
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
-use crate::launch::{FrameTimes, Queue, duration_ms};
+use crate::launch::{FrameTimes, LaunchError, Queue, duration_ms};
 use crate::program::Sources;
 use ocl::prm::Float4;
 use ocl::{Buffer, Event, Kernel, MemFlags, Program};
@@ -106,8 +106,12 @@ impl Anchor {
     }
 }
 
-fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the anchor, a kernel that is timed with the points, failed: {error}")).with_help(
+fn failed(error: impl Into<LaunchError>) -> Error {
+    failed_because(&error.into().to_string())
+}
+
+fn failed_because(reason: &str) -> Error {
+    Error::run(format!("the anchor, a kernel that is timed with the points, failed: {reason}")).with_help(
         "results without the anchor are correct, but can be compared with those of a later run only through baselines",
     )
 }
@@ -145,7 +149,7 @@ fn check(found: &[f32], spheres: &[[f32; 4]]) -> Result<()> {
     let wrong = found.iter().enumerate().filter(|ray| !agrees(*ray)).count();
     match wrong <= MOST_GRAZING {
         true => Ok(()),
-        false => Err(failed(format!(
+        false => Err(failed_because(&format!(
             "{wrong} of {} rays found a different distance on the device than on the host",
             found.len()
         ))),

@@ -1,7 +1,7 @@
 //! Measures the peak rates, one per function. Each function checks the kernel's result, which shows that the kernel did
 //! the work.
 
-use super::rig::{Rig, failed, repeat};
+use super::rig::{Rig, failed, failed_because, repeat};
 use super::{Figure, Peak};
 use crate::device::Device;
 use crate::error::Result;
@@ -69,7 +69,7 @@ fn latency(seconds: &[f64]) -> Figure {
 
 fn expect(what: &str, found: f64, expected: f64) -> Result<()> {
     let close = (found - expected).abs() <= 1e-3 * expected.abs();
-    if close { Ok(()) } else { Err(failed(format!("{what} returned {found}, not {expected}"))) }
+    if close { Ok(()) } else { Err(failed_because(&format!("{what} returned {found}, not {expected}"))) }
 }
 
 fn fma(rig: &Rig<'_>) -> Result<Figure> {

@@ -2,7 +2,7 @@
 
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::launch::Queue;
+use crate::launch::{LaunchError, Queue};
 use crate::program::{BuiltProgram, Kept, ProgramSpec, Sources};
 use ocl::builders::KernelBuilder;
 use ocl::enums::{ProfilingInfo, ProfilingInfoResult};
@@ -26,9 +26,14 @@ const LONG_ENOUGH_MS: f64 = 20.0;
 /// The largest number of loops in a kernel launch.
 const MOST_LOOPS: i32 = 1 << 24;
 
-/// Returns the error for a measurement that failed.
-pub fn failed(error: impl std::fmt::Display) -> Error {
-    Error::run(format!("the device's peak rates could not be measured: {error}"))
+/// Returns the error for a measurement in which OpenCL failed.
+pub fn failed(error: impl Into<LaunchError>) -> Error {
+    failed_because(&error.into().to_string())
+}
+
+/// Returns the error for a measurement that failed for a reason of raycl's own.
+pub fn failed_because(reason: &str) -> Error {
+    Error::run(format!("the device's peak rates could not be measured: {reason}"))
         .with_help("choose another device with --device; `raycl devices` lists all devices")
 }
 
@@ -71,7 +76,7 @@ impl<'a> Rig<'a> {
         let options = format!("{defines}-cl-std=CL1.2 -cl-kernel-arg-info");
         let spec = ProgramSpec { source: text, options, files: Vec::new() };
         let built = BuiltProgram::build(&self.queue.context, self.queue.device, &spec, &Kept::default());
-        built.map(|built| built.program).map_err(|error| failed(format!("{file}: {error}")))
+        built.map(|built| built.program).map_err(|error| failed_because(&format!("{file}: {error}")))
     }
 
     /// Returns a kernel of `items` work-items in groups of `group`; the caller adds the kernel's arguments.
@@ -113,7 +118,7 @@ impl<'a> Rig<'a> {
         let host_ms = start.elapsed().as_secs_f64() * 1e3;
         let read = |info| match event.profiling_info(info) {
             Ok(ProfilingInfoResult::Start(ns) | ProfilingInfoResult::End(ns)) => Ok(ns),
-            Ok(_) => Err(failed("the driver reported no time")),
+            Ok(_) => Err(failed_because("the driver reported no time")),
             Err(error) => Err(failed(error)),
         };
         let ns = read(ProfilingInfo::End)?.saturating_sub(read(ProfilingInfo::Start)?);
