@@ -100,7 +100,7 @@ pub fn utf8(bytes: Vec<u8>) -> Result<String> {
 
 /// The error of a text that is not UTF-8.
 #[derive(Debug, thiserror::Error)]
-#[error("its line {line} is not UTF-8 text")]
+#[error("line {line} is not UTF-8 text")]
 pub struct NotUtf8 {
     /// The first line, counted from 1, that is not UTF-8.
     pub line: usize,

@@ -132,8 +132,9 @@ pub fn one_device(pattern: Option<&str>, sources: &Sources) -> Result<Device> {
     one_device_with(pattern, sources, LaneTest::Now)
 }
 
-/// Returns the index, in `infos`, of the device that [`one_device`] chooses; `None` if there is no device. `word` is
-/// the text that names a device in the user's settings.
+/// Returns the index, in `infos`, of the device that [`one_device`] chooses. `word` is the text that names a device in
+/// the user's settings. Returns an error if `pattern` or `word` matches no usable device. Without `pattern` and `word`,
+/// returns `None` if no device is usable.
 fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) -> Result<Option<usize>> {
     match (pattern, word) {
         (Some(pattern), _) => Ok(places(infos, &[pattern.to_owned()])?.first().copied()),

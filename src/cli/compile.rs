@@ -26,7 +26,8 @@ Each strategy gets a folder in DIR: microscope.html (a page that shows each sour
 
 The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
 pub struct Args {
-    /// The scene, a TOML file or a mesh. The sizes of the kernels' __local arrays and stacks depend on the scene
+    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
+    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays
     scene: PathBuf,
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]

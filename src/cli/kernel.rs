@@ -36,8 +36,9 @@ pub struct Args {
     /// [default: no particular device]
     #[arg(long)]
     device: Option<String>,
-    /// The scene, a TOML file or a mesh. The sizes of the kernels' __local arrays and stacks depend on the scene
-    /// [default: a small scene]
+    /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
+    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays [default: a
+    /// small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls

@@ -54,8 +54,9 @@ pub fn expand(
     Ok(all)
 }
 
-/// Returns the kind of device that a preset is measured on. Returns `None` (devices of every kind) if the config has
-/// `any_kind`, or if the command line names the preset.
+/// Returns the kind of device that a preset is measured on; `None` if the preset is measured on devices of every kind.
+/// It is measured on every kind if it is meant for every kind, if the config has `any_kind = true`, or if the command
+/// line names the preset.
 fn meant_for(document: &Document, config: &wire::Experiment, name: &Spanned<String>) -> Option<DeviceKind> {
     let any = config.any_kind || document.is_override(&name.span());
     find(document, name).ok().filter(|_| !any)?.meant_for
@@ -89,7 +90,7 @@ fn product(
     }
     let Some(name) = &entry.preset else {
         let error = document.error(span, "this strategy has no preset", "preset = \"...\" belongs here");
-        return Err(error.with_help("name the preset to change; `raycl strategies` lists all presets"));
+        return Err(error.with_help("name the preset from which this strategy takes the value of every axis that it does not set; `raycl strategies` lists all presets"));
     };
     let preset = find(document, name)?;
     let sizes = match &entry.local_sizes {

@@ -26,7 +26,7 @@ pub enum LaneOperations {
 /// When the lane operations of a device are tested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LaneTest {
-    /// Before the device is returned.
+    /// While the devices are listed, before raycl chooses one of them.
     Now,
     /// When [`Device::test_lanes`](super::Device::test_lanes) is called. Until then, the device is assumed to have the
     /// fastest operations that its extensions suggest. The test takes 0.4 s on a GPU, so a picture whose kernels do

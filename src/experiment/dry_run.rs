@@ -18,7 +18,8 @@ pub struct Forecast {
     pub needs: Option<Requirements>,
     /// Why the point does not fit on the device; `None` if it fits.
     pub refused: Option<String>,
-    /// Why the point is not measured on the device, if its preset is meant for another kind of device.
+    /// Why the point is not measured on the device, if the reason is that the point's preset is meant for another kind
+    /// of device; `None` otherwise.
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,

@@ -1,7 +1,7 @@
 //! Predicts how long a run will take, from earlier times of its points.
 
 use super::group::leaves_out_moved;
-use super::moved_processors::most_additional;
+use super::moved_processors::{WAITS, most_additional};
 use super::pending::PendingPoint;
 use super::rounds::MOST as MOST_ROUNDS;
 use super::{Plan, Run};
@@ -134,11 +134,12 @@ impl Run<'_> {
     }
 
     /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because
-    /// every launch may take more rounds.
+    /// every launch may take more rounds and may wait during all rounds. (The first wait may be a second longer.)
     fn most_additional_ms(&self, points: &[Known]) -> f64 {
         let launches = self.experiment.timing.launches as usize;
         let replaced = most_additional(launches);
-        let continued_ms = f64::from(MOST_ROUNDS - 1) * self.rounds_ms(points);
+        let most_rounds = f64::from(MOST_ROUNDS);
+        let continued_ms = (most_rounds - 1.0 + WAITS * most_rounds) * self.rounds_ms(points);
         replaced as f64 * self.launch_ms(points) + (launches + replaced) as f64 * continued_ms
     }
 
@@ -281,15 +282,16 @@ mod tests {
     }
 
     #[test]
-    fn a_group_takes_at_most_twice_its_launches_with_twice_their_rounds() {
+    fn a_group_takes_at_most_twice_its_launches_with_twice_their_rounds_and_waits() {
         let timing = "timing = { launches = 3, warmup = 0, time_limit_ms = 30 }";
         let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
         let locks = fixtures::own_locks();
         let run = fixtures::run(&experiment, &[], &locks);
         // At most, all three launches are replaced. A replacement consists of the start of a worker, the checks (100
-        // ms) and four rounds of 20 ms. Each of the six launches may take four more rounds.
+        // ms) and four rounds of 20 ms. Each of the six launches may take four more rounds, and wait for half the time
+        // of all eight rounds.
         let replaced_ms = 3.0 * (START_MS + 100.0 + 80.0);
-        assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 80.0);
+        assert_eq!(run.most_additional_ms(&POINTS), replaced_ms + 6.0 * 160.0);
         assert_eq!(run.most_additional_ms(&[]), 0.0);
     }
 

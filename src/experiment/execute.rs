@@ -111,8 +111,8 @@ struct Missing {
 }
 
 impl Missing {
-    /// Returns the points of a group to be measured. If any point of a block is missing, the block's control point
-    /// is measured too, even if the control point has a record.
+    /// Returns the points of a group to be measured: those that have no record yet. If another point of a block is
+    /// measured, the block's control point is measured too, even if the control point has a record.
     fn of(&mut self, group: Vec<PendingPoint>) -> Vec<PendingPoint> {
         let is_control =
             |pending: &PendingPoint| pending.record.control.as_ref() == Some(&pending.record.key);

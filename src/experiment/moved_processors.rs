@@ -6,11 +6,13 @@
 //! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. It is
 //! larger than usual in the first case, smaller in the second, and does not depend on the times of the points. *Near*
 //! processors run on cores at their usual distance. A sample does not count if its latency is much larger or smaller
-//! than that of near processors in the same run. Launches in which too few samples count are replaced by additional
-//! launches.
+//! than that of near processors in the same run. Before a sample, a launch waits for a limited time until the processors
+//! are near. Launches in which too few samples count are replaced by additional launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 /// The largest number of launches of a group, including additional launches, as a multiple of the requested number.
 const MOST: usize = 2;
@@ -22,6 +24,14 @@ const FAR: f64 = 2.0;
 /// core. On the machines of docs/log.md (2026-11-26), processors that share a core have 0.45 to 0.5 times the latency
 /// of near processors.
 const SHARED: f64 = 0.65;
+/// The pause between two readings of the latency while a launch waits for near processors. The processors are idle
+/// during the pause, since a host moves idle processors back sooner than busy ones: after about one second instead of
+/// three to ten (docs/log.md, 2026-11-26).
+const PAUSE: Duration = Duration::from_millis(50);
+/// All waits of a launch together take at most this part of the time for its samples, plus [`PATIENCE`].
+pub(super) const WAITS: f64 = 0.5;
+/// How long a launch may wait before its first sample.
+const PATIENCE: Duration = Duration::from_secs(1);
 
 /// A complete launch of a group.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,8 +52,8 @@ impl Launch {
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns whether the launch counts: at least five samples of each point count. For a point with fewer than five
-    /// samples of known latency, all of these must count.
+    /// Returns whether the launch counts. Only samples of known latency decide this. For each point, at least five of
+    /// these samples must count. If a point has fewer than five of them, all must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
             let near = point.iter().filter(|ns| is_near(Some(**ns), near_ns)).count();
@@ -66,6 +76,30 @@ pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
+}
+
+/// Returns how long a launch may still wait for near processors. The launch began `elapsed` ago, and has waited for
+/// `waited` of this time.
+pub(super) fn patience(elapsed: Duration, waited: Duration) -> Duration {
+    let most = elapsed.saturating_sub(waited).mul_f64(WAITS) + PATIENCE;
+    most.saturating_sub(waited)
+}
+
+/// Waits until the processors are near, but not longer than `most`; ends early if the run is `interrupted`. `read` reads
+/// the core-to-core latency in nanoseconds, and `last` is the reading before the wait. Returns the last reading.
+pub(super) fn wait_until_near(
+    mut last: Option<f64>,
+    near_ns: f64,
+    most: Duration,
+    interrupted: &AtomicBool,
+    mut read: impl FnMut() -> Option<f64>,
+) -> Option<f64> {
+    let start = Instant::now();
+    while !is_near(last, near_ns) && start.elapsed() < most && !interrupted.load(Ordering::Relaxed) {
+        std::thread::sleep(PAUSE);
+        last = read();
+    }
+    last
 }
 
 /// Returns whether a group needs no further launch if `wanted` launches were requested.
@@ -152,6 +186,47 @@ mod tests {
         assert_eq!([15.5, 20.0, 20.3, 31.0, 62.0, 62.1].map(count), [false, false, true, true, true, false]);
         assert!(is_near(None, 31.0));
         assert!(is_near(Some(14.0), f64::INFINITY) && is_near(Some(164.0), f64::INFINITY));
+    }
+
+    /// Waits for near processors (31 ns). The latency has these values in turn, and then keeps the last one; 0 means
+    /// that it is unknown. Returns the last value that was read, and the number of readings during the wait.
+    fn waits(latencies_ns: &[f64], most: Duration, is_interrupted: bool) -> (Option<f64>, usize) {
+        let mut readings = 0;
+        let read = || {
+            readings += 1;
+            latencies_ns.get(readings).or(latencies_ns.last()).copied().and_then(known)
+        };
+        let last = known(latencies_ns[0]);
+        let last = wait_until_near(last, 31.0, most, &AtomicBool::new(is_interrupted), read);
+        (last, readings)
+    }
+
+    #[test]
+    fn a_launch_waits_until_processors_are_near() {
+        // This is far longer than the waits take, even on a busy machine.
+        let minute = Duration::from_secs(60);
+        assert_eq!(waits(&[164.0, 14.0, 32.0, 164.0], minute, false), (Some(32.0), 2));
+        assert_eq!(waits(&[31.0, 164.0], 3 * PAUSE, false), (Some(31.0), 0));
+        assert_eq!(
+            waits(&[164.0, 0.0, 164.0], minute, false),
+            (None, 1),
+            "an unknown latency counts as near"
+        );
+        assert_eq!(waits(&[164.0], 3 * PAUSE, true), (Some(164.0), 0), "the user has ended the run");
+        assert_eq!(waits(&[164.0], Duration::ZERO, false), (Some(164.0), 0));
+        let (last, readings) = waits(&[164.0], 3 * PAUSE, false);
+        assert!(last == Some(164.0) && (1..=3).contains(&readings), "{readings} readings");
+    }
+
+    #[test]
+    fn a_launch_waits_for_half_the_time_of_its_samples_and_a_second() {
+        let left = |elapsed, waited| {
+            patience(Duration::from_secs(elapsed), Duration::from_secs(waited)).as_secs_f64()
+        };
+        assert_eq!(
+            [left(0, 0), left(10, 0), left(12, 2), left(9, 3), left(10, 4)],
+            [1.0, 6.0, 4.0, 1.0, 0.0]
+        );
     }
 
     #[test]

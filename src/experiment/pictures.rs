@@ -26,8 +26,9 @@ impl Pictures {
         hash(image).to_hex()[..32].to_owned()
     }
 
-    /// Saves a picture under the first free name of `names`. If no name is free, the picture's hash is added to the
-    /// last name. Returns the file's path relative to the folder.
+    /// Saves a picture in the folder of results, under the first free name of `names`. A name is free if no other
+    /// picture has it. If no name is free, the picture's hash is added to the last name. If an equal picture was saved
+    /// before, its file is used. Returns the file's path, relative to the folder of results.
     pub fn picture(&mut self, names: &[&str], image: &Radiance, display: Display) -> Result<String> {
         let hash = hash(image);
         if let Some(path) = self.saved.get(&hash) {

@@ -113,8 +113,8 @@ impl Kernel {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
 
-    /// Returns the kernel's parameter list in OpenCL C, as a macro named after the kernel. All kernels use such a macro
-    /// as their parameter list.
+    /// Returns the kernel's parameter list in OpenCL C, as a macro named after the kernel. The source of every kernel of
+    /// a family has this macro in place of a parameter list.
     pub fn parameter_macro(&self, holds: impl Fn(Fact) -> bool) -> String {
         parameter_macro(self.name, self.parameters(holds))
     }

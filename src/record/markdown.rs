@@ -169,7 +169,7 @@ fn outcome(record: &Record) -> String {
     format!("{}{modes}", record.outcome.name())
 }
 
-/// Formats the number of samples as "10", or as "15 in 3" (15 samples in 3 launches).
+/// Formats the number of samples: "10" for a single launch, "15 in 3" for 15 samples in 3 launches.
 fn samples(record: &Record) -> String {
     match (record.samples_ms.len(), launches(record)) {
         (n, 0 | 1) => n.to_string(),

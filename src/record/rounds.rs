@@ -95,7 +95,7 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     let worst = bad.clone().max_by(|a, b| a.taken().total_cmp(&b.taken()))?;
     let stolen = match worst.stolen > 0.01 {
         true => {
-            format!(", and other virtual machines used another {} processors", significant(worst.stolen, 2))
+            format!(", and virtual machines on the same hardware used {} more", significant(worst.stolen, 2))
         }
         false => String::new(),
     };
@@ -273,7 +273,7 @@ mod tests {
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
             said.ends_with(
-                "kept 0.010 of 2 processors busy, and other virtual machines used another 0.40 processors."
+                "kept 0.010 of 2 processors busy, and virtual machines on the same hardware used 0.40 more."
             ),
             "{said}"
         );
@@ -284,7 +284,7 @@ mod tests {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let told = |stolen: f64| {
             let said = disturbance(&[RoundLoad { stolen, ..line(0, 0.5) }], &records).unwrap();
-            said.contains("other virtual machines used another")
+            said.contains("virtual machines on the same hardware used")
         };
         assert_eq!([told(0.0), told(0.01), told(0.02)], [false, false, true]);
     }
@@ -297,7 +297,9 @@ mod tests {
         let both = [Record { sample_launches: vec![0, 1], ..Record::default() }];
         let said = disturbance(&launches, &both).unwrap();
         assert!(
-            said.contains("kept 0.20 of 2 processors busy, and other virtual machines used another 0.40"),
+            said.contains(
+                "kept 0.20 of 2 processors busy, and virtual machines on the same hardware used 0.40 more"
+            ),
             "{said}"
         );
         // The load of other virtual machines alone is too small to count as a disturbance, and so is that of other

@@ -206,7 +206,8 @@ pub struct Record {
     pub constant_bytes: Option<u64>,
     /// Bytes of global memory needed as scratch or heap memory.
     pub scratch_bytes: Option<u64>,
-    /// Bytes of private memory for a work-group's working vectors.
+    /// Bytes of private memory that all work-items of a work-group together need for their working vectors or their
+    /// tiles' rays; 0 if these need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
     /// The picture's path, relative to the folder of results.
     pub image: Option<String>,

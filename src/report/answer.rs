@@ -254,7 +254,11 @@ fn who_wins(answers: &[Answer]) -> String {
     match (most, measured) {
         (_, 1) if best.len() > 1 => format!("{whom} are the fastest: a tie"),
         (_, 1) => format!("{whom} {verb} the fastest"),
+        (2, 2) if best.len() > 1 => format!("In both comparisons, {whom} tie for fastest"),
         (2, 2) => format!("In both comparisons, {whom} {verb} fastest or tied for fastest"),
+        (most, all) if most == all && best.len() > 1 => {
+            format!("In all {all} comparisons, {whom} tie for fastest")
+        }
         (most, all) if most == all => {
             format!("In all {all} comparisons, {whom} {verb} fastest or tied for fastest")
         }

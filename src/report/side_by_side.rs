@@ -39,7 +39,10 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
                 .filter_map(|group| over_best(group, group.best_where(|record| record.name == **name)?));
             cell(
                 slower.collect(),
-                &format!("{name} on {device}: at the best local size for each scene and image size"),
+                &format!(
+                    "{name} on {device}: its time at its best local size, divided by the best time of all strategies, \
+                     for each scene and image size"
+                ),
             )
         };
         ((*name).to_owned(), devices.iter().map(cell).collect())
@@ -142,7 +145,7 @@ mod tests {
         assert!(plots[0].svg.contains("wide on gpu") && plots[0].svg.contains(">3.00<"));
         assert!(
             plots[0].svg.contains(
-                "wide on gpu: at the best local size for each scene and image size&#10;3.00× teapot: wide"
+                "wide on gpu: its time at its best local size, divided by the best time of all strategies, for each scene and image size&#10;3.00× teapot: wide"
             ),
             "{}",
             plots[0].svg

@@ -21,7 +21,7 @@ pub(super) fn note(scene: &Scene, aspect: f64) -> Option<String> {
     let part = averted_part(&scene.mesh, &scene.camera, aspect)?;
     (part > MOST).then(|| {
         format!(
-            "{:.0}% of the visible surface faces away from the camera and is dark, since only the front of a surface is lit: --two-sided (two_sided = true) reverses the normals of this part",
+            "{:.0}% of the visible surface faces away from the camera, so lights on the camera's side leave it dark: --two-sided (two_sided = true) reverses its normals",
             100.0 * part
         )
     })

@@ -73,7 +73,7 @@ pub struct Display {
     /// The factor by which radiance is multiplied before the exponent is applied; the paper's
     /// factor is 15.
     pub exposure: f32,
-    /// The inverse of the exponent; the paper's gamma is 2.2.
+    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. The paper's gamma is 2.2.
     pub gamma: f32,
 }
 

@@ -32,7 +32,8 @@ pub struct About {
     pub process: u32,
     /// The time limit for one step of the measurement, in seconds.
     pub hang_limit_s: f64,
-    /// The identities of the kinds of device that the attempt measures on.
+    /// The kinds of device that the attempt measures on. Each is given by the text `Kind::identity`: the platform, the
+    /// device, the driver, and every property of the device that affects times.
     pub devices: Vec<String>,
     /// The command line, starting with the program.
     pub command: Vec<String>,

@@ -122,7 +122,7 @@ macro_rules! file_axis {
 axis! {
     /// How the triangles that a ray may hit are found.
     Traversal "traversal" "how the triangles that a ray may hit are found" {
-        Exhaustive "exhaustive" "every ray tests every triangle, as the paper does",
+        Exhaustive "exhaustive" "no tree: each ray is tested against one triangle after another, as in the paper",
         Raster "raster" "one work-item per triangle, depth resolved by atomics, then a shading pass",
         Bvh "bvh" "every ray, or packet of rays, walks a tree of boxes",
         Tile "tile" "a tile of rays with a common origin walks the tree together",
@@ -205,7 +205,7 @@ axis! {
 axis! {
     /// The number of rays that a work-item casts side by side.
     Width "width" "rays that a work-item casts side by side, in vector types" {
-        W1 "1" "one, as the paper does",
+        W1 "1" "one, as in the paper",
         W2 "2" "2 x 1 pixels",
         W4 "4" "2 x 2 pixels",
         W8 "8" "4 x 2 pixels",

@@ -42,9 +42,9 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     spec(args, sources, device, &strategy, workload)
 }
 
-/// Returns the program of the preset [`hurry::QUICK`] for the guessed scene. This program is compiled early if the
-/// [`likely`] program is not compiled yet and [`hurry`] may cast the picture with another strategy. `None` if no guess
-/// is possible.
+/// Returns the program of the preset [`hurry::QUICK`] for the scene, whose workload is guessed; `None` if no guess is
+/// possible. This program is compiled early instead of the [`likely`] program if the [`likely`] program is not compiled
+/// yet, and [`hurry::may`] returns true (the picture may be cast with this preset instead of the fastest strategy).
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;

@@ -1,8 +1,8 @@
-//! Chooses the strategy for the first picture on a GPU, if the fastest strategy's program is not compiled yet.
+//! Chooses the strategy for a picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
 //! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
-//! program casts a picture in milliseconds. So the first picture is cast with [`QUICK`], while a background process
-//! compiles the fastest strategy's program for the next picture.
+//! program casts a picture in milliseconds. So this picture is cast with [`QUICK`]. Then a background process compiles
+//! the fastest strategy's program for the next start of raycl.
 
 use super::Args;
 use crate::device::DeviceInfo;

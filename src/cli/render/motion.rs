@@ -36,7 +36,8 @@ pub struct Motion {
     /// stream for an encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
-    /// Render the frames of the scene's [animation], as numbered PNGs, an .apng or a y4m stream
+    /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for an encoder
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
     /// Render only frames A to B, both included; the first frame has the number 1

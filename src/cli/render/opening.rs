@@ -27,8 +27,8 @@ pub struct Opened {
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
-    /// The program for the display transform that a background process compiles for the next start; `None` if the
-    /// program is compiled already, or if this picture waits for it.
+    /// The program for the display transform, if a background process is to compile this program for raycl's next start.
+    /// `None` if the program is not needed or is compiled already, or if this picture waits until it is compiled.
     pub show_later: Option<ProgramSpec>,
 }
 
@@ -122,8 +122,8 @@ fn early(
 }
 
 /// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
-/// be built, the host applies the transform. If [`hurry`] may cast the picture with another strategy, the picture does
-/// not wait until this program is compiled: the uncompiled program is then returned as the second value.
+/// be built, the host applies the transform. If [`hurry::may`] returns true, the picture does not wait until this
+/// program is compiled: the uncompiled program is then returned as the second value.
 fn show(
     args: &Args,
     sources: &Sources,

@@ -43,7 +43,7 @@ pub struct Report {
     pub discover_ms: f64,
     /// Time for building the tree over the triangles; 0 without a tree.
     pub tree_ms: f64,
-    /// Time for building the program, including compilation when a kernel first starts.
+    /// Time for building the program. Some drivers compile a kernel only when it first starts; this time is included.
     pub build_ms: f64,
     /// True if the program came from the cache and nothing was compiled.
     pub build_from_cache: bool,

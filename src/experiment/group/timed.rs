@@ -5,7 +5,7 @@ use crate::anchor;
 use crate::error::Result;
 use crate::experiment::Run;
 use crate::experiment::complete::Taken;
-use crate::experiment::moved_processors::is_near;
+use crate::experiment::moved_processors::{is_near, patience, wait_until_near};
 use crate::experiment::pending::PendingPoint;
 use crate::experiment::result_sink::ResultSink;
 use crate::experiment::rounds::Rounds;
@@ -14,6 +14,7 @@ use crate::launch::FrameTimes;
 use crate::load::{Watch, core_to_core_ns};
 use crate::record::{AnchorSample, RoundLoad};
 use std::collections::{HashMap, HashSet};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 /// A launch whose samples are stored as they are taken.
@@ -45,12 +46,25 @@ const READING_EVERY: Duration = Duration::from_millis(20);
 pub(super) struct Latency {
     /// The last reading and its time; `None` if nothing is measured.
     last: Option<(Instant, Option<f64>)>,
+    /// How long the launch has waited for near processors.
+    waited: Duration,
 }
 
 impl Latency {
     /// Takes the first reading, unless `is_measured` is false.
     pub fn of(is_measured: bool) -> Self {
-        Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())) }
+        Self { last: is_measured.then(|| (Instant::now(), core_to_core_ns())), waited: Duration::ZERO }
+    }
+
+    /// Waits until the processors are near, but not longer than a launch that began `elapsed` ago may still wait.
+    /// `begins` is called before the wait, if there is one.
+    fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
+        let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
+        begins();
+        let (start, most) = (Instant::now(), patience(elapsed, self.waited));
+        let last = wait_until_near(last, near_ns, most, interrupted, core_to_core_ns);
+        self.last = Some((Instant::now(), last));
+        self.waited += start.elapsed();
     }
 
     /// Returns the larger of the two readings before and after a sample that has just ended, in nanoseconds. If the
@@ -67,6 +81,9 @@ impl Latency {
     }
 }
 
+/// What a run says while it waits for near processors.
+const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
+
 /// A device's anchor is run once for this many frames of points. With this number, the anchor's time is known more
 /// precisely than a point's, yet the anchor takes little time compared with the frames.
 const CASTS_PER_ANCHOR: usize = 6;
@@ -75,6 +92,13 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     fn at_ms(&self) -> f64 {
         // The time is rounded to microseconds, which is enough to order samples.
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
+    }
+
+    /// Waits for a limited time if the host has moved this virtual machine's processors, since the next sample would not
+    /// count.
+    fn wait_for_near_processors(&mut self) {
+        let (near_ns, interrupted) = (self.sink.near_ns(), self.supervisor.interrupted());
+        self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
     }
 
     /// Runs the anchor of a point's device if it is due. Does nothing in a run with a single launch: such a run is
@@ -99,6 +123,7 @@ impl<K: ResultSink> Timed<'_, '_, K> {
 
 impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>> {
+        self.wait_for_near_processors();
         let pending = &self.points[point];
         let launches = self.run.experiment.timing.launches as usize;
         let of = match self.number {

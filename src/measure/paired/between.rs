@@ -15,13 +15,14 @@ pub struct BetweenRuns {
 }
 
 impl BetweenRuns {
-    /// The differences for points on CPUs, which an OpenCL driver or a caster on the host casts. They were measured
-    /// with two experiments. Each experiment was run several times on quiet virtual machines of two cores (docs/log.md,
-    /// 2026-11-23 and 2026-11-25).
+    /// How much times on CPUs differ from run to run. These values apply to kernels that an OpenCL driver runs on a
+    /// CPU, and to baselines, which run on the host without OpenCL. The values were measured with two experiments. Each
+    /// experiment was run several times on quiet virtual machines of two cores (docs/log.md, 2026-11-23 and
+    /// 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// The differences for points on other devices. They were measured with one experiment, which was run several
-    /// times on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). Records of earlier runs, which
-    /// were made on three different days, were also used.
+    /// How much times on all other devices differ from run to run. The values were measured with one experiment, which
+    /// was run several times on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). Records of
+    /// earlier runs, which were made on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that the differences between runs add to the mean time of `points` points.

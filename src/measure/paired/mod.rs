@@ -15,9 +15,11 @@
 //!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points
 //!    (a moderated variance, after Smyth 2004). The usual variance adds at most six degrees of freedom, and fewer if
 //!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
-//! 3. The interval of a median also includes the effects of a launch that are equal for all points; in the ratio of two
-//!    points, these effects cancel. The degrees of freedom of this interval are the number of launches less one. The
-//!    tables of other groups of the same run add up to six more degrees of freedom.
+//! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
+//!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
+//!    plus those that other groups of the same run add. Each group has a table of its own. The spread between launches
+//!    in the tables with the same number of launches is averaged with the point's own spread. Together, these other
+//!    tables add at most six degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).

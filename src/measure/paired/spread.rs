@@ -134,8 +134,9 @@ fn interaction(table: &[&[f64]]) -> Prior {
         };
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
-        // The effect of the column has an error, too. The variance of this error is computed as for a mean; for a
-        // median, it would be up to a half larger.
+        // The effect of the column has an error, too, which makes the variance of the residuals larger. The division
+        // corrects this. It treats the effect as a mean of rows. The effect is a median, and the variance of a median's
+        // error is about a half larger (less for few rows).
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)

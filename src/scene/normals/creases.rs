@@ -22,9 +22,9 @@ impl Face {
     }
 }
 
-/// Replaces smooth normals at positions where faces meet at more than the given angle. There, each
-/// face's corner gets a mean of face normals: those that differ from the face's own normal by at
-/// most this angle.
+/// Replaces the smooth normals of the given triangles at positions where the normals of two faces differ by more
+/// than the crease angle. Each face at such a position gets its own normal there: the mean, weighted by area, of the
+/// face normals that differ from this face's normal by at most the crease angle.
 pub(super) fn sharpen(mesh: &mut Mesh, triangles: &[u32], crease_degrees: f32) {
     let crease = f64::from(crease_degrees.clamp(0.0, 180.0)).to_radians();
     let corners = sharp_corners(mesh, triangles, (crease / 2.0).cos());

@@ -161,9 +161,9 @@ struct Extras {
     asked: Asked,
     /// The value of `illum`, the number of an illumination model.
     model: Option<Vec<u8>>,
-    /// The value of `map_Kd`, and the byte offset of its line.
+    /// The byte offset of the line with `map_Kd` in the file, and the value of `map_Kd`.
     colour: Option<(usize, Map)>,
-    /// The value of `map_d`, and the byte offset of its line.
+    /// The byte offset of the line with `map_d` in the file, and the value of `map_d`.
     mask: Option<(usize, Map)>,
 }
 

@@ -18,7 +18,9 @@ pub struct Stage<'a> {
     pub strategy: Strategy,
     pub local_size: [u32; 2],
     pub sampling: Sampling,
-    /// The program that was built while the scene was loaded, or that cast the last mesh.
+    /// A built program that `prepare` uses again if it suits the next scene. Before the first frame, this is the program
+    /// that was built while the scene was loaded; later, it is the program that cast the previous frame. `None` while
+    /// `ready` holds the program.
     pub program: Option<(ProgramSpec, BuiltProgram)>,
     /// The tree that was built while the device was opened, and its mesh.
     pub tree: Option<(Arc<Mesh>, (Strategy, HostTree))>,
