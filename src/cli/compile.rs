@@ -203,5 +203,8 @@ fn text_of(name: &str, made: &Compilation) -> String {
     let [x, y] = made.local_size;
     let notes = made.microscope.iter().flat_map(|microscope| &microscope.notes);
     let notes: String = notes.map(|note| format!("\nNote: {note}")).collect();
-    format!("{name} at {x} x {y} on {}, built in {:.0} ms\n{table}{notes}", made.device, made.build_ms)
+    format!(
+        "{name} at local size {x} x {y} on {}, built in {:.0} ms\n{table}{notes}",
+        made.device, made.build_ms
+    )
 }

@@ -11,7 +11,7 @@ pub struct Args {
     /// The folder of raycl's repository
     #[arg(default_value = ".", value_name = "DIR")]
     root: PathBuf,
-    /// Write nothing; list the differences between documents and records
+    /// Write nothing; list the places in documents that differ from the records, and fail if there are any
     #[arg(long)]
     check: bool,
 }

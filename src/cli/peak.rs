@@ -45,7 +45,8 @@ pub struct Args {
     cl_dir: Option<PathBuf>,
 }
 
-/// Measures the devices one after another.
+/// Measures the peak rates of the devices, one device after another, and prints them. Also writes them to the file of
+/// `--out`, if one is given.
 pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--out FILE" };
     let target = args.out.as_ref().map(|path| Target::new(path, choice));

@@ -326,7 +326,8 @@ fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }
 
-/// Returns the number of samples per pixel: the requested number, or the default.
+/// Returns how many samples pixels get. `--samples` sets the number for every pixel, or, with `--adaptive`, the largest
+/// number. Without `--samples`, the defaults apply.
 fn sampling(args: &Args, dressed: bool) -> Sampling {
     match args.samples {
         None if dressed && !args.adaptive => DRESSED_SAMPLES,

@@ -96,8 +96,8 @@ pub struct Args {
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object per point instead of tables; with --dry-run, the object contains the memory that the point
-    /// needs
+    /// Print one JSON object per point instead of tables; with --dry-run, the object states how many bytes of memory the
+    /// point needs
     #[arg(long)]
     json: bool,
     /// Print neither the progress, nor the tables, nor the paths of written files

@@ -19,8 +19,8 @@ pub struct Args {
     /// Number of samples per pixel that raycl accumulates while nothing moves, 1 to 1024
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     samples: u32,
-    /// Show the scene in this terminal, at the terminal's size. HOW is the way in which the terminal shows pictures;
-    /// without HOW, raycl asks the terminal which ways it supports
+    /// Show the scene in this terminal, at the terminal's size. HOW is the form in which raycl draws pictures.
+    /// Without HOW, raycl asks the terminal which forms it supports, and uses the best of them
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, conflicts_with_all = ["width", "height"])]
     terminal: Option<Option<Graphics>>,
     /// Move the camera around the scene, one degree per frame
@@ -117,7 +117,8 @@ fn show(args: Args, screen: impl Screen) -> Result<()> {
     tell(&report(&live, total), streams, (json, quiet))
 }
 
-/// Watches the files of a scene. A scene from standard input cannot be read again, so nothing is watched.
+/// Begins to watch the files of a scene, and the folder of `--cl-dir`. Returns `None` if the scene comes from standard
+/// input: such a scene cannot be read again, so nothing is watched.
 fn watched(subject: &Subject) -> Result<Option<Watched>> {
     if subject.reads_standard_input() {
         return Ok(None);

@@ -50,7 +50,7 @@ fn size(
                 [check(*across.get_ref(), across.span())?, check(*down.get_ref(), down.span())?]
             }
             other => {
-                let message = format!("a {what} has two sides, not {}", other.len());
+                let message = format!("{what} must have two numbers, not {}", other.len());
                 return Err(document.error(wire.span(), message, "expected [across, down]"));
             }
         },

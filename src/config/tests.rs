@@ -208,7 +208,7 @@ fn sizes_out_of_range_say_the_range() {
         &GOOD.replace("[64, 1]", "[128, 64]"),
         &["128 x 64 is too large", "5:19", "at most 4096 work-items"],
     );
-    refuses(&GOOD.replace("[64, 1]", "[1, 2, 3]"), &["two sides, not 3", "5:19", "[across, down]"]);
+    refuses(&GOOD.replace("[64, 1]", "[1, 2, 3]"), &["two numbers, not 3", "5:19", "[across, down]"]);
     refuses(&GOOD.replace("[800,", "[0,"), &["image size 0 is out of range", "4:17", "from 1 to 65536"]);
     refuses(&GOOD.replace("[800, 500]", "[65536, 65536]"), &["too large", "4294967295 pixels"]);
     refuses(&GOOD.replace("[[800, 500]]", "[]"), &["'image_sizes' is empty", "4:15"]);
@@ -435,7 +435,7 @@ fn the_bounds_of_a_setting_are_allowed_and_what_is_beyond_is_not() {
 fn a_message_and_its_label_are_not_mixed_up() {
     for (text, message) in [
         (GOOD.replace("[64, 1]", "[128, 64]"), "local size 128 x 64 is too large"),
-        (GOOD.replace("[64, 1]", "[1, 2, 3]"), "a local size has two sides, not 3"),
+        (GOOD.replace("[64, 1]", "[1, 2, 3]"), "local size must have two numbers, not 3"),
         (GOOD.replace("[64, 1]", "[64, -1]"), "local size -1 is out of range"),
         (GOOD.replace("Which?", " "), "the question is empty"),
         (GOOD.replace("This.", "\t"), "the expectation is empty"),

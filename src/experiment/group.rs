@@ -31,7 +31,8 @@ pub struct OpenGroup {
     points: Vec<PendingPoint>,
     /// The complete launches, in which every point was sampled.
     whole: Vec<Launch>,
-    /// The number of visits to the group. Each launch, with its own worker processes, visits the group once.
+    /// How often this session has visited the group. A visit measures one launch of the group. Each launch has its own
+    /// worker processes.
     visits: u32,
     /// Why the last launch ended.
     reason: Option<StopReason>,

@@ -34,38 +34,34 @@ pub enum End {
     Broken,
 }
 
-/// If some samples do not count, the launch has at most this many times the number of rounds that it would need if all
-/// samples counted.
+/// If some samples do not count, the launch casts at most this many times the frames that it would need if all samples
+/// counted.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);
 
+/// The samples of all points: of each round, the last one. `None` stands for a point that failed.
+type Samples = [Option<Vec<Timed>>];
+
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
-/// number after which the launch would end if all samples counted. If some samples do not count, the launch continues
-/// beyond the usual number, up to [`MOST`] times this number. If no sample of a point counts, the launch ends after the
-/// usual number.
+/// number after which the launch would end if all samples counted. If some samples do not count, they are taken again in
+/// the same round (see [`sample_round`]), and the launch continues beyond the usual number of rounds, until it has cast
+/// [`MOST`] times the usual number of frames. If no sample of a point counts, the launch ends after the usual number.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
-    let mut elapsed_ms = 0.0;
+    let (mut elapsed_ms, mut casts) = (0.0, 0);
     // The number of rounds after which the launch would end if all samples counted, and the reason.
     let mut usual: Option<(u32, StopReason)> = None;
     for round in 0.. {
         let active: Vec<usize> = (0..points).filter(|&point| samples[point].is_some()).collect();
-        for place in round_order(active.len(), u64::from(round), seed) {
-            let point = active[place];
-            let times = rounds.cast(point)?;
-            if rounds.is_broken() {
-                return Ok(End::Broken);
-            }
-            let (Some(times), Some(taken)) = (times, &mut samples[point]) else {
-                samples[point] = None;
-                continue;
-            };
-            let counts = rounds.sampled(point, round, &times)?;
-            taken.push((times.frame_ms, counts));
-            elapsed_ms += times.elapsed_ms();
-        }
+        let order = round_order(active.len(), u64::from(round), seed);
+        let order = order.into_iter().map(|place| active[place]).collect();
+        let Some(round_ms) = sample_round(round, order, &mut samples, rounds)? else {
+            return Ok(End::Broken);
+        };
+        casts += round_ms.len();
+        elapsed_ms += round_ms.iter().sum::<f64>();
         rounds.ended(round)?;
         let left: Vec<&Vec<Timed>> = samples.iter().flatten().collect();
         if left.is_empty() {
@@ -77,12 +73,64 @@ pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl 
         }
         usual = usual.or_else(|| Some((round + 1, rule.stop(&times_ms(&left, |_| true), elapsed_ms)?)));
         if let Some((needed, reason)) = usual
-            && (that_count.iter().any(Vec::is_empty) || round + 1 >= MOST * needed)
+            && (that_count.iter().any(Vec::is_empty) || casts >= (MOST * needed) as usize * left.len())
         {
             return Ok(End::Enough(reason));
         }
     }
     Ok(End::AllFailed)
+}
+
+/// Takes a sample of each point, in this order, and adds it to `samples`. Then takes those samples again that do not
+/// count, once, if they are at most half of the round's samples. (If they are more, the processors have probably not
+/// moved back yet.) Returns the time that each cast took, in milliseconds; `None` if the worker process was lost.
+fn sample_round(
+    round: u32,
+    order: Vec<usize>,
+    samples: &mut Samples,
+    rounds: &mut impl Rounds,
+) -> Result<Option<Vec<f64>>> {
+    let mut elapsed_ms = Vec::new();
+    let mut repeated = Vec::new();
+    for point in order.iter().copied() {
+        let Some(counts) = sample(point, round, samples, rounds, &mut elapsed_ms)? else { return Ok(None) };
+        if !counts {
+            repeated.push(point);
+        }
+    }
+    if 2 * repeated.len() > order.len() {
+        return Ok(Some(elapsed_ms));
+    }
+    for point in repeated {
+        samples[point].as_mut().and_then(Vec::pop);
+        if sample(point, round, samples, rounds, &mut elapsed_ms)?.is_none() {
+            return Ok(None);
+        }
+    }
+    Ok(Some(elapsed_ms))
+}
+
+/// Takes a sample of a point, and adds its time to `elapsed_ms`. Returns whether the sample counts (true if the point
+/// has failed); `None` if the worker process was lost.
+fn sample(
+    point: usize,
+    round: u32,
+    samples: &mut Samples,
+    rounds: &mut impl Rounds,
+    elapsed_ms: &mut Vec<f64>,
+) -> Result<Option<bool>> {
+    let times = rounds.cast(point)?;
+    if rounds.is_broken() {
+        return Ok(None);
+    }
+    let (Some(times), Some(taken)) = (times, &mut samples[point]) else {
+        samples[point] = None;
+        return Ok(Some(true));
+    };
+    let counts = rounds.sampled(point, round, &times)?;
+    taken.push((times.frame_ms, counts));
+    elapsed_ms.push(times.elapsed_ms());
+    Ok(Some(counts))
 }
 
 /// Returns the times of those samples of each point for which `is_meant` is true.
@@ -106,6 +154,10 @@ mod tests {
         batch: Option<u32>,
         /// The rounds whose samples do not count.
         far: Vec<u32>,
+        /// Of point 0, only this many samples count.
+        counting: Option<usize>,
+        /// The casts whose samples do not count; the first cast has the number 1.
+        lost: Vec<usize>,
     }
 
     impl Rounds for Fake {
@@ -118,8 +170,10 @@ mod tests {
             let ms = (point + 1) as f64 + 0.1 * (casts % 3) as f64;
             Ok(Some(FrameTimes { batch: self.batch, ..FrameTimes::whole(ms, ms) }))
         }
-        fn sampled(&mut self, _point: usize, round: u32, _times: &FrameTimes) -> Result<bool> {
-            Ok(!self.far.contains(&round))
+        fn sampled(&mut self, point: usize, round: u32, _times: &FrameTimes) -> Result<bool> {
+            let casts = self.order.iter().filter(|&&cast| cast == point).count();
+            let is_lost = point == 0 && self.counting.is_some_and(|most| casts > most);
+            Ok(!is_lost && !self.far.contains(&round) && !self.lost.contains(&self.order.len()))
         }
         fn is_broken(&self) -> bool {
             self.breaks_after.is_some_and(|casts| self.order.len() > casts)
@@ -151,6 +205,34 @@ mod tests {
         // The first sample that counts comes in round 7, the last of the usual number of rounds. Six more rounds give
         // the seven samples that the launch needs.
         assert_eq!(rounds_if_far(0..6)?, (13, End::Enough(StopReason::MaxSamples)));
+        Ok(())
+    }
+
+    #[test]
+    fn a_sample_that_does_not_count_is_taken_again_at_the_end_of_its_round() -> Result<()> {
+        let mut fake = Fake { lost: vec![3], ..Fake::default() };
+        assert_eq!(measure(2, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+        // The second round begins with the third cast.
+        assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
+        // Of three samples of a round, two do not count, so they are not taken again, and the launch needs an eighth
+        // round.
+        let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
+        measure(3, &RULE, 1, &mut fake)?;
+        assert_eq!(fake.order.len(), 3 * 8);
+        Ok(())
+    }
+
+    #[test]
+    fn samples_are_repeated_up_to_twice_the_number_of_frames() -> Result<()> {
+        let casts = |counting| -> Result<usize> {
+            let mut fake = Fake { counting: Some(counting), ..Fake::default() };
+            assert_eq!(measure(2, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
+            Ok(fake.order.len())
+        };
+        // The first round has two casts, and each other round three, until there are at least 28.
+        assert_eq!(casts(1)?, 2 + 9 * 3);
+        // If no sample of a point counts, the launch ends after seven rounds.
+        assert_eq!(casts(0)?, 7 * 3);
         Ok(())
     }
 

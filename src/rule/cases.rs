@@ -48,7 +48,8 @@ pub struct Case {
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
-    /// The kinds of scene to which the case belongs; a test compares them with the scene.
+    /// The kinds to which the case belongs. `raycl rule` and a test check that these are exactly the kinds that follow
+    /// from the scene and the image size. Only `Watertight` is not checked.
     #[serde(default)]
     pub kinds: Vec<Kind>,
     /// The kinds of device on which the case is measured.

@@ -32,7 +32,7 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// The pictures for which raycl chooses a camera if a scene has none.
+/// The pictures for which raycl places the camera of a bare mesh, or of a scene that sets an azimuth or an elevation.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {
     /// The ratio of the pictures' width to their height.

@@ -10,7 +10,8 @@ pub struct UsedMemory {
     pub total_bytes: u64,
     /// The part that is in use, by any process.
     pub used_bytes: u64,
-    /// The part that this process uses; `None` if the library does not list this process, as in some containers.
+    /// The part that this process uses. `None` if NVIDIA's management library (NVML) does not list this process, as in
+    /// some containers, or does not state its memory.
     pub own_bytes: Option<u64>,
 }
 

@@ -22,8 +22,9 @@ impl Shard {
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
-            false => Err(Error::input(format!("there is no shard {number} of {of}"))
-                .with_help(format!("the first shard has the number 1; at most {MOST} shards are allowed"))),
+            false => Err(Error::input(format!("there is no shard {number} of {of}")).with_help(format!(
+                "the number of shards may be 1 to {MOST}; a shard's number may be 1 to the number of shards"
+            ))),
         }
     }
 }

@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 const DRAG: f64 = 3.0;
 /// The angle by which the eye spins with each frame, in radians: a whole turn in 360 frames.
 const SPIN: f64 = std::f64::consts::TAU / 360.0;
-/// The time to wait for the user while there is nothing to cast.
+/// While there is nothing to cast, the view sleeps for this time before it looks for the user's input again.
 const REST: Duration = Duration::from_millis(8);
 
 /// The limits after which the view ends.

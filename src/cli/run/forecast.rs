@@ -5,8 +5,8 @@ use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
 
-/// Prints every point, its memory needs in bytes and whether it fits. Without `json`, also prints the expected
-/// duration of the run.
+/// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
+/// prints the expected duration of the run.
 pub fn forecast(points: &[Forecast], expected: &Expected, json: bool) -> Result<()> {
     if json {
         return points.iter().try_for_each(print_json);

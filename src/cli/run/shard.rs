@@ -56,8 +56,8 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // The check whether the folder has a plan of shards comes last, since another shard may have written the plan
-    // during the checks above.
+    // A folder with a plan of shards is accepted even if the checks above refused it. The plan is looked for last, since
+    // another shard's process may have written it during these checks.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 

@@ -8,7 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The compiler's macros that raycl knows, and the unknown macros that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The values of the compiler's macros and of terms such as `__has_builtin(NAME)`.
+    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key is a macro's name, or a whole text such as
+    /// `__has_builtin(f)`.
     pub given: BTreeMap<String, i64>,
     /// Names that conditions use, but that neither the text nor `given` defines; they count as undefined.
     pub asked: BTreeSet<String>,

@@ -188,7 +188,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
         let Some(name) = &wire.shape else { continue };
         triangles += shape(document, wire, name)?.triangles();
         if triangles - triangles / 16 > most {
-            let message = format!("{triangles} triangles; expected at most {most}, which a tree can index");
+            let message = format!(
+                "{triangles} triangles; expected at most {most}, the largest number that a tree can index"
+            );
             return Err(document
                 .error(name.span(), message, "too many triangles")
                 .with_help("make fewer triangles; `raycl strategies` lists strategies without a tree"));

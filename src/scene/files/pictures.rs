@@ -90,7 +90,9 @@ impl Pictures {
         self.texels += texels.len();
         if self.texels > MOST_TEXELS {
             self.texels -= texels.len();
-            return Err(format!("has too many texels: all textures together may have at most {MOST_TEXELS}"));
+            return Err(format!(
+                "has too many texels (all textures of a mesh together may have at most {MOST_TEXELS})"
+            ));
         }
         self.list.push(Texture { size, wrap, least_alpha, texels });
         Ok(self.list.len() as u32 - 1)

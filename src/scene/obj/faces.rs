@@ -96,10 +96,11 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
 /// One corner of a face: a position and, if present, a normal and a texture coordinate.
 type Corner = (u32, u32, u32);
 
-/// In a [`Corner`]: the index of a normal that the file does not have.
+/// Stored in a [`Corner`] instead of a normal's index if the file has no normal with this index.
 const LOST: u32 = MISSING - 1;
 
-/// In a [`Corner`]: the index of a normal that is not valid.
+/// Stored in a [`Corner`] instead of a normal's index if this normal is not valid: one of its numbers is missing, not
+/// finite or out of range.
 const ODD: u32 = MISSING - 2;
 
 /// Returns whether some corners have a normal and others have none.

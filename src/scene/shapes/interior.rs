@@ -11,7 +11,7 @@ const LENGTH: f64 = 10.0;
 const MAX_COLUMNS: u32 = 12;
 /// With fewer triangles, a column does not look round.
 const MIN_COLUMN_TRIANGLES: f64 = 40.0;
-/// The fraction of the triangles that form the columns, which are the only round parts.
+/// The fraction of the hall's triangles that the columns get. Only the columns are round; all other parts are flat.
 const COLUMN_SHARE: f64 = 0.75;
 
 /// Returns a hall of about `triangles` triangles, at least twelve. With fewer than a few hundred triangles, the hall
