@@ -65,10 +65,10 @@ const FAULT: &str = "this is a bug in raycl: please report it, with the command"
 pub struct InputError {
     /// The problem, with the wrong value and the expected one.
     pub message: String,
-    /// The file that contains the mistake; the lines around `span` are shown.
+    /// The file that contains the mistake; the lines around `span` are shown. `None` if no lines of a file are shown.
     #[source_code]
     pub source_code: Option<NamedSource<String>>,
-    /// The range of bytes to mark in the file.
+    /// The range of bytes to mark in the file; `None` if no lines of a file are shown.
     #[label("{label}")]
     pub span: Option<SourceSpan>,
     /// The text under the marked range.

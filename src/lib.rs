@@ -23,20 +23,23 @@
 //!
 //! # Internals
 //!
-//! All modules are internal and change without notice. Modules that raycl's own binary and tests use are public, but
-//! hidden in these pages; the other modules are private. The modules from [`config`] to `anchor` are in the order in
-//! which an experiment uses them. [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment
-//! names. [`experiment`] plans the points; each point is a [`strategy`] on a [`device`] at a local size. [`program`]
-//! assembles and builds kernels from `cl/` as the `manifest` says (`sources` has the kernels' files). [`launch`] runs
-//! the kernels. [`verify`] compares the kernels' image with the [`reference`](mod@reference). [`experiment`] also
-//! times the kernels, together with the `anchor`, and `measure` computes statistics of these times. [`printer`] keeps
-//! control characters from terminals. `reader` opens the files that users name, and `filetype` recognises files of
-//! other formats. `memory` measures the host's free memory, and `load` measures the processor time that other
-//! processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes files for
-//! the user and never replaces a file that raycl did not make. [`shard`] splits an experiment among machines and
-//! merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in this
-//! repository's documents from stored records. `cache` stores data that raycl can recompute, so that later runs need
-//! not do so.
+//! All modules are internal and change without notice. [`scene`] is public, since the stable API uses its types. Other
+//! modules that raycl's own binary and tests use are public too, but hidden in these pages; the rest is private.
+//!
+//! The following sentences, up to `measure`, name the modules in the order in which an experiment uses them.
+//! [`config`] reads a TOML experiment. [`scene`] loads the scenes that the experiment names. [`experiment`] plans the
+//! points; each point is a [`strategy`] on a [`device`] at a local size. [`program`] assembles and builds kernels from
+//! `cl/` as the `manifest` says (`sources` has the kernels' files). [`launch`] runs the kernels. [`verify`] compares
+//! the kernels' image with the [`reference`](mod@reference). [`experiment`] also times the kernels, together with the
+//! `anchor`, and `measure` computes statistics of these times.
+//!
+//! [`printer`] keeps control characters from terminals. `reader` opens the files that users name, and `filetype`
+//! recognises their formats. `memory` measures the host's free memory, and `load` measures the processor time that
+//! other processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes files
+//! for the user, and replaces a file that raycl did not make only with `--force`. [`shard`] splits an experiment among
+//! machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in
+//! this repository's documents from stored records. `cache` stores data that raycl can recompute, so that later runs
+//! need not do so.
 
 mod accel;
 mod anchor;

@@ -28,7 +28,7 @@ pub struct Raycaster {
 pub struct Picture {
     /// Radiance at every pixel.
     pub radiance: Radiance,
-    /// Pixels whose ray hit something.
+    /// Number of pixels whose ray hit something.
     pub hit_pixels: usize,
     /// Device time of the frame.
     pub frame_ms: f64,
@@ -37,8 +37,9 @@ pub struct Picture {
 
 impl Raycaster {
     /// Opens a device for a scene. `device` is a part of the device's name, platform or vendor, or `cpu` or
-    /// `gpu`; the first match is used. If `device` is `None`, the default is the device that `RAYCL_DEVICE`
-    /// names, or else the most capable device.
+    /// `gpu`; the first match is used. If `device` is `None`, the device that the environment variable `RAYCL_DEVICE`
+    /// names is used. If this variable is not set, a GPU is used if there is one, else an accelerator, else a CPU; of
+    /// several such devices, the one with the most compute units is used.
     ///
     /// # Errors
     ///
@@ -57,13 +58,14 @@ impl Raycaster {
     }
 
     /// Casts a picture of `size` pixels (across, down). The strategy is written as for `raycl render --strategy`: a
-    /// preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). If `strategy` is `None`, the fastest
-    /// strategy known for the device and the scene is used. Compiled programs are stored in raycl's cache.
+    /// preset (`naive`), values of axes (`width=4`), or both (`deferred,width=4`). If `strategy` is `None`, raycl uses
+    /// the strategy that it expects to be the fastest for the device and the scene. Compiled programs are stored in
+    /// raycl's cache.
     ///
     /// # Errors
     ///
-    /// Fails if the strategy's values contradict each other, if the strategy needs more memory than the device or the
-    /// host has, or if the driver fails.
+    /// Fails if the strategy has an unknown name or value, if its values contradict each other, if it needs more memory
+    /// than the device or the host has, or if the driver fails.
     pub fn cast(&mut self, strategy: Option<&str>, size: [u32; 2]) -> Result<Picture> {
         let task = Task::of(&self.scene, size, false);
         let (strategy, local_size) = chosen_strategy(strategy, &[], &self.device.info.limits, task)?;
@@ -79,15 +81,15 @@ impl Raycaster {
 
 impl Picture {
     /// Writes the picture in the format of the file's extension. PNG and JPEG files contain the picture after the
-    /// scene's display transform; EXR and HDR files contain linear radiance. A file that raycl did not make is never
-    /// replaced.
+    /// scene's display transform; EXR and HDR files contain linear radiance. A file that raycl did not make, or that
+    /// somebody has changed, is never replaced.
     ///
     /// # Errors
     ///
-    /// Fails if the extension names no supported format, if the file cannot be written, or if the file exists and raycl
-    /// did not make it.
+    /// Fails if the extension names no supported format, if the file cannot be written, or if a file exists that is not
+    /// replaced.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let choice = Choice { force: false, elsewhere: "another path" };
+        let choice = Choice { force: false, elsewhere: "save(OTHER_PATH)" };
         save(&self.radiance, self.display, &Target::new(path, choice))
     }
 }
@@ -116,8 +118,9 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
     Ok(run::measure(&arguments, &mut ())?.1)
 }
 
-/// Measures points and then ends the process, if this process is a worker; otherwise does nothing. Call this function
-/// first in the `main` of a program that runs experiments.
+/// If raycl started this process as a worker, does the worker's task (it measures points, lists devices or compiles a
+/// program) and then ends the process; otherwise does nothing. Call this function first in the `main` of a program that
+/// runs experiments.
 pub fn serve_if_worker() {
     if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
         return;

@@ -35,9 +35,9 @@ pub struct Load {
     /// Number of processors of this machine.
     pub processors: usize,
     /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
-    /// a disk.
+    /// a disk. `None` if the system does not report it.
     pub load_1m: Option<f64>,
-    /// Core-to-core latency at the end of the interval, in nanoseconds.
+    /// Core-to-core latency at the end of the interval, in nanoseconds; `None` if it cannot be measured.
     pub core_to_core_ns: Option<f64>,
 }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// The purpose for which a file is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A scene or an experiment.
+    /// A TOML file, such as a scene, an experiment or the user's settings.
     Toml,
     /// An MTL file.
     Materials,
@@ -22,7 +22,7 @@ pub enum Kind {
     Mesh,
     /// A picture that a command compares. The decoder of pictures has its own limit.
     Picture,
-    /// A file that a run writes about itself: `plan.json`, `environment.json`.
+    /// A file that a run writes about itself (such as `plan.json`), a stored sweep, or one of raycl's documents.
     Results,
     /// A picture that a report shows.
     Shown,

@@ -15,7 +15,7 @@ use crate::xdg;
 
 /// The environment variable that names the default device.
 pub const DEVICE: &str = "RAYCL_DEVICE";
-/// The environment variable that names the folder of results.
+/// The environment variable that names the folder in which runs create their folders of results.
 pub const RESULTS: &str = "RAYCL_RESULTS";
 /// The remedy for a mistake in the settings file.
 const KEYS: &str = "the keys are device, color (auto, always or never) and results; README.md explains them";
@@ -74,7 +74,7 @@ fn read(path: &Path) -> Result<Settings> {
     for value in settings.wire.device.iter().chain(&settings.wire.results) {
         if value.get_ref().trim().is_empty() {
             return Err(settings
-                .error(value, "this is empty".to_owned())
+                .error(value, "the setting is empty".to_owned())
                 .with_help("set a value, or remove the line"));
         }
     }
@@ -152,7 +152,7 @@ mod tests {
             ("# mine\ndevise = \"cpu\"\n", ["config.toml:2", "devise", "did you mean `device`", "results"]),
             ("color = \"nevr\"\n", ["config.toml:1", "nevr", "did you mean `never`", "always"]),
             ("device = 3\n", ["config.toml:1", "wrong type: integer", "expected a string", "the keys are"]),
-            ("\nresults = \"\"\n", ["config.toml:2", "this is empty", "results", "remove the line"]),
+            ("\nresults = \"\"\n", ["config.toml:2", "the setting is empty", "results", "remove the line"]),
         ] {
             let error = read_text(text).expect_err(text);
             assert_eq!(error.exit_code(), 2);

@@ -25,7 +25,7 @@ pub struct Told {
 }
 
 impl Told {
-    /// Returns the remedy, which is `otherwise` unless a name was misspelt.
+    /// Returns the remedy: the valid names if a key or a value is unknown, and `otherwise` for other mistakes.
     pub fn remedy<'a>(&'a self, otherwise: &'a str) -> &'a str {
         self.remedy.as_deref().unwrap_or(otherwise)
     }
@@ -37,8 +37,8 @@ impl Told {
     }
 }
 
-/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the
-/// remedy unless a name was misspelt.
+/// Returns the error for a document that cannot be parsed, with the location of the mistake. `help` is the remedy
+/// unless a key or a value is unknown.
 pub fn toml_error(name: &str, text: &str, error: &toml::de::Error, help: &str) -> Error {
     told(error).in_file(name, text, error.span().unwrap_or(0..0), help)
 }

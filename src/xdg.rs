@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 
 /// Returns the folder `raycl` in the folder that the environment variable `variable` names. If the variable names no
-/// folder, returns the folder `raycl` in the subfolder of the home folder that `below` names. `None` if the home folder
-/// is unknown too.
+/// folder, returns the folder `raycl` in the subfolder `below` of the home folder; `None` if the home folder is unknown
+/// too.
 pub fn folder(variable: &str, below: &str) -> Option<PathBuf> {
     let base = named(variable).or_else(|| Some(home()?.join(below)))?;
     Some(base.join("raycl"))

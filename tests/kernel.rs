@@ -190,9 +190,10 @@ fn a_mistake_in_a_kernel_has_its_file_and_line() {
     // The wrong line replaces the first empty line of the file, which follows the comment that describes the file.
     let text = std::fs::read_to_string(repository("cl").join(file)).expect("a kernel file");
     let at = text.lines().take_while(|line| !line.is_empty()).count() + 1;
-    for (line, said) in
-        [("#if 1 +\n#endif", "the condition has no value"), ("#error \"not yet\"", "#error \"not yet\"")]
-    {
+    for (line, said) in [
+        ("#if 1 +\n#endif", "a value is missing at the condition's end"),
+        ("#error \"not yet\"", "#error \"not yet\""),
+    ] {
         let place = Place::new();
         let folder = place.kernels(file, "\n\n", &format!("\n{line}\n"));
         let message = place.mistake(&["kernel", "naive", "--cl-dir", &folder], 2);

@@ -147,7 +147,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
     has(
         &said,
         &[
-            "My test.cl: a value is named after its file",
+            "My test.cl: this file is a value of the axis 'intersector'",
             "rename the file, for example to cast/intersect/my_test.cl",
         ],
     );

@@ -36,8 +36,8 @@ int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
 }
 
 #if WIDTH == 1
-// One ray is tested against all children at the same time, one lane per child. A node is loaded completely before its
-// first use, in as few loads as the device allows.
+// One ray is tested against up to 16 children at the same time, one lane per child. One load of a vector reads the same
+// side of the boxes of all these children.
 
 #define CHILD_LANES (NODE_WIDTH < 16 ? NODE_WIDTH : 16)
 #if NODE_WIDTH == 2

@@ -7,13 +7,14 @@
 // edges were computed for rays that start at the light.
 //
 // If triangles are streamed through __local memory, the loop over them is unrolled by 8. Unrolling by 8 is 7% faster on
-// a GPU than unrolling by 4, which the GPU's compiler chooses. With PLANES_OF_ORIGIN, the loop is unrolled
-// by 4. This is 5% faster than unrolling by 8, by 2, or as the compiler chooses.
+// a GPU than unrolling by 4, which the GPU's compiler chooses. With PLANES_OF_ORIGIN, the loop is unrolled by 4.
+// Unrolling by 4 is then 5% faster than unrolling by 8, by 2, or as the compiler chooses.
 
 #if ANY_HIT
-// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. Without
-// PLANES_OF_ORIGIN, the ray starts at the distance `bias` from the hit P, in the direction w_i to the light, so that the triangle that was just hit does not shadow itself. `open`
-// contains the lanes that have hit nothing yet: a lane is finished at its first hit on any triangle.
+// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. Without PLANES_OF_ORIGIN, the ray starts at
+// the distance `bias` from the hit P, in the direction w_i to the light, so that the triangle that was just hit does
+// not shadow itself. `open` contains the lanes that have hit nothing yet: a lane is finished at its first hit on any
+// triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;

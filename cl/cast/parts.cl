@@ -179,8 +179,8 @@ varying begin_rays(Working *working, Ray ray) {
 #include "common/half_light.cl"
 #endif
 
-// Stores one number per pixel for the next pass: the number of its nearest triangle or, for a tree, the index of that
-// triangle in leaf order.
+// Stores one number per pixel for the next pass: the number of its nearest triangle, or NO_HIT. With a tree, too, this
+// is the triangle's number in the mesh, not its index in leaf order.
 void store_nearest(__global int *nearest, int2 image_size, Pixels pixels, varying_int numbers) {
     IntLanes x, y, inside, number;
     x.all = pixels.x;

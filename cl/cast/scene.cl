@@ -4,7 +4,7 @@ typedef struct {
     Geometry geometry;
     const __global float *lights; // position (3), power (3) each
     int light_count;
-    float bias; // the distance from its surface at which a shadow ray starts
+    float bias; // the distance from the surface at which a shadow ray starts
 #if PLANES_OF_ORIGIN
     const __global float4 *prepared; // a row per triangle, first for the eye, then for each light
 #endif
@@ -25,8 +25,8 @@ typedef struct {
 #endif
 } Scene;
 
-// Returns the row of a triangle, from global memory. Planes depend on the origin (0 is the eye, 1 the first light);
-// corners do not.
+// Returns the row of a triangle: loads a prepared row from global memory, or computes the row from the triangle's
+// corners. Planes depend on the origin (0 is the eye, 1 the first light); corners do not.
 Row source_row(const Scene *scene, int origin, int triangle) {
 #if PLANES_OF_ORIGIN
     const __global float4 *quads = scene->prepared + 3 * ((size_t)origin * scene->geometry.count + triangle);

@@ -1,10 +1,10 @@
 // Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
 // Adds up the light at the hits of `active` lanes. The hits are at distance t, with the weights in the working vectors.
-// The sum goes to the working vector RADIANCE of these lanes. Let w_i be the direction to a light, and w_o the
-// direction to the eye:
+// The sum goes to the working vector RADIANCE of these lanes. Let d be the ray's direction, w_i the direction to a
+// light, and w_o = -d the direction to the eye:
 //
-//     P = origin + t w     n = w0 n0 + w1 n1 + w2 n2, of unit length
+//     P = origin + t d     n = w0 n0 + w1 n1 + w2 n2, of unit length
 //     L_i = power / (4 pi r^2), since a point light's power is spread over a sphere of radius r
 //     L_o += L_i f(w_i, w_o, n) (n . w_i), one light's term of the reflection equation
 void shade(Working *working, const Scene *scene, const Surface *surface, varying t, Mask active) {
@@ -38,8 +38,8 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #if !STREAM_TILES
         if (!ANY(lit)) continue;
 #endif
-        // The shadow ray ends at the distance `bias` before the light. The number of the light's origin is 1 + light,
-        // since the eye is origin 0.
+        // The shadow ray's length is `distance - bias`, since one end is at the distance `bias` from the hit; the other
+        // end is the light. The number of the light's origin is 1 + light, since the eye is origin 0.
 #if SOFT && PLANES_OF_ORIGIN
         const varying end = distance - scene->bias;
         if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);

@@ -10,7 +10,9 @@ typedef struct {
     varying_int x, y;
     Mask inside; // in the image: the last work-items of a row may extend beyond it
 #ifdef SUBPIXELS
-    varying sample_x, sample_y; // the ray's place in the pixel: 0.5 at the centre; a filter wider than the pixel reaches beyond 0 and 1
+    // The ray's place in the pixel: 0.5 at the centre. If a filter is wider than the pixel, a place may lie below 0 or
+    // above 1.
+    varying sample_x, sample_y;
 #endif
 } Pixels;
 

@@ -27,11 +27,11 @@ typedef struct {
     int number; // of the group within its work-group
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
     __local uint *board; // two words per lane, used in turn: see write_board
-    int turn;
+    int turn;            // which of the two words the next operation uses: 0 or 1
 #endif
 #if SAMPLED
-    const __global uint *wanted; // samples that each block of pixels gets
-    uint earlier;                // samples that are already in the image
+    const __global uint *wanted; // samples that each pixel of a block gets, block by block
+    uint earlier;                // samples of each pixel that are already in the image
     int bits;                    // a pixel has 2^bits x 2^bits sub-pixels, each with room for one ray
     int samples;                 // rays that the frame casts for each pixel; the other sub-pixels stay empty
     const __global float *places; // x and y of each of these rays in its pixel

@@ -10,7 +10,8 @@ Uniform3 edge_plane(Uniform3 edge, Uniform3 p, Uniform3 q) {
 // that neighbouring triangles keep equal planes for the edge that they share.
 float power_of_two_below(float positive) { return as_float(as_int(positive) & 0x7f800000); }
 
-// Returns a row that no ray hits, since every ray is outside one of the first two edges.
+// Returns a row that no ray hits. A ray is outside one of the first two edges, unless the x of its direction is 0 or
+// nearly 0. Such a ray misses because its 1 / t is 0.
 Row row_of_nothing() {
     Row row;
     row.a = uniform3(1e30f, 0.0f, 0.0f);

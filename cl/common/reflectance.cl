@@ -10,12 +10,13 @@ varying power_of(varying base, varying exponent) {
 }
 
 // Returns f(w_i, w_o, n): without a highlight k_L / pi, with a highlight (k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi.
+// w_i is the direction to the light, w_o the direction to the eye, and n the normal; rows.cl explains k_L, k_G and s.
 Vec3 reflectance(const Surface *surface, Vec3 to_light, Vec3 to_eye, Vec3 normal, Mask lit) {
     Vec3 sum = surface->lambertian;
-    // A highlight costs a square root, a logarithm and an exponential; it is skipped if no lane has one.
+    // A highlight costs a division, a logarithm and an exponential; it is skipped if no lane has one.
     const Mask glossy = lit & (surface->kind > 0.0f);
     if (ANY(glossy)) {
-        // Blinn's half vector, of any length. The square of its cosine with the normal needs no square root.
+        // Blinn's half vector w_h, of any length. The square of its cosine with the normal needs no square root.
         const Vec3 half_way = add(to_light, to_eye);
         const varying along_normal = max(dot3(normal, half_way), (varying)(0.0f)), squared = dot3(half_way, half_way);
         const varying cosine_squared = SELECT(squared > 0.0f, along_normal * along_normal / squared, (varying)(0.0f));

@@ -4,9 +4,9 @@ typedef struct {
     Uniform3 a, b, c;
 } Corners;
 
-// The floats that a ray-triangle test reads per triangle. They are computed from the triangle's corners, or they are
-// planes prepared for a common origin. The test's file defines the number of floats; in memory, a row consists of
-// ROW_UNITS values of type ROW_UNIT.
+// A row: the floats that a ray-triangle test reads of one triangle. They are computed from the triangle's corners, or
+// they are planes prepared for a common origin. The test's file defines the number of floats; in memory, a row consists
+// of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
 #error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
 #endif
@@ -47,9 +47,9 @@ typedef struct {
 
 // The data that shading reads, for the triangle of each lane.
 typedef struct {
-    Vec3 n0, n1, n2;
-    Vec3 lambertian, glossy;
-    varying shininess, kind;
+    Vec3 n0, n1, n2;         // the normals at the triangle's corners
+    Vec3 lambertian, glossy; // the material's reflectances: k_L (diffuse) and k_G (of its highlight)
+    varying shininess, kind; // s, the exponent of the highlight; kind is 1 if the material has a highlight, else 0
 } Surface;
 
 #define FLOATS_OF_SURFACE 17

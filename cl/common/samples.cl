@@ -1,7 +1,7 @@
 // Several samples of each pixel. The image holds the mean of the samples cast so far, and every frame adds further
-// samples. `wanted` holds the number of samples of each block of pixels; mark_rough changes it after the first few
-// samples. A pixel with enough samples is treated like a pixel outside the image: its ray is not cast, and nothing is
-// stored.
+// samples. `wanted` holds, for each block of pixels, the number of samples that each of its pixels gets; mark_rough
+// changes this number after the first few samples. A pixel with enough samples is treated like a pixel outside the
+// image: its ray is not cast, and nothing is stored.
 
 #ifndef SAMPLED_BLOCK
 #error "SAMPLED_BLOCK: side in pixels of the blocks whose pixels get equally many samples"

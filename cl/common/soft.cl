@@ -2,7 +2,8 @@
 // follow Sobol's sequence in two dimensions. The samples are numbered along a Z-order curve through the pixels, so that
 // the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
 // Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
-// makes the sequences of different lights independent. src/reference/soft.rs computes the same, bit for bit.
+// makes the sequences of different lights independent. src/reference/soft.rs computes the same numbers (numbers_of) bit
+// for bit, and the rays from them in f64.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
@@ -19,7 +20,8 @@ typedef PASTE(uint, WIDTH) varying_uint;
 typedef struct {
     // The sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light.
     const __global float *numbers;
-    // The number of the first sample that this frame casts for each pixel, and the number of samples (0: see below).
+    // The number of the first sample that this frame casts for each pixel, and the number of samples per pixel in this
+    // sample's round (see src/scene/samples.rs; for 0, see below).
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -150,7 +152,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 
 // Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of directions around
 // the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and up. The code uses a
-// parabola in cos a, which differs from the exact mean height by at most 0.006.
+// parabola in cos a, which differs from the exact mean height by at most 0.006. (No frame needs the mean of a picture
+// of the sky, since such a sky is not cast at half resolution.)
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

@@ -66,7 +66,7 @@ Uniform3 texel_colour(const __global uint *words, uint at) {
     return uniform3(as_float(words[texel & 255]), as_float(words[texel >> 8 & 255]), as_float(words[texel >> 16 & 255]));
 }
 
-// Returns a texture's first word.
+// Returns a texture's head.
 const __global uint *texture_head(const Textures *textures, int number) {
     return textures->words + CHANNEL_VALUES + TEXTURE_HEAD_WORDS * number;
 }

@@ -1,6 +1,6 @@
-// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. One source serves GPUs (WIDTH 1 to 8,
-// rays in registers) and CPUs (WIDTH 16, rays in vectors). A Mask is 0 or 1 for a scalar, and 0 or -1 per lane for a
-// vector: combine masks with & and |, negate them with !.
+// A varying holds one value for each of a work-item's WIDTH rays, as in ISPC. One source serves GPUs, where each ray
+// has registers of its own, and CPUs, where the rays are the lanes of vector registers. A Mask is 0 or 1 for a scalar,
+// and 0 or -1 per lane for a vector: combine masks with & and |, negate them with !.
 
 #ifndef WIDTH
 #error "WIDTH: rays that a work-item casts side by side: 1, 2, 4, 8 or 16"
@@ -69,7 +69,7 @@ typedef union {
 #define ANY(mask) (mask)
 #elif defined(HAS_REDUCE_OR)
 #define ANY(mask) __builtin_reduce_or(mask)
-#else // the names of these functions are not macros in any header
+#else // or_of_2 and so on: names that no compiler's header defines as macros
 int or_of_2(int2 m) { return m.x | m.y; }
 int or_of_4(int4 m) { return or_of_2(m.lo | m.hi); }
 int or_of_8(int8 m) { return or_of_4(m.lo | m.hi); }

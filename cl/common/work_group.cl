@@ -1,5 +1,5 @@
-// The size of the work-groups that kernels are compiled for. The host generates the kernels' parameter lists,
-// NAME_PARAMETERS, from src/manifest/.
+// The size of the work-groups that kernels are compiled for. The host generates each kernel's parameter list, for
+// example CAST_FRAME_PARAMETERS of cast_frame, from src/manifest/.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: work-items of a work-group across and down"

@@ -35,7 +35,8 @@
 #if WIDTH != 16 || VECTORS > 32
 #error "tiles consist of at most 32 vectors of 16 rays"
 #endif
-// A float16 has 16 lanes. Each lane holds one ray of a vector, or a value of one vector of the tile.
+// A float16 has 16 lanes. Each lane holds one ray of a vector, or a value of one vector of the tile. PARTS is the
+// number of float16 that hold one value for each vector of the tile.
 #define PARTS ((VECTORS + 15) / 16)
 #define LANES ((int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 

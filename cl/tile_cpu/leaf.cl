@@ -29,8 +29,8 @@ uint vectors_done(const Bundle *bundle, uint vectors) {
 // `any`, the vectors whose rays are all finished.
 uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count, uint live, const int any) {
     Prepared prepared;
-    // At the end of a leaf, fewer than PREPARED triangles may be left: bits from `count` on belong to other leaves or to
-    // the padding.
+    // At the end of a leaf, fewer than PREPARED triangles may be left: bits from `count` on belong to other leaves or
+    // to the padding.
     uint worth = prepare_triangles(bundle, &tree->tree, first, any, &prepared) & ((1u << count) - 1);
     uint changed = 0;
     for (; worth; worth &= worth - 1) {

@@ -90,8 +90,8 @@ INLINED void meet_rows(const Lighting *lighting, Vec3 origin, Vec3 direction, co
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
     const Vec3 e1 = subtract(vec3(corner[4], corner[5], corner[6]), v0);
     const Vec3 e2 = subtract(vec3(corner[8], corner[9], corner[10]), v0);
-    // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
-    // found the triangle.
+    // t and weights are computed again, as in every strategy with shading = deferred, so that the picture does not
+    // depend on the test that found the triangle.
     const Hit hit = meet_plane(v0, e1, e2, origin, direction);
     shaded->point = along(origin, hit.t, direction);
     const Vec3 n0 = vec3(normal[0], normal[1], normal[2]);
@@ -139,7 +139,7 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     const varying distance = sqrt(squared);
     const varying per_distance = 1.0f / distance;
     const Vec3 to_light = scale(offset, per_distance);
-    // A light behind the surface, or on it, contributes nothing.
+    // A light behind the surface, or nearer than the bias, contributes nothing.
     const varying cosine = dot3(to_light, shaded->normal);
     const Mask lit = hits & (cosine > 0.0f) & (distance > lighting->bias);
     if (!ANY(lit)) return lit;
@@ -165,8 +165,8 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     return lit;
 }
 
-// Computes a light's rays to the hits of the tile's vectors. The hits are computed for the first light, and stored for
-// the other lights. Returns the vectors with at least one ray.
+// Computes a light's rays to the hits of the tile's vectors. Without soft light, the hits are computed for the first
+// light, and stored for the other lights. Returns the vectors with at least one ray.
 uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const SurfaceTree *tree, const Lighting *lighting,
                      int light, CAMERA_PARAMETERS, int2 image_size, uint hit, Shaded *shaded, Vec3 *arriving) {
     for (int part = 0; part < PARTS; part++) {
@@ -185,7 +185,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
         const int vector = LOWEST_BIT(left);
         const Mask hits = bundle->place[vector] != NO_HIT;
 #if SOFT
-        const Shaded *surface = shaded + vector; // computed for the first light
+        const Shaded *surface = shaded + vector; // computed by shade_tile, before all lights
 #else
         Shaded *surface = shaded + (lighting->light_count > 1 ? vector : 0); // with a single light, hits are not stored
         if (light == 0) meet_vector(tree, lighting, eye, bundle, vector, hits, surface);
@@ -223,8 +223,11 @@ float sum_of_lanes(float16 v) {
 float4 sums_of_squares(float16 v) {
     // Adds neighbours across, then down:
     //
-    //                                 0  1  2  3                 0 1
-    //                                 4  5  6  7   4 rows of 2   2 3   2 rows of 2
+    //      0  1  2  3                 0 1                 0 1
+    //      4  5  6  7        ->       2 3        ->       2 3
+    //      8  9 10 11                 4 5
+    //     12 13 14 15                 6 7
+    //     4 rows of 4                 4 rows of 2         2 rows of 2
     const float8 across = v.even + v.odd;
     return across.s0145 + across.s2367;
 }

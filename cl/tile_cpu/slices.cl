@@ -13,7 +13,7 @@
 // mixed, and the reciprocals lie below low or above high.
 typedef struct {
     float low[3], high[3];
-    int mixed[3], negative[3];
+    int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } Cone;
 
 // The same intervals for each vector of rays, with one lane per vector. Lanes without rays have the interval from FAR

@@ -7,7 +7,7 @@
 // both directions along an axis, the axis is mixed and excludes no box.
 typedef struct {
     float low[3], high[3], per_low[3], per_high[3];
-    int mixed[3], negative[3];
+    int mixed[3], negative[3]; // negative: all rays run towards smaller coordinates
 } PacketBounds;
 
 // Computes the bounds of a packet's `rays` along one axis.

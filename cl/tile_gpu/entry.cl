@@ -50,9 +50,9 @@
 // A ray joins a pass if the component of its direction along the pass's axis is more than this fraction of the
 // direction's 1-norm. For the leader (the ray whose direction determines this axis), the fraction is at least a third.
 #define ALONG_AXIS 0.25f
-// The largest distance from the leader, as a multiple of the distance between neighbouring rays, in a pass that is
-// restricted to rays close to the leader. The value is the width of a tile in rays, because rays to one surface are not
-// farther apart than this.
+// In a pass that is restricted to rays close to the leader: the largest distance of a ray from the leader, as a
+// multiple of the distance between neighbouring rays. The value is the width of a tile in rays, because rays to one
+// surface are not farther apart than this width.
 #define NEIGHBOURS ((float)TILE_X)
 // This lane, in the middle of the lanes' 8 x 4 pixels, provides the leader if it still has a ray to cast.
 #define MIDDLE_LANE 20
@@ -86,9 +86,9 @@ INLINED float depth_of(const Shaft *shaft, float x, float y, float z) {
 
 // Returns the distance, in slopes, between the leader's ray and the rays of neighbouring pixels. The result is the
 // larger of two distances: to the nearer neighbour in the leader's row, and to the nearer neighbour in the leader's
-// column. Returns FAR if there are no neighbours. `distance` is this lane's distance from the leader's ray. In a block
-// of 8 x 4 lanes, the index of a neighbour differs by 1 in a row, and by 8 in a column. At an edge the index wraps
-// around to a more distant ray.
+// column. If only one of these neighbours exists, the result is the distance to it; if none exists, the result is FAR.
+// `distance` is this lane's distance from the leader's ray. In a block of 8 x 4 lanes, the index of a neighbour differs
+// by 1 in a row, and by 8 in a column. At an edge the index wraps around to a more distant ray.
 INLINED float spacing_at(Group *group, float distance, int leader) {
     const int row = leader & ~7;
     const float left = lane_get_float(group, distance, row | ((leader - 1) & 7));

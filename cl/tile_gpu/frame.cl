@@ -70,7 +70,8 @@ INLINED uint own_tile(Group *group, const __global uint *rough, int rough_count)
 }
 #endif
 
-// Define a group with its stack, and the triangles of a leaf that its rays have to test.
+// STACK_LOCALS defines a group with its stack; LEAF_LOCALS defines the memory for the triangles of a leaf that the
+// group's rays have to test.
 #define STACK_LOCALS                            \
     GROUP_LOCALS                                 \
     __local uint2 stacks[LOCAL_Y][STACK_SIZE]; \

@@ -167,9 +167,10 @@ INLINED EyeRay sample_in_row(Group *group, int row, int ray, int sample, int2 gr
 #endif
 }
 
-// Shades nearest hits by the lights of a round that reach them; the first round clears the image. If no other kernel
-// has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and shade their pixels.
-// The rays are few, but each takes long. Meanwhile, the other work-groups shade all pixels whose lights are known.
+// Shades nearest hits by the lights of a round that reach them; AFTER_ROUND combines the result with the image. If no
+// other kernel has cast the leftover shadow rays, the first `queue_rows` rows of work-groups cast these rays and shade
+// their pixels. The rays are few, but each takes long. Meanwhile, the other work-groups shade all pixels whose lights
+// are known.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES

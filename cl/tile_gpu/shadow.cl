@@ -1,5 +1,5 @@
-// Casts the shadow rays of a round of lights. A round consists of the lights whose shadow rays are cast at the same
-// time. The rays run from each light to the hits that face it.
+// Casts the shadow rays of a round of lights. A round consists of the lights whose shadow rays one run of a kernel
+// casts. The rays run from each light to the hits that face it.
 
 // Limits per tile and light: the number of passes, and the number of words popped from the stack. A pass casts rays
 // that are close to each other. At silhouettes, these limits are too small for some rays. The rays that remain are
@@ -47,8 +47,8 @@ INLINED Meeting meet(const Tree *tree, const __global float4 *surfaces, Ray ray,
     const float4 na = normals[0], nb = normals[1], nc = normals[2];
     const Vec3 v0 = vec3(a.x, a.y, a.z);
     const Vec3 e1 = subtract(vec3(b.x, b.y, b.z), v0), e2 = subtract(vec3(c.x, c.y, c.z), v0);
-    // t and weights are computed again, as in every strategy, so that the picture does not depend on the test that
-    // found the triangle.
+    // t and weights are computed again, as in every strategy with shading = deferred, so that the picture does not
+    // depend on the test that found the triangle.
     const Hit hit = meet_plane(v0, e1, e2, ray.origin, ray.direction);
     const Vec3 n0 = vec3(na.x, na.y, na.z), n1 = vec3(nb.x, nb.y, nb.z), n2 = vec3(nc.x, nc.y, nc.z);
     Meeting meeting;
@@ -79,8 +79,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit without its material. The hit's point and normal are enough to find which lights the surface faces,
-// and where rays to these lights begin.
+// Returns the hit, of which only the point and the normal are valid. Both are enough to find which lights the surface
+// faces, and where the shadow rays from these lights end.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
 #if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
@@ -140,7 +140,7 @@ INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[
 #define SOURCE_COUNT(light_count) light_count
 #endif
 
-// Computes the rays from a light to the tile's hits, for the rays in `wanted`. Returns the rays that must be cast.
+// Computes the rays from a light to the tile's hits, for the hits in `wanted`. Returns the hits whose ray must be cast.
 INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS,
                         int2 grid, const __global int *nearest, Vec3 light, float bias, uint wanted, Ways *ways) {
     uint cast = 0;

@@ -14,7 +14,7 @@
 // The origin of the rays of a pass.
 typedef struct {
     Uniform3 at;
-    int number; // 0 for the eye; 1 and more for a round's lights
+    int number; // 0 for the eye; 1 and more for the lights of a round (see shadow.cl)
 } Origin;
 
 INLINED Origin origin_at(Uniform3 at, int number) {

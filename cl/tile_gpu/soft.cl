@@ -1,8 +1,9 @@
 // Rays without a common origin: to points of a light with a radius, and to the sky. All of these rays are leftover
 // shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
-// The sources of a round: its lights and, after the last light, the sky. In functions, `light` is counted from the
-// first light of the round, and `source` from the first light of the scene.
+// The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
+// scene's lights, and `first_light` is the first light of the round. In functions, `light` is counted from the first
+// light of the round, and `source` from the first light of the scene.
 typedef struct {
     Soft soft;
     int light_count, first_light;
@@ -85,8 +86,8 @@ INLINED Sight sight_of(const Sources *sources, int light, const __global float *
 INLINED int reaches(Group *group, const Tree *tree, const Sources *sources, int light, const __global float *at,
                     const Meeting *meeting, float bias, __local uint2 *stack) {
     const Sight sight = sight_of(sources, light, at, meeting);
-    // A light that is nearer than the bias counts as hidden. The sky has no position, so only its
-    // direction is tested.
+    // A light that is nearer than the bias counts as hidden. The sky has no position, so only the direction of the ray
+    // to it is tested.
     const int faces_it = (dot3(sight.way, meeting->normal) > 0.0f) & (sight.is_sky | (sight.distance > bias));
     return faces_it && !is_stopped(group, tree, along(meeting->point, bias, sight.way), sight.way, sight.distance - bias, stack);
 }

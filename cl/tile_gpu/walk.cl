@@ -10,7 +10,7 @@ typedef struct {
 // Tests whether the shaft meets this lane's child of a node at a z less than `reach`. Because of rounding, the test may
 // report a child that the shaft does not meet, but it never misses a child that the shaft meets.
 INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uint node, float reach) {
-    const uint at = NODE_STRIDE * node; // less than 2^32, since a node has more than 32 triangles below it
+    const uint at = NODE_STRIDE * node; // less than 2^32: a tree has at most 2^25 triangles, and far fewer nodes
     const __global float *x_rows = tree->nodes + (at + shaft->x_rows);
     const __global float *y_rows = tree->nodes + (at + shaft->y_rows);
     // The sides relative to the origin: lane i reads column i of each row, so 32 lanes read 128 contiguous bytes.

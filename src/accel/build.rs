@@ -2,7 +2,7 @@
 //!
 //! The primitives of a node (32 bytes each: box and number) are contiguous in one of two buffers. Each cut moves the
 //! primitives to the other buffer, so all reads and writes are sequential. The primitives of large nodes are binned and
-//! moved in chunks on all cores; for smaller nodes, the two halves of a cut are independent tasks.
+//! moved in chunks on all cores. The two halves of a cut are independent tasks, except in small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 const PARALLEL_NODE: usize = 1 << 16;
 /// Triangles per chunk of a node that is binned and moved on all cores.
 const CHUNK: usize = 1 << 14;
-/// A subtree with fewer triangles than this is built by one task.
+/// A subtree with at most this many triangles is built by one task.
 const TASK: usize = 1 << 12;
 /// Nodes with more triangles than this are cut into `FINE` slices, others into `COARSE`.
 const FINE_NODE: usize = 64;
@@ -44,7 +44,9 @@ struct Work<'a> {
 #[derive(Default)]
 struct Subtree {
     pieces: Vec<Vec<Node>>,
+    /// Number of nodes in all pieces.
     nodes: usize,
+    /// Number of edges from the root of the whole tree to the deepest leaf of this subtree.
     depth: u32,
 }
 

@@ -24,7 +24,7 @@ pub fn of_user() -> Option<PathBuf> {
 }
 
 /// Makes a private folder among the temporary files. Later processes of this user get the same folder. Returns `None`
-/// if the folder cannot be made, or if it belongs to somebody else.
+/// if the folder cannot be made, if it is a link, or if somebody else owns it or may write into it.
 #[cfg(unix)]
 pub fn temporary() -> Option<PathBuf> {
     let user = rustix::process::geteuid().as_raw();
@@ -57,7 +57,8 @@ pub fn trusted(folder: &Path) -> Option<&Path> {
     (found.is_dir() && is_own(&found)).then_some(folder)
 }
 
-/// Reads an ordinary file that belongs to the user; a link is refused.
+/// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for all other files,
+/// and for links.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
     let found = path.symlink_metadata().ok()?;
     if !found.is_file() || !is_own(&found) {

@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of the OpenCL devices, and compiled programs: one program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of the OpenCL devices; compiled programs, one for each combination of source code, compiler options, device, driver and values of the driver's environment variables; and short notes about programs, such as which program a scene needed last time. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,

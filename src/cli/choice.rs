@@ -88,8 +88,8 @@ pub fn chosen_strategy(
     if strategy == best {
         return Ok((strategy, best_local));
     }
-    // With the traversal `tile`, one work-item casts a whole tile of rays, so a work-group of one work-item has enough
-    // work.
+    // With the traversal `tile`, one work-item may cast a whole tile of rays, so a work-group of one work-item has
+    // enough work. If 32 work-items share a tile instead, `local_size` returns another local size.
     let tiles = strategy.traversal == Traversal::Tile;
     Ok((strategy, strategy.local_size(limits, if tiles { [1, 1] } else { [8, 8] })))
 }

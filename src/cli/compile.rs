@@ -22,9 +22,9 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (for each kernel the numbers of registers, bytes of memory and memory instructions and the predicted occupancy; for each source line the numbers of instructions) and the program's binary: binary.ptx if it is PTX text, else binary.bin. No ray is cast.
+Each strategy gets a folder in DIR with these files: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (for each kernel: the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line: the numbers of instructions), and the program's binary, which is called binary.ptx if it is PTX text, and otherwise binary.bin. No ray is cast.
 
-The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers. Memory instructions are counted only in PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers. The printed table counts memory instructions only in PTX.")]
 pub struct Args {
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
     /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays
@@ -63,8 +63,8 @@ struct Compilation {
     build_ms: f64,
     binary_is_ptx: bool,
     kernels: Vec<CompiledKernel>,
-    /// The machine instructions that the compiler generated for each line of the source; `None` if neither --out nor
-    /// --json is given.
+    /// The instructions (PTX, SASS or the CPU's) that the compiler generated for each line of the source; `None` if
+    /// neither --out nor --json is given.
     microscope: Option<Microscope>,
 }
 
@@ -122,7 +122,7 @@ fn disable_caches() {
     }
 }
 
-/// Names and contents of the files, except `made.json`.
+/// Names and contents of the files, except `made.json` and the page [`MICROSCOPE`].
 type Files = Vec<(&'static str, Vec<u8>)>;
 
 fn compile(

@@ -24,7 +24,7 @@ pub fn run(args: Args) -> Result<()> {
         documents.differences()
     } else {
         let (changed, wrong) = documents.rewrite(&args.root)?;
-        super::print(format!("{} changed", counted(changed, "line")))?;
+        super::print(format!("{} changed", counted(changed, "place")))?;
         wrong
     };
     match left.len() {

@@ -92,7 +92,7 @@ enum Command {
     Devices(devices::Args),
     /// List the axes of strategies with their values, and the presets
     Strategies(strategies::Args),
-    /// Internal: `run` starts this process to measure the points of one device
+    /// Internal: raycl starts this process to measure points, to list the devices or to compile a program
     #[command(hide = true)]
     Worker {
         /// List the devices and end
@@ -133,7 +133,7 @@ enum Command {
 
 impl Command {
     /// Returns whether the command starts drivers in its own process. For commands that measure the points of an
-    /// experiment, worker processes start the drivers.
+    /// experiment, worker processes start the drivers. Also returns true for `occupancy`, which starts no driver.
     fn starts_drivers(&self) -> bool {
         match self {
             Self::Render(_)
@@ -148,7 +148,8 @@ impl Command {
         }
     }
 
-    /// Returns whether the user asks the command for times, not for a picture.
+    /// Returns whether the user asks the command for times, not for a picture. The commands for contributors
+    /// do not count.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
@@ -195,7 +196,8 @@ impl Cli {
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
-    /// Returns whether the user asks the command for times, not for a picture.
+    /// Returns whether the user asks the command for times, not for a picture. The commands for contributors
+    /// do not count.
     pub fn measures(&self) -> bool {
         self.command.measures()
     }

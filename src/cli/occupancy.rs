@@ -35,14 +35,15 @@ pub struct Args {
     #[arg(long, value_name = "WxH", value_delimiter = ',', num_args = 1.., default_values_t = LOCAL_SIZES)]
     local_sizes: Vec<LocalSize>,
     /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
-    /// contains its kernels' numbers of registers. DIR is a folder of results, or its file records.jsonl
+    /// contains its kernel's number of registers and occupancy; with --compute-capability, the number of registers is
+    /// enough. DIR is a folder of results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
     /// Print Figure 5 of the student paper that raycl repeats, and how many threads per multiprocessor the paper's 63
     /// registers per work-item allow
     #[arg(long)]
     paper: bool,
-    /// Print one JSON object instead of a table
+    /// Print one JSON object instead of a table; with --results, one object per point
     #[arg(long)]
     json: bool,
 }

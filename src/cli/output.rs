@@ -37,9 +37,10 @@ pub fn end_at_once() {
     signal_hook::low_level::exit(0);
 }
 
-/// Writes `text` to standard error, unless `quiet` is set, for commands that write a picture to standard output.
+/// Writes `text` to standard error, unless `quiet` is set. Commands use this function for text that must not be mixed
+/// with their output, such as a picture on standard output.
 pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
-    // If standard error is closed, the error is ignored, since the picture is complete nevertheless.
+    // If standard error is closed, the error is ignored, since the command's output is complete nevertheless.
     let _ = if quiet { Ok(()) } else { writeln!(std::io::stderr(), "{}", printer::plain(&text.to_string())) };
     Ok(())
 }

@@ -60,8 +60,8 @@ impl Observer for Bar {
 }
 
 /// Prints a line to standard error for every finished point. All points of a group (points that are compared with each
-/// other) are finished at the same time, after the last launch (worker process). So no point may be finished for a long
-/// time; after each minute without a line, a line about the current work is printed.
+/// other) are finished at the same time, after the last launch (worker process). So a long time can pass before the
+/// next point is finished. After each minute without a line, a line about the current work is printed.
 #[derive(Default)]
 pub struct Lines {
     points: usize,
@@ -70,11 +70,12 @@ pub struct Lines {
     /// finished steps.
     steps: usize,
     taken: usize,
-    /// When this run's first point began, and the number of steps finished by then.
+    /// When this run's first point began, and the number of steps finished by then; `None` if no point has begun.
     since: Option<(Instant, usize)>,
     /// Number of steps that this run has finished for points that were never timed.
     untimed: usize,
-    /// When the latest line was printed.
+    /// When the latest line was printed. Before the first line, the time when this run first reported its current work;
+    /// `None` before that time.
     printed_at: Option<Instant>,
 }
 

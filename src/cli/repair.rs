@@ -20,7 +20,7 @@ pub struct Args {
 }
 
 /// Removes damaged lines from the folder's journals: records, samples, rounds, samples of the anchor and records of
-/// control points. For each file that it changes, a copy of the original file stays in the folder.
+/// control points. A copy of the original of each changed file stays in the folder.
 pub fn run(args: Args) -> Result<()> {
     if !args.folder.join("records.jsonl").is_file() {
         let error =

@@ -93,8 +93,8 @@ impl Subject {
         Ok((strategy, self.local_size.unwrap_or(usual)))
     }
 
-    /// Builds the program and uploads the scene. If no local size is requested and work-items share tiles, a work-group
-    /// gets as many tiles as fit on the device.
+    /// Builds the program and uploads the scene. If no local size is requested and work-items share tiles, the number
+    /// of tiles in a work-group is halved until the work-group fits on the device.
     pub fn prepare(
         &self,
         session: &mut Session,

@@ -75,7 +75,7 @@ impl Document {
             .with_help(KEYS)
     }
 
-    /// Returns `FILE:LINE` of `span`.
+    /// Returns `FILE:LINE` of `span`; for a span in an override, `--set:1`.
     pub fn place_of(&self, span: Range<usize>) -> String {
         let (name, text, start) = self.part(&span);
         format!("{name}:{}", line_of(text, span.start - start))

@@ -12,7 +12,8 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// A strategy with some axes that are not set yet.
+/// A strategy that begins as a copy of the preset, and in which the values of the `[[strategy]]` entry are set axis by
+/// axis.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,

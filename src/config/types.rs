@@ -46,14 +46,15 @@ pub struct Experiment {
 pub struct SceneChoice {
     /// The file.
     pub path: PathBuf,
-    /// The folder of the config that names the file.
+    /// The folder of the config that names the file; empty if no config names the file.
     pub named_in: PathBuf,
     /// The values to set in the scene file, with their places in the config.
     pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
-    /// The largest number of triangles in a scene that at least one of the config's strategies and baselines can cast;
-    /// `None` if there is no such limit.
+    /// The largest number of triangles of the scene, if the scene is the config's only scene and every strategy needs a
+    /// tree, which cannot index more triangles. `None` if the config has several scenes or a baseline, or if a strategy
+    /// needs no tree.
     pub most_triangles: Option<u64>,
 }
 
@@ -108,7 +109,8 @@ impl NamedStrategy {
     pub fn not_for(&self, kind: DeviceKind) -> Option<String> {
         let meant = self.meant_for.filter(|meant| *meant != kind)?;
         Some(format!(
-            "meant for {}; set any_kind = true in its [[strategy]] entry to measure it here too",
+            "meant for {}; set any_kind = true in the experiment, or in the strategy's [[strategy]] entry, \
+             to measure it here too",
             meant.plural()
         ))
     }
@@ -181,8 +183,8 @@ impl fmt::Display for Emulate {
 /// The number of samples of each point, and the time for them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Number of frames cast before the first sample of a launch (worker process). The number is smaller if these
-    /// frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch (worker process) before the point's first sample. The number
+    /// is smaller if these frames take over a tenth of the time limit.
     pub warmup: u32,
     /// Number of launches: worker processes that measure a group one after another. The group's samples are divided
     /// among the launches. With one launch, results are only preliminary.
@@ -195,7 +197,8 @@ pub struct Timing {
     pub time_limit_ms: f64,
     /// Seed for the order of launches (worker processes) and rounds.
     pub seed: u64,
-    /// A group stops when, for each of its points, the standard deviation divided by the mean is below this value.
+    /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
+    /// the launch, divided by their mean, is below this value.
     pub relative_sigma: f64,
 }
 

@@ -29,7 +29,8 @@ pub fn experiment(wire: wire::Experiment, path: &Path, document: &Document) -> R
         let error = document.error(0..0, "there is nothing to measure", "no strategy and no baseline");
         return Err(error.with_help("add strategies = [\"naive\"]; `raycl strategies` lists the presets"));
     }
-    // Beside other scenes, a scene that is too large is recorded as infeasible, and the other scenes are measured.
+    // A scene that is too large for a tree is refused only if it is the only scene. Beside other scenes, such a scene
+    // is recorded as infeasible, and the other scenes are measured.
     if let ([scene], []) = (&mut scenes[..], &baselines[..])
         && strategies.iter().all(|named| named.strategy.needs_tree())
     {

@@ -105,8 +105,8 @@ pub struct Emulate {
 #[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Number of frames cast before the first sample of a launch (worker process) [default: 2]. The number is smaller
-    /// if these frames take over a tenth of the time limit.
+    /// Number of frames that each point casts in a launch (worker process) before the point's first sample
+    /// [default: 2]. The number is smaller if these frames take over a tenth of the time limit.
     #[schemars(with = "Option<u32>", range(max = 1000))]
     pub warmup: Option<Spanned<i64>>,
     /// Number of launches: worker processes that measure a point at different times [default: 4]. The point's samples
@@ -125,8 +125,8 @@ pub struct Timing {
     /// Seed for the order of launches (worker processes) and rounds [default: 1].
     #[schemars(with = "Option<u32>")]
     pub seed: Option<Spanned<i64>>,
-    /// Stop when, for each point of a group, the standard deviation divided by the mean is below this value
-    /// [default: 0.005].
+    /// A launch stops sampling a group when, for each of the group's points, the standard deviation of the samples in
+    /// the launch, divided by their mean, is below this value [default: 0.005].
     #[schemars(with = "Option<f64>", range(min = 0, max = 1))]
     pub relative_sigma: Option<Spanned<f64>>,
 }

@@ -3,7 +3,7 @@
 use super::DeviceInfo;
 use crate::error::{Error, Result};
 
-/// Refuses devices that differ in anything that affects times; the message names the difference.
+/// Refuses devices that differ in one of the properties in `facts`. The message names the first difference.
 pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
     let [first, others @ ..] = devices else { return Ok(()) };
     for other in others {

@@ -66,7 +66,7 @@ impl Asked {
         let bytes = self.bytes(query);
         let numbers = parse_numbers(&bytes);
         if numbers.is_empty() {
-            self.fail(query, &format!("{} bytes", bytes.len()));
+            self.fail(query, &format!("the answer has {} bytes", bytes.len()));
         }
         numbers
     }
@@ -83,7 +83,8 @@ impl Asked {
 
     fn fail(&mut self, query: Query, answer: &str) {
         let answer = answer.split_whitespace().collect::<Vec<_>>().join(" ");
-        self.failure.get_or_insert(format!("it does not answer CL_DEVICE query {query:?}: {answer}"));
+        self.failure
+            .get_or_insert(format!("its driver gives no valid answer to the query {query:?}: {answer}"));
     }
 }
 

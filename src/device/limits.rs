@@ -20,8 +20,9 @@ pub struct DeviceLimits {
     pub work_item_sizes: [usize; 3],
     /// Number of compute units.
     pub compute_units: u32,
-    /// Number of floats in the widest vector that the hardware adds in one instruction
-    /// (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT).
+    /// Number of rays per vector that suits the device. On a CPU, this is the number of floats in the widest vector
+    /// that the hardware adds in one instruction (CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT), rounded down to 1, 2, 4, 8 or
+    /// 16. On other devices it is 1.
     pub native_width: u32,
     /// True if work-groups run on threads of a CPU, whose stacks hold private arrays.
     pub is_cpu: bool,

@@ -110,8 +110,9 @@ fn allowed(sm: &Multiprocessor, registers: u32, local_bytes: u64, threads: u32) 
     Ok(())
 }
 
-/// Returns the number of groups that the registers allow. Registers are allocated to whole warps. On compute capability
-/// 2.x, the unit is 64 registers and the number of warps is even; from 3.0 on, the unit is 256 registers.
+/// Returns the number of groups that the registers allow. Registers are allocated to whole warps, in units of 64
+/// registers on compute capability 2.x and of 256 registers from 3.0 on. A group's number of warps is rounded up to a
+/// multiple of `warp_granularity`.
 fn groups_by_registers(sm: &Multiprocessor, registers: u32, warps: u64) -> Fits<u64> {
     let wanted = WARP * u64::from(registers.max(1));
     let granularity = sm.warp_granularity;

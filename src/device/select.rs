@@ -115,7 +115,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
 fn listing(infos: &[&DeviceInfo]) -> String {
     let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
     format!(
-        "Name a device by any part of the platform's, device's or vendor's name, by a kind (cpu, gpu, accelerator), or by all. Available:\n{}",
+        "Name a device by any part of the platform's, device's or vendor's name, by a kind (cpu, gpu, accelerator), or all devices by 'all'. Available:\n{}",
         lines.join("\n")
     )
 }

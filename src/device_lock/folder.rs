@@ -73,7 +73,7 @@ impl Folder {
 
     /// Returns the error for a folder that cannot be used.
     pub fn unusable(&self, error: &IoError) -> Error {
-        let message = format!("cannot create the locks of devices in {}: {error}", self.path.display());
+        let message = format!("cannot open the lock file of a device in {}: {error}", self.path.display());
         Error::run(message).with_help(format!(
             "set {VARIABLE} to another folder; all processes that measure on this machine must use the same folder"
         ))
@@ -91,7 +91,7 @@ impl Folder {
         // Another user may have replaced the folder by a link.
         match self.path.symlink_metadata()?.is_dir() {
             true => Ok(()),
-            false => Err(IoError::new(ErrorKind::NotADirectory, "it is not a folder")),
+            false => Err(IoError::new(ErrorKind::NotADirectory, "this path is not a folder")),
         }
     }
 }
@@ -169,7 +169,7 @@ mod tests {
         let shared = Folder { path: folder.path("c"), shared: true };
         symlink(place.path(), &shared.path).unwrap();
         let refused = shared.open("cpu").unwrap_err();
-        assert!(shared.unusable(&refused).to_string().contains("it is not a folder"));
+        assert!(shared.unusable(&refused).to_string().contains("this path is not a folder"));
         assert_eq!(std::fs::read_to_string(&precious).unwrap(), "kept");
     }
 }

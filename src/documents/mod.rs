@@ -55,7 +55,8 @@ impl Documents {
         self.texts.iter().find(|(own, _)| *own == name).map(|(_, text)| text.as_str())
     }
 
-    /// Returns every difference between a document and the records, with the document's name.
+    /// Returns every difference between a document and the records, with the document's name. Also returns every entry
+    /// of docs/figures.toml that no document uses.
     pub fn differences(&self) -> Vec<(&'static str, Difference)> {
         let of = |(name, text): &(&'static str, String)| {
             let name = *name;
@@ -76,8 +77,8 @@ impl Documents {
         facts.chain(blocks.filter(|block| nowhere(&block.as_str()))).collect()
     }
 
-    /// Rewrites the documents at `root` from the records. Returns the number of changed lines, and the
-    /// mistakes that rewriting cannot correct.
+    /// Rewrites the documents at `root` from the records. Returns the number of changed places (numbers in sentences,
+    /// and lines of blocks), and the mistakes that rewriting cannot correct.
     pub fn rewrite(&self, root: &Path) -> Result<(usize, Vec<(&'static str, Difference)>)> {
         let (mut changed, mut wrong) = (0, Vec::new());
         for (name, text) in &self.texts {

@@ -11,7 +11,7 @@ pub enum Form {
     Count,
     /// As a percentage.
     Percent,
-    /// As a power of ten.
+    /// In scientific notation, such as 4.2e-7.
     Power,
 }
 
@@ -22,7 +22,7 @@ pub enum Told {
     Number(f64, Form),
     /// Words.
     Words(String),
-    /// The reason why there is no figure, such as "infeasible".
+    /// The reason why there is no figure, such as "infeasible"; empty if no record matches the query.
     Nothing(String),
 }
 

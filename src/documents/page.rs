@@ -14,7 +14,7 @@ const END: &str = "<!-- end of figures -->";
 /// A difference between a document and the records.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// The line's number, from 1.
+    /// The line's number, from 1; 0 for an entry of docs/figures.toml that no document uses.
     pub line: usize,
     /// The text in the document.
     pub stands: String,
@@ -118,7 +118,7 @@ impl Page {
                 }
                 return says;
             }
-            Ok(_) => format!("nothing: no such figure: {query}"),
+            Ok(_) => format!("nothing: the query finds no value: {query}"),
             Err(error) => format!("nothing: {error}: {query}"),
         };
         self.wrong.push(Difference { line, stands: stands.clone(), records_say: problem });
@@ -217,7 +217,7 @@ mod tests {
             (
                 "It took 7<!-- published: teapot naive 14x14 --> ms.",
                 "7",
-                "nothing: no such figure: published",
+                "nothing: the query finds no value: published",
             ),
             ("It took 7<!-- new: naive 8x8 --> ms.", "7", "nothing: 'new' is not a source"),
         ] {

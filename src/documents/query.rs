@@ -72,7 +72,8 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// Returns the query's answer as text in a document. `Err` describes a mistake in the query.
+    /// Returns the query's answer as text in a document. `Err` describes a mistake in the query, or says why a source
+    /// cannot be read.
     pub fn answer(&self, sources: &Sources) -> Result<Told, String> {
         let told = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
@@ -137,7 +138,7 @@ fn quotient(one: &Side, other: &Side) -> Told {
     match (&one.told, &other.told) {
         (Told::Number(one, _), Told::Number(other, _)) => Told::Number(one / other, Form::Measure),
         (Told::Nothing(why), _) | (_, Told::Nothing(why)) => Told::Nothing(why.clone()),
-        _ => Told::Nothing("words".into()),
+        _ => Told::Nothing("not numbers".into()),
     }
 }
 
@@ -197,7 +198,7 @@ fn grown(records: &[&Record], across: &str) -> Told {
         .filter_map(|record| Some([number(record, across)?, number(record, MEDIAN)?]))
         .collect();
     exponent(&points)
-        .map_or(Told::Nothing("too few".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
+        .map_or(Told::Nothing("too few points".into()), |[exponent, _]| Told::Number(exponent, Form::Measure))
 }
 
 /// Returns whether a word names a value of a record: its name, its scene, a baseline's strategy, its local size

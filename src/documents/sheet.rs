@@ -133,7 +133,7 @@ impl Sheet {
         let wire: Wire = toml::from_str(&text).map_err(|error| {
             let line = error.span().map_or(1, |span| line_of(&text, span.start));
             Error::input(format!("{SHEET}:{line}: {}", error.message()))
-                .with_help("CONTRIBUTING.md describes its contents")
+                .with_help("CONTRIBUTING.md describes the contents of docs/figures.toml")
         })?;
         let mut facts: Vec<String> = wire.facts.into_values().flatten().collect();
         facts.sort_by_key(|fact| std::cmp::Reverse(fact.len()));

@@ -76,7 +76,7 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (launch_ms > frame_ms).then(|| {
         let batched = record.batch.map_or(String::new(), |batch| format!(" in batches of {batch}"));
         let (launch, device) = (us(launch_ms), us(frame_ms));
-        format!("launch costs dominate: starting the kernels takes {launch} us per frame{batched}, casting only {device} us; use larger images")
+        format!("frames are too short for comparisons: starting the kernels takes {launch} us per frame{batched}, casting only {device} us; use larger images")
     })
 }
 

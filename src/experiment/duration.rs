@@ -206,7 +206,7 @@ impl fmt::Display for Expected {
     /// Formats as "33 points in 3 launches: about 6m 10s, based on earlier times".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let launches = if self.launches == 1 {
-            "1 launch (other launches may differ)".to_owned()
+            "1 launch (times in other launches may differ)".to_owned()
         } else {
             format!("{} launches", self.launches)
         };

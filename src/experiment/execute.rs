@@ -97,16 +97,18 @@ impl Run<'_> {
         !on_cores && self.experiment.baselines.is_empty()
     }
 
-    /// Returns whether a record of a point is final. A point may have been skipped because its preset is meant for
-    /// another kind of device. Its record is not final if the point is to be measured now.
+    /// Returns whether a record of a point is final, so that the point is not measured again. A failure is not final if
+    /// the run retries failed points. If the point was skipped because its preset is meant for another kind of device,
+    /// the record is not final if the point is to be measured now.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())
     }
 }
 
-/// Points that have no record yet. A measurement that a plan contains twice is made once.
+/// Finds the points that have no record yet. A measurement that a plan contains twice is made once.
 struct Missing {
+    /// The keys of the points that have a record, and of those that this value has already returned.
     taken: HashSet<String>,
 }
 

@@ -38,8 +38,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) struct Launch {
     /// The launch's number in the folder of results.
     pub number: u32,
-    /// The known latencies of each point's samples, in nanoseconds.
-    latencies_ns: Vec<Vec<f64>>,
+    /// The latency of each sample of each point, in nanoseconds; `None` if it is unknown.
+    latencies_ns: Vec<Vec<Option<f64>>>,
 }
 
 impl Launch {
@@ -47,16 +47,16 @@ impl Launch {
     pub fn of<'a>(number: u32, points: impl Iterator<Item = &'a [Taken]>) -> Self {
         let of_launch = |taken: &[Taken]| {
             let samples = taken.iter().filter(|one| one.launch == number);
-            samples.filter_map(|one| one.core_to_core_ns).collect()
+            samples.map(|one| one.core_to_core_ns).collect()
         };
         Self { number, latencies_ns: points.map(of_launch).collect() }
     }
 
-    /// Returns whether the launch counts. Only samples of known latency decide this. For each point, at least five of
-    /// these samples must count. If a point has fewer than five of them, all must count.
+    /// Returns whether the launch counts: for each point, at least five samples must count. If a point has fewer than
+    /// five samples, all must count.
     fn counts(&self, near_ns: f64) -> bool {
         self.latencies_ns.iter().all(|point| {
-            let near = point.iter().filter(|ns| is_near(Some(**ns), near_ns)).count();
+            let near = point.iter().filter(|ns| is_near(**ns, near_ns)).count();
             near >= point.len().min(MIN_SAMPLES)
         })
     }
@@ -150,10 +150,8 @@ mod tests {
     /// Returns one launch for each of these core-to-core latencies. In each launch, a point has five samples with the
     /// launch's latency; 0 means that the latency is unknown.
     fn launches(latencies: &[f64]) -> Vec<Launch> {
-        let launch = |(number, ns): (u32, &f64)| Launch {
-            number,
-            latencies_ns: vec![known(*ns).into_iter().cycle().take(MIN_SAMPLES).collect()],
-        };
+        let launch =
+            |(number, ns): (u32, &f64)| Launch { number, latencies_ns: vec![vec![known(*ns); MIN_SAMPLES]] };
         (0..).zip(latencies).map(launch).collect()
     }
 
@@ -240,6 +238,10 @@ mod tests {
         assert!(counts(&[samples(7, &[20.0, 30.0, 0.0])]), "fewer than five");
         assert!(!counts(&[samples(7, &[20.0, 180.0, 0.0])]));
         assert!(counts(&[samples(7, &[0.0; 5])]));
+        assert!(
+            counts(&[samples(7, &[0.0, 20.0, 180.0, 20.0, 20.0, 20.0])]),
+            "an unknown latency counts as near"
+        );
     }
 
     #[test]

@@ -12,7 +12,7 @@ pub trait Observer: Send {
     fn begins(&mut self, points: usize, steps: usize);
     /// Is called with the numbers of points and steps that an earlier session has finished.
     fn resumes(&mut self, _points: usize, _steps: usize) {}
-    /// Is called with the number of further steps that have been finished.
+    /// Is called with the number of further steps that are finished or will not take place.
     fn advances(&mut self, _steps: usize) {}
     /// Is called with a short description of the current work.
     fn works_on(&mut self, what: &str);
@@ -23,7 +23,7 @@ pub trait Observer: Send {
     }
     /// Is called when a point is finished.
     fn finished(&mut self, record: &Record);
-    /// Is called when all points are finished.
+    /// Is called when the run's measurements end, also after an error or an interruption.
     fn ends(&mut self);
 }
 

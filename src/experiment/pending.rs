@@ -18,7 +18,8 @@ use std::collections::HashMap;
 pub struct PendingPoint {
     /// The point's index in the plan.
     pub point: usize,
-    /// The device whose worker casts the point.
+    /// The number of the job (see [`Run::jobs`]) whose worker casts the point: the number of the point's device or, for
+    /// the second of two folders of kernels, this number plus the number of devices.
     pub device: usize,
     /// The number of the point's scene.
     pub scene: usize,
@@ -225,7 +226,8 @@ mod tests {
         let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
         let told: Vec<_> =
             groups.iter().flatten().map(|one| (one.record.name.as_str(), one.not_for.as_deref())).collect();
-        let reason = "meant for CPUs; set any_kind = true in its [[strategy]] entry to measure it here too";
+        let reason = "meant for CPUs; set any_kind = true in the experiment, or in the strategy's \
+            [[strategy]] entry, to measure it here too";
         assert_eq!(told, [("serial", None), ("naive", None), ("wide", Some(reason))]);
     }
 

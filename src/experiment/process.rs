@@ -27,7 +27,7 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Makes a value that starts workers; `jobs[i]` is the job of the worker for device `i`.
+    /// Makes a value that starts workers; `jobs[i]` is the job of the workers that `spawn(i)` starts.
     #[must_use]
     pub fn new(jobs: Vec<Job>) -> Self {
         Self { jobs, driver_cache: false }

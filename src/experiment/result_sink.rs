@@ -28,7 +28,7 @@ pub trait ResultSink {
     /// Returns an earlier session's samples of a point.
     fn past(&self, key: &str) -> Vec<Taken>;
     /// Returns the core-to-core latency of near processors (processors at their usual distance), in nanoseconds, from
-    /// all samples in the folder; infinity if it is unknown.
+    /// all lines of the folder's journal of rounds; infinity if it is unknown.
     fn near_ns(&self) -> f64;
 }
 

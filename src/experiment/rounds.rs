@@ -26,7 +26,7 @@ pub trait Rounds {
 /// The reason why the rounds of a launch ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// Every point that did not fail has enough samples.
+    /// Every point that did not fail has enough samples, or the launch has reached a limit.
     Enough(StopReason),
     /// Every point failed.
     AllFailed,
@@ -41,7 +41,8 @@ pub(super) const MOST: u32 = 2;
 /// A sample's time, and whether the sample counts.
 type Timed = (f64, bool);
 
-/// The samples of all points: of each round, the last one. `None` stands for a point that failed.
+/// The samples of all points. If a round took a sample of a point twice, only the second one is in the list. `None`
+/// stands for a point that failed.
 type Samples = [Option<Vec<Timed>>];
 
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the

@@ -20,7 +20,8 @@ const PATIENCE: usize = 3;
 
 /// Starts workers.
 pub trait Spawner {
-    /// Starts a worker for the device numbered `device`. The worker's first reply is [`Reply::Started`].
+    /// Starts a worker for the job numbered `device`, which is the number of a device unless two folders of kernels are
+    /// compared. The worker's first reply is [`Reply::Started`].
     fn spawn(&mut self, device: usize) -> Result<Box<dyn Worker>>;
 }
 
@@ -65,7 +66,7 @@ enum Loss {
 pub struct Task<'a> {
     /// The point's index in the plan.
     pub point: usize,
-    /// The device whose worker casts the point.
+    /// The number of the job whose worker casts the point (see `PendingPoint::device`).
     pub device: usize,
     /// The number of the point's scene; a worker holds one scene at a time.
     pub scene: usize,
@@ -229,7 +230,7 @@ impl<'a> Supervisor<'a> {
         if let Ok(Reply::Sample(times)) = self.ask(task, &Request::Anchor)? {
             return Ok(Some(times));
         }
-        // If the anchor has killed the worker, that is noticed at the next cast.
+        // If the anchor has killed the worker, the next cast starts a new worker.
         self.without_anchor.insert(task.device);
         Ok(None)
     }
@@ -307,8 +308,10 @@ impl<'a> Supervisor<'a> {
         self.losses += 1;
         let death = match loss {
             Loss::HungFor(limit) => {
-                let reason =
-                    format!("it did not answer within {} s, and its process was ended", limit.as_secs_f64());
+                let reason = format!(
+                    "its process did not answer within {} s and was ended; see `raycl run --hang-limit`",
+                    limit.as_secs_f64()
+                );
                 return Some(PointFailure::new(Outcome::TimedOut, reason));
             }
             Loss::Died(death) => death,

@@ -34,7 +34,7 @@ pub enum FileType {
     Toml,
     /// An empty file, or text that matches no format. The reader of the file reports the mistake.
     Unclear,
-    /// UTF-16 text, which no reader here supports.
+    /// UTF-16 or UTF-32 text, which no reader here supports.
     Utf16,
     /// A format that raycl does not read.
     Foreign(Foreign),
@@ -86,7 +86,7 @@ pub fn unpacked_name(path: &Path) -> PathBuf {
 /// A format that raycl does not read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Foreign {
-    /// The name with its article: `an STL mesh (ASCII)`.
+    /// The name with its article: `an FBX scene (ASCII)`.
     pub name: &'static str,
     /// The remedy for a user who has such a file; may be empty.
     pub remedy: &'static str,
@@ -135,8 +135,10 @@ impl FileType {
                 refused(&format!("{name}, which raycl does not read"), &format!("{}{help}", wanted.read()))
             }
             (Self::Utf16, _) => Some(
-                Error::input(format!("{name}:1: UTF-16 text, which raycl does not read; expected UTF-8"))
-                    .with_help("save the file as UTF-8"),
+                Error::input(format!(
+                    "{name}:1: UTF-16 or UTF-32 text, which raycl does not read; expected UTF-8"
+                ))
+                .with_help("save the file as UTF-8"),
             ),
             (Self::Mesh(format), Wanted::Experiment) => refused(
                 &format!("{}, not an experiment", format.name()),

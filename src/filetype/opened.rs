@@ -19,8 +19,9 @@ pub const STANDARD_INPUT: &str = "-";
 /// bytes have been read.
 #[derive(Debug)]
 pub struct Opened {
-    /// The part that has not been read yet.
+    /// The file, whose bytes after `head` have not been read yet; `None` if `head` contains all bytes.
     rest: Option<File>,
+    /// The bytes that have been read, unpacked.
     head: Vec<u8>,
     /// Length in bytes, after unpacking.
     pub length: u64,
@@ -33,8 +34,8 @@ impl Opened {
     ///
     /// # Errors
     ///
-    /// Returns the system's error. Also fails if `path` is not an ordinary file, or if the file is packed and
-    /// either damaged or too large.
+    /// Returns the system's error. Also fails if `path` is not an ordinary file, if a packed file is damaged, or if a
+    /// packed file or standard input has more bytes than half of the free memory.
     pub fn at(path: &Path) -> io::Result<Self> {
         if path.as_os_str() == STANDARD_INPUT {
             let head = within_memory(io::stdin().lock())?;
@@ -132,7 +133,7 @@ fn within_memory(stream: impl Read) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     stream.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > most {
-        let message = format!("it is larger than {most} bytes, the limit on this machine");
+        let message = format!("it has more than {most} bytes, half of the memory that raycl may still use");
         return Err(io::Error::new(io::ErrorKind::OutOfMemory, message));
     }
     Ok(bytes)

@@ -230,7 +230,10 @@ fn what_a_command_cannot_read_is_refused_with_what_it_reads() {
     }
     for wanted in [scene, mesh, experiment] {
         let error = FileType::Utf16.refusal("a.x", wanted).unwrap();
-        assert_eq!(error.to_string(), "a.x:1: UTF-16 text, which raycl does not read; expected UTF-8");
+        assert_eq!(
+            error.to_string(),
+            "a.x:1: UTF-16 or UTF-32 text, which raycl does not read; expected UTF-8"
+        );
         assert_eq!(error.remedy(), "save the file as UTF-8");
         assert!(FileType::Unclear.refusal("a.x", wanted).is_none());
     }

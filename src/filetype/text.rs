@@ -3,7 +3,7 @@
 use super::signatures::{EXPORT, contains};
 use super::{FileType, Foreign, JSON, MTL, MeshFormat, UNKNOWN};
 
-/// The first words of OBJ statements, including statements that may come first in a file.
+/// The words with which OBJ statements begin.
 const OBJ_WORDS: &[&str] = &[
     "v",
     "vn",

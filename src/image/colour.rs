@@ -2,7 +2,8 @@
 
 use image::{Rgb, RgbImage};
 
-/// The colour of values that are not numbers; it does not occur in the colour map.
+/// The colour of pixels with a value that is not finite, and of pixels that only one of two compared pictures has. This
+/// colour does not occur in the colour map.
 pub const WRONG: [u8; 3] = [255, 0, 0];
 /// Height in pixels of the scale below a picture.
 pub const SCALE_HEIGHT: u32 = 18;

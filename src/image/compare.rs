@@ -50,9 +50,10 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
     10.0 * (255.0 * 255.0 * a.as_raw().len() as f64 / total).log10()
 }
 
-/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. Each
-/// decade of [`relative_difference`] has its colour, from 1e-6 (dark) through 1e-3 (the limit) to 1 (bright); equal
-/// pixels are black. Pixels are red if they are not a number, or if they are outside the other picture.
+/// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. The colour
+/// follows the logarithm of [`relative_difference`], from 1e-6 (dark) through 1e-3 (the limit) to 1 (bright); pixels
+/// with a smaller difference are black. Pixels are red if a value is not finite, or if they are outside one of the two
+/// pictures.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));

@@ -31,11 +31,11 @@ const EXTENSIONS: [(&str, Format); 5] = [
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
 
 /// Writes an image in the format of its file's extension. PNG and JPEG (quality 95) have the values that `display`
-/// shows; EXR and HDR have linear radiance. The file is written completely or not at all, and a file that raycl did
-/// not make is never replaced.
+/// shows; EXR and HDR have linear radiance. The file is written completely or not at all. A file that raycl did not
+/// make is replaced only if the user allows it (`--force`).
 ///
-/// An unknown extension or a missing folder is a user error. If writing fails for another reason, the error says that
-/// the run failed.
+/// An unknown extension, a missing folder, or a file that may not be replaced is a user error. If writing fails for
+/// another reason, the error says that the run failed.
 pub fn save(image: &Radiance, display: Display, target: &Target) -> Result<()> {
     let format = format_of(target)?;
     target.write(|file| match format {

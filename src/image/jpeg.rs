@@ -34,7 +34,9 @@ pub struct Encoding {
     cut: Cut,
     height: u32,
     quality: u8,
+    /// Number of bands whose encoding has begun.
     begun: usize,
+    /// The channel through which other threads send encoded bands.
     done: (Sender<Numbered>, Receiver<Numbered>),
 }
 

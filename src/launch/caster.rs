@@ -352,7 +352,8 @@ impl Caster {
 
     /// Reads the image as it is displayed, from a device with separate memory. The device applies the display
     /// transform itself. `take` is called with some rows at a time, from the top, as red, green and blue. Each call
-    /// except the last passes a multiple of `together` rows.
+    /// except the last passes a multiple of `together` rows. Returns the number of pixels that hit something, or `None`
+    /// if a pixel is not finite, since it cannot be displayed.
     pub fn show(
         &self,
         program: &ShowProgram,

@@ -5,7 +5,8 @@ use crate::sensor::{UsedMemory, used_memory};
 use ocl::enums::Status;
 use thiserror::Error;
 
-/// A kernel launch that the device or its driver refused, or whose result is not valid.
+/// Why a frame cannot be prepared or cast: the device or its driver refused a step, the tree could not be built, a
+/// result is not valid, or raycl has a bug.
 #[derive(Debug, Error)]
 pub enum LaunchError {
     /// OpenCL's own error.
@@ -26,7 +27,7 @@ pub enum LaunchError {
         items: usize,
     },
     /// No argument fits a parameter in the manifest: a bug in raycl.
-    #[error("the kernel {kernel} has no argument for its parameter {parameter}")]
+    #[error("a bug in raycl: the kernel {kernel} has no argument for its parameter {parameter}")]
     Argument {
         /// The kernel's name.
         kernel: &'static str,
@@ -34,7 +35,7 @@ pub enum LaunchError {
         parameter: String,
     },
     /// The program's family has no kernel for this role: a bug in raycl.
-    #[error("the kernel family {family} has no kernel for {role}")]
+    #[error("a bug in raycl: the kernel family {family} has no kernel for {role}")]
     Kernel {
         /// The family's name.
         family: &'static str,
@@ -45,7 +46,9 @@ pub enum LaunchError {
     #[error("{0}")]
     Tree(String),
     /// The allocator in the kernel ran out of memory.
-    #[error("the in-kernel heap is too small: {used} values requested, {size} available")]
+    #[error(
+        "the heap of the working vectors is too small: {used} values requested, {size} available; `bytes_per_ray` in the header of the file of `vectors` must count every vector"
+    )]
     HeapExhausted {
         /// Number of values requested.
         used: u64,

@@ -24,21 +24,22 @@ pub enum Phase {
 pub struct FrameTimes {
     /// Device time: the sum of the durations of the frame's commands.
     pub frame_ms: f64,
-    /// Time for primary rays, if the strategy separates them.
+    /// Time for primary rays; `None` if the kernel that casts them also casts shadow rays.
     pub primary_ms: Option<f64>,
-    /// Time for shadow rays, if the strategy separates them.
+    /// Time for shadow rays, if the kernel that casts them does not cast primary rays too. If `shade_ms` is `None`,
+    /// this time includes shading.
     pub shadow_ms: Option<f64>,
-    /// Time for shading, if it is separate from shadow rays. If work-items share tiles and the passes are fused,
-    /// this time includes the leftover shadow rays.
+    /// Time for shading; `None` if no kernel only shades. If work-items share tiles, the passes are fused and the frame
+    /// has one sample per pixel, this time includes the leftover shadow rays.
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,
-    /// Processor time that the process used for the same frame; `None` if the frame was cast by a device other than a
-    /// CPU.
+    /// Processor time that the process used for the same frame; `None` outside experiments, or if the frame was cast by
+    /// a device other than a CPU.
     pub processor_ms: Option<f64>,
     /// Number of frames over which these times are averaged; `None` for a single frame.
     pub batch: Option<u32>,
-    /// Readings of the device's sensors during the frame.
+    /// Readings of the device's sensors during the frame; `None` outside experiments, or if there are no readings.
     pub sensed: Option<SensorReading>,
 }
 

@@ -65,8 +65,8 @@ impl Prepared {
         move_lights(&self.queue, &self.uploaded.lights, lights)
     }
 
-    /// Changes lights, sky, background and shadow bias to those of another scene, starting with the caster's next
-    /// frame. The camera is not changed here, since it is an argument of each cast anyway. Returns `false` if the
+    /// Changes lights, sky, background, shadow bias and exposure to those of another scene, starting with the caster's
+    /// next frame. The camera is not changed here, since it is an argument of each cast anyway. Returns `false` if the
     /// scene needs other buffers or kernels, for example because it has another mesh or another number of lights.
     pub fn show(&mut self, scene: &Arc<Scene>, caster: &Caster) -> Result<bool, LaunchError> {
         if !self.suits(scene) {
@@ -79,7 +79,8 @@ impl Prepared {
     }
 
     /// Returns whether the program and all buffers suit another scene. That scene must have the same mesh and the same
-    /// sizes as the current scene.
+    /// sizes as the current scene. Both or neither must have a transparent background, and both or neither must show a
+    /// picture of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
         let Workload { image_size, local_size, stack_size, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);

@@ -17,11 +17,11 @@ pub enum Refused {
     Host(Infeasible),
     /// The compiler rejects the strategy's program.
     Build(BuildError),
-    /// The driver refused a step.
+    /// A step failed, usually because the driver refused it.
     Launch {
         /// The step, such as "uploading the scene".
         step: &'static str,
-        /// The driver's error.
+        /// Why the step failed.
         error: LaunchError,
     },
 }
@@ -35,10 +35,10 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
-/// The remedy if a launch fails.
+/// The remedy if a step fails.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
-/// The remedy if a launch fails because memory is missing.
-const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less; other processes may also be using the memory; `raycl devices` lists other devices";
+/// The remedy if a step fails because memory is missing.
+const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory; `raycl devices` lists other devices";
 
 /// The remedy for an error in a kernel file of the user.
 const OWN_FILE: &str =
@@ -60,7 +60,8 @@ impl Refused {
         }
     }
 
-    /// Returns the reason in a sentence. If the device lacks memory, the sentence says how much other processes use.
+    /// Returns the reason in a sentence. If the device may lack memory, the sentence says how much of its memory other
+    /// processes use.
     pub fn reason_on(&self, device: &DeviceInfo) -> String {
         match self {
             Self::Launch { error, .. } => error.on(device),
@@ -68,7 +69,8 @@ impl Refused {
         }
     }
 
-    /// Returns the error that ends a command, for a command that casts nothing else on `device`.
+    /// Returns the error that ends a command, if the command cannot go on without this strategy. `device` is the device
+    /// that should have cast the strategy.
     pub fn into_error(self, device: &DeviceInfo) -> Error {
         let reason = self.reason_on(device);
         self.with_reason(&reason, &device.label)

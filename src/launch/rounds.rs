@@ -1,5 +1,5 @@
-//! The kernels of a frame in which the work-items of a group share each tile. The frame's lights are processed in
-//! rounds, each with a fixed number of lights.
+//! The kernels of a frame in which the work-items of a group share each tile. A group is a row of a work-group: 32
+//! work-items. The frame's lights are processed in rounds, each with a fixed number of lights.
 
 use super::frame::Phase;
 use super::parts::{Parts, size_for_preparing};
@@ -22,8 +22,8 @@ pub(super) struct Rounds<'p, 'a> {
     /// True if the kernel for primary rays also casts the first round's shadow rays.
     fused: bool,
     /// True if the shading kernel also casts the leftover shadow rays. The shading kernel then stores each pixel as
-    /// soon as the shadow rays of the pixel's only primary ray are decided. False if frames cast several samples of a
-    /// pixel, since a pixel then has several primary rays.
+    /// soon as the shadow rays of the pixel's only primary ray are decided. False if `fused` is false. Also false if
+    /// frames cast several samples of a pixel, since a pixel then has several primary rays.
     shades_left_over: bool,
 }
 
@@ -45,7 +45,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
 
     /// Returns the steps of a frame. Each round has a fixed number of lights
     /// ([`lights_of_round`](crate::strategy::Strategy::lights_of_round)). A round casts shadow rays, then leftover
-    /// shadow rays (each by a whole group), and then shades.
+    /// shadow rays (each by a whole group), and then shades. With `shades_left_over`, one kernel does the last two.
     pub fn cast(&self) -> Result<Steps, LaunchError> {
         let sources = sources(&self.parts.setup);
         let mut steps = Steps::new();

@@ -90,7 +90,7 @@ impl Samples {
         kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
     }
 
-    /// Sets which samples the next frame casts.
+    /// Sets where in their pixels the samples of the next frame lie.
     pub fn place(&self, queue: &Queue, samples: &[Sample]) -> ocl::Result<()> {
         self.places.cmd().queue(&queue.commands).write(&places(samples)).enq()
     }

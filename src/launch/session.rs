@@ -118,9 +118,9 @@ impl Session {
         Self { verifies, ..self }
     }
 
-    /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft
-    /// shadows. Nothing is cast at half resolution if the scene has no soft light, or if it has a
-    /// picture of the sky.
+    /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft shadows. Nothing is
+    /// cast at half resolution if each pixel gets one sample, or if the scene has no soft light or has a picture of the
+    /// sky.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let Scene { sky, lights, .. } = &*self.scene;
@@ -169,7 +169,7 @@ impl Session {
             self.fits(strategy, &workload)?;
             let early = self.early_tree.take_if(|(of, _)| of == strategy).map(|(_, tree)| tree);
             let built = self.shared.build_tree(&self.queue, &self.scene, strategy, early);
-            built.map_err(Refused::at("the tree"))?;
+            built.map_err(Refused::at("preparing the tree"))?;
             self.held.share_tree(strategy, &workload);
         }
         let stack_size = self.shared.tree(strategy).map_or(0, |tree| tree.stack_size);

@@ -1,4 +1,5 @@
-//! Buffers that pass results from kernel to kernel, for tiles that are each shared by the work-items of a group.
+//! Buffers that pass results from kernel to kernel, for tiles that are each shared by the work-items of a group. A
+//! group is a row of a work-group: 32 work-items.
 
 use super::Queue;
 use super::buffers::allocate;

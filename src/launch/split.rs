@@ -31,8 +31,8 @@ pub struct Split<'a> {
     pub scene: Arc<Scene>,
     /// Pixels across and down.
     pub image_size: [u32; 2],
-    /// Every pixel gets the same number of samples, and soft light is cast at full resolution. Adaptive samples and
-    /// half resolution would need pixels of neighbouring bands.
+    /// The number of samples per pixel. It is the same for every pixel, and soft light is cast at full resolution:
+    /// adaptive samples and half resolution would need pixels of neighbouring bands.
     pub sampling: Sampling,
     /// The files of the kernels.
     pub sources: &'a Sources,
@@ -177,7 +177,7 @@ impl Team<'_> {
 
 fn failed(error: impl std::fmt::Display) -> Error {
     Error::run(format!("a device failed: {error}"))
-        .with_help("leave this device out of --devices; `raycl devices` lists all devices")
+        .with_help("leave this device out of --devices; to find out which device it is, cast on each device alone, with --device; `raycl devices` lists all devices")
 }
 
 impl Split<'_> {

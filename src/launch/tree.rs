@@ -18,7 +18,7 @@ const STACK_STEP: usize = 32;
 pub(super) struct DeviceTree {
     pub(super) nodes: Buffer<u32>,
     pub(super) leaves: Buffer<f32>,
-    /// The data that tiles need for shading.
+    /// The data that tiles need for shading; `None` if the strategy casts no tiles.
     pub(super) surfaces: Option<Surfaces>,
     /// Number of stack entries for the deepest path, rounded up.
     pub stack_size: usize,
@@ -98,7 +98,7 @@ pub fn stack_size(mesh: &Mesh, strategy: &Strategy) -> Result<usize, Refused> {
     if !strategy.needs_tree() {
         return Ok(0);
     }
-    tree_of(mesh, strategy).map(|tree| stack_size_of(&tree)).map_err(Refused::at("the tree"))
+    tree_of(mesh, strategy).map(|tree| stack_size_of(&tree)).map_err(Refused::at("building the tree"))
 }
 
 impl DeviceTree {

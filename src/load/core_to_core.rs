@@ -61,8 +61,9 @@ fn piece_ns(word: &Word, end: Instant) -> Option<f64> {
     Some(start.elapsed().as_nanos() as f64 / f64::from(2 * ROUND_TRIPS))
 }
 
-/// Waits until it is this thread's turn, then gives the turn to the other thread. Returns false if the exchange is
-/// over, or if the other thread does not give the turn back before `end`.
+/// Waits until it is this thread's turn, then gives the turn to the other thread. The word equals `own` during this
+/// thread's turn, and `others` during the other thread's turn. Returns false if the exchange is over, or if the other
+/// thread does not give the turn back before `end`.
 fn pass(word: &Word, [own, others]: [u32; 2], end: Instant) -> bool {
     let looks = || {
         (0..LOOKS).any(|_| {

@@ -75,8 +75,8 @@ pub const SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const float16", "sample_y"),
 ];
 /// Into how many sub-pixels a frame divides each pixel, and how many samples the frame casts per pixel, for tiles that
-/// are each shared by the work-items of a group. `places` has the position (x and y) of each sample in its pixel. The
-/// frame casts only the rough blocks of pixels, or all blocks if `rough_count` is 0.
+/// are each shared by 32 work-items. `places` has the position (x and y) of each sample in its pixel. The frame casts
+/// only the rough blocks of pixels, or all blocks if `rough_count` is 0.
 pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
@@ -107,7 +107,8 @@ pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
 /// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds), and
-/// the number of triangles in a row of planes.
+/// the number of triangles in a row. Here, each origin has a row for each axis of the scene; a row has four floats per
+/// triangle.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
 /// The camera; functions called by kernels have these parameters too.

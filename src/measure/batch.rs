@@ -1,14 +1,14 @@
 //! Computes how many frames a sample needs, given the resolution of the device's timer.
 
-/// The duration of a batch, in steps of the timer. A time's start and end are each rounded to a step, so the error of a
-/// time of this many steps is at most a few per cent.
+/// The time that the shortest passes of a batch should take together, in steps of the timer. The timer rounds the start
+/// and the end of each pass to a step; over this many steps, the error of the mean is usually at most a few per cent.
 const STEPS: f64 = 50.0;
 /// The largest number of frames in a batch, since the number of OpenCL events and the length of a queue are limited.
 const MOST: u32 = 256;
 
 /// Returns the number of frames per sample. `shortest_ms` is the time of the shortest pass of a frame, and
-/// `resolution_ns` is one step of the timer. The number is 1 if a single frame is long enough, or if the resolution is
-/// unknown.
+/// `resolution_ns` is one step of the timer. The number is 1 if this pass is long enough in a single frame, or if the
+/// resolution is unknown.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };
     let wanted_ms = STEPS * resolution_ns as f64 * 1e-6;

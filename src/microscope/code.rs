@@ -44,13 +44,13 @@ pub struct Code {
 /// of the kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
-    /// The line in the source; `None` for a part.
+    /// The line in the source; `None` for a part, and for the row of a whole kernel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
-    /// The text of the line.
+    /// The text of the line; `None` if the row has no line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// The part's label; `None` for a line.
+    /// The part's label or function; `None` for a line, and for the row of a whole kernel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Number of instructions.

@@ -30,7 +30,8 @@ const MOVES: [&str; 19] = [
     "vmaskmov",
     "vpmaskmov",
 ];
-/// Beginnings of the names of instructions whose last operand is only read.
+/// Beginnings of the names of instructions that never write to memory. If their last operand is memory, they only read
+/// it.
 const READERS: [&str; 15] = [
     "cmp", "test", "ucomis", "comis", "vucomis", "vcomis", "ptest", "vptest", "vtest", "bt", "div", "idiv",
     "mul", "imul", "fld",

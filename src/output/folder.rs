@@ -54,7 +54,8 @@ impl OutFolder {
         self.results || !self.made.is_empty()
     }
 
-    /// Checks before any work is done whether [`write`](Self::write) would refuse files of these names.
+    /// Checks before any work is done whether [`write`](Self::write) would refuse files of these names. The contents
+    /// are not known yet, so a file that raycl did not make is refused even if it equals the new content.
     pub fn check<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         if self.results {
             return Ok(());
@@ -89,9 +90,9 @@ impl OutFolder {
         self.write_list()
     }
 
-    /// Removes plots and exports of an earlier report that are no longer shown. Plots of other pages and files that
-    /// cannot be removed stay. Files that somebody changed stay too. In a folder of results, which has no list, changed
-    /// files cannot be recognised and are removed.
+    /// Removes the plots and exports of an earlier report that are not among `written`, the files of the new report.
+    /// Plots of other pages stay, and so do files that cannot be removed and files that somebody changed. In a folder
+    /// of results, which has no list, changed files cannot be recognised and are removed.
     pub fn remove_stale(&mut self, written: &[(String, Vec<u8>)]) -> Result<()> {
         let is_written = |name: &str| written.iter().any(|(other, _)| other == name);
         if self.results {
@@ -124,8 +125,8 @@ impl OutFolder {
         put(&self.path.join(name), self.choice, maker, |file| file.write_all(bytes))
     }
 
-    /// Returns the maker of a file: raycl if the list has the file's hash, or if the file equals the new
-    /// content.
+    /// Returns the maker of a file. The maker is raycl if the list has the file's name with the file's hash, or if the
+    /// file equals the new content. The file counts as changed if the list has its name only with other hashes.
     fn maker(&self, name: &str, file: &mut File, new: Option<&[u8]>) -> IoResult<Maker> {
         let mut hasher = blake3::Hasher::new();
         let found = hasher.update_reader(file)?.finalize().to_hex().to_string();

@@ -7,7 +7,7 @@ use std::ops::Range;
 
 /// Text before the hash's digits.
 const LABEL: &str = "made by raycl, blake3 of the rest: ";
-/// Text before the key of a frame, which is also a hash.
+/// Text before the key that identifies a frame of an animation or a turntable. The key is a hash too.
 const KEY_LABEL: &str = "frame of raycl: ";
 /// Number of hexadecimal digits of a hash.
 const DIGITS: usize = 64;
@@ -35,7 +35,7 @@ pub fn blank() -> String {
     format!("{LABEL}{}", "0".repeat(DIGITS))
 }
 
-/// Returns the offset of a PNG's blank mark, and the chunk that contains it.
+/// Returns the offset at which a chunk is inserted into a PNG, and this chunk, which contains a blank mark.
 pub fn png() -> (usize, Vec<u8>) {
     let text = [b"Comment\0", blank().as_bytes()].concat();
     let length = (text.len() as u32).to_be_bytes();
@@ -51,7 +51,7 @@ pub fn keyed_png(key: &str) -> (usize, Vec<u8>) {
     (place, [&chunk[..], &length, &text, &checksum].concat())
 }
 
-/// Returns the key of the frame in a file; `None` if raycl did not make the file or somebody changed it.
+/// Returns the key of the frame in a file; `None` if raycl did not make the file as a frame, or somebody changed it.
 pub fn key(file: &mut File) -> Option<String> {
     let found = MarkInFile::read(file).ok()??;
     let unchanged = found.head[found.hole.clone()] == found.filled;

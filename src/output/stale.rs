@@ -5,7 +5,8 @@ use std::path::Path;
 /// The subfolders for a page's plots and exports.
 pub const FOLDERS: [&str; 2] = ["plots", "exports"];
 
-/// Prefixes of the names of a report's plots and exports.
+/// Prefixes of the names of a report's plots and exports. The two exports that every report writes
+/// (`t4-results.json`, `points.csv`) are left out, since a new report replaces them.
 const BEGINNINGS: [&str; 10] = [
     "devices",
     "heat-",
@@ -36,8 +37,8 @@ pub fn remove(results: &Path, is_written: impl Fn(&str) -> bool) {
     }
 }
 
-/// Returns whether a file's name is one that a report gives its plots and exports. The plots of a reproduction and of a
-/// comparison have other names.
+/// Returns whether a file's name is one that a report gives to a plot, or to an export that not every report has. The
+/// plots of a reproduction and of a comparison have other names.
 pub fn is_of_report(name: &str) -> bool {
     let in_folder = FOLDERS.iter().find_map(|folder| name.strip_prefix(folder)?.strip_prefix('/'));
     in_folder.is_some_and(|name| {

@@ -50,7 +50,7 @@ pub struct Peak {
     pub timestamp: String,
     /// raycl's version.
     pub raycl_version: String,
-    /// The highest clock that the driver reports, used to convert latencies to cycles.
+    /// The highest clock that the driver reports, used to convert latencies to cycles; `None` if it reports none.
     pub max_clock_mhz: Option<u64>,
     /// Single-precision fused multiply-adds per second with all units busy.
     pub fma_per_s: Figure,
@@ -125,8 +125,8 @@ impl Peak {
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Computes which share of the device's peak rate of multiply-adds a record's ray-triangle tests reach, and adds
-    /// this share to the record.
+    /// Computes which share of the device's peak rate of multiply-adds a record's ray-triangle tests reach. Adds this
+    /// share, the peak rate and the number of operations per test to the record.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

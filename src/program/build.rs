@@ -62,7 +62,7 @@ pub struct BuiltProgram {
     pub from_cache: bool,
     device: Device,
     verbose: bool,
-    /// The compiler's messages, which were stored with the program.
+    /// The compiler's messages, which were stored with the program; `None` if the program did not come from the cache.
     kept_log: Option<String>,
     kept: Kept,
     key: String,
@@ -200,7 +200,7 @@ fn prints_resources(device: Device) -> bool {
         .is_ok_and(|names| names.to_string().split_whitespace().any(|name| name == "cl_nv_compiler_options"))
 }
 
-/// Returns the compiler's messages without the frames of asterisks that `ocl` adds.
+/// Returns the compiler's messages without the frames of `#` that `ocl` adds.
 fn compiler_log(message: &str) -> String {
     let lines: Vec<_> =
         message.lines().filter(|line| !line.contains("####") && !line.trim().is_empty()).collect();

@@ -3,7 +3,8 @@
 use crate::manifest::{Family, Role};
 use crate::strategy::{Passes, Strategy};
 
-/// Returns the kernels that cast a frame of a scene with lights, in the order in which they first run.
+/// Returns the kernels that cast a frame of a scene with lights, in the order in which they first run. The frame has
+/// one sample per pixel.
 pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
     let family = strategy.family();
     let runs = runs(family, strategy.passes == Passes::Fused);

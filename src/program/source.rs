@@ -6,7 +6,8 @@ use crate::sources::{Chain, Sources, lines};
 use crate::strategy::Strategy;
 
 impl Sources {
-    /// Returns a BLAKE3 hash of all files with their names, including those of `--cl-dir`.
+    /// Returns a BLAKE3 hash of all files with their names, including those of `--cl-dir`; `None` if a file cannot be
+    /// read.
     pub fn hash(&self) -> Option<String> {
         let mut hasher = blake3::Hasher::new();
         for name in self.files().ok()? {

@@ -103,7 +103,7 @@ pub struct DeviceEnvironment {
     pub vendor: String,
     /// The driver's version.
     pub driver: String,
-    /// "cpu", "gpu" or "accelerator".
+    /// "cpu", "gpu", "accelerator" or "other".
     pub kind: String,
     /// Number of compute units.
     #[serde(default)]

@@ -117,8 +117,9 @@ impl Folder {
         })
     }
 
-    /// Returns the question of the run's config. If the config states none, this is the name of the config or, if the
-    /// name is not known, the folder's label. Also returns the expectation, which is empty if the config states none.
+    /// Returns the question and the expectation of the run's config. If the config states no question, the name of the
+    /// config's file replaces it or, if this name is not known, the folder's label. If the config states no
+    /// expectation, the expectation is empty.
     pub fn question(&self) -> (String, String) {
         let name =
             || Some(Path::new(self.environment["config_path"].as_str()?).file_stem()?.to_str()?.to_owned());

@@ -24,10 +24,10 @@ pub struct AtHost {
     pub blocks: usize,
     /// The smallest of the medians that these blocks measured.
     pub median_ms: f64,
-    /// The 95% interval of this median.
+    /// The 95% interval of this median; `None` with too few samples.
     pub interval_ms: Option<[f64; 2]>,
-    /// Ratio of this time to that of the fastest machine: the estimate, then the lower and the
-    /// upper end of its 95% interval.
+    /// Ratio of this median to that of the fastest machine: the estimate, then the lower and the
+    /// upper end of its 95% interval. `None` with too few samples.
     pub slower: Option<[f64; 3]>,
 }
 
@@ -169,7 +169,7 @@ mod tests {
         let at = |slower| AtHost { host: "n1".into(), blocks: 1, median_ms: 10.0, interval_ms: None, slower };
         assert!(at(Some([1.1, 1.03, 1.2])).differs());
         assert!(!at(Some([1.1, 1.02, 1.2])).differs());
-        assert!(!at(None).differs(), "the fastest machine, or one with too few samples");
+        assert!(!at(None).differs(), "a machine with too few samples");
     }
 
     #[test]

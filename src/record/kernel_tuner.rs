@@ -61,7 +61,7 @@ fn names(all: &[(&Record, Map<String, Value>)]) -> Vec<String> {
             names.push(name.clone());
         }
     }
-    // Parameters are sorted by name. The parameters `block_size...` are moved to the front, as is
+    // The parameters of each record are sorted by name. The parameters `block_size...` are moved to the front, as is
     // usual in Kernel Tuner.
     names.sort_by_key(|name| !name.starts_with("block_size"));
     names

@@ -84,7 +84,7 @@ mod tests {
         assert!(said.starts_with("it throttled; two modes: 5.0") && said.ends_with("(10 samples)"), "{said}");
     }
 
-    /// A point whose image is wrong has samples, but no time.
+    /// A point whose image is wrong has no time, even if its record contains samples.
     #[test]
     fn what_has_no_time_has_no_modes() {
         let record = launches_of([110.0, 110.0, 170.0]);

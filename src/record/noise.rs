@@ -7,7 +7,8 @@ use super::{Folder, interval};
 use serde::Serialize;
 use std::collections::HashSet;
 
-/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%.
+/// The smallest differences that a run on one device can show, as fractions: 0.03 is 3%. A difference is `None` if too
+/// few points have enough samples.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Noise {
     /// The device.

@@ -124,7 +124,8 @@ pub(crate) fn core_to_core_ns<'a>(lines: impl IntoIterator<Item = &'a RoundLoad>
 }
 
 /// Returns the number of launches that were left out because the virtual machine's processors ran on cores further
-/// apart than in other samples, or shared a core. All records of a group state the same launches.
+/// apart than in other samples, or shared a core. All records of a group have the same launches, so records with equal
+/// launches are counted once.
 fn moved_launches(records: &[Record]) -> u32 {
     let of = |record: &Record| {
         let counted: BTreeSet<u32> = record.sample_launches.iter().copied().collect();

@@ -1,4 +1,4 @@
-//! `summary.csv`: one row per record; each element of a list has its own column.
+//! `summary.csv`: one row per record. A field with two numbers, such as the local size, has one column per number.
 
 use serde::Serialize;
 

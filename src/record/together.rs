@@ -155,7 +155,8 @@ pub(crate) fn fewest(record: &Record) -> usize {
 }
 
 /// Returns the ratio of two records' times. If the records were measured together, the ratio compares samples that were
-/// measured close in time. Returns `None` if either record has too few samples.
+/// measured close in time. Otherwise, the ratio is computed from the control point that the records' blocks share or,
+/// without one, as by [`ratio_apart`]. Returns `None` if either record has too few samples.
 pub(crate) fn ratio(slow: &Record, fast: &Record) -> Option<Interval> {
     let (slow, fast) = (slow.place.as_ref()?, fast.place.as_ref()?);
     if slow.together == fast.together {
@@ -237,8 +238,8 @@ pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> O
 }
 
 /// Returns the smallest difference between two of these records that a single launch can show, as a
-/// fraction. The result is the median over launches. All of these records must have been measured
-/// together.
+/// fraction. The result is the median over launches. Records with equal launch numbers must have been
+/// measured together.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();

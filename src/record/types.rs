@@ -26,8 +26,9 @@ pub enum Outcome {
     BuildFailed,
     /// The device refused or failed to run the kernel.
     LaunchFailed,
-    /// The image differs from the reference on pixels that are certain (that do not depend on rounding); such points
-    /// are never timed.
+    /// The image is not correct: pixels that are certain (that do not depend on rounding) differ from the reference,
+    /// too many uncertain pixels are outside the range of their values, or the number of pixels with a hit is wrong.
+    /// The point has no time.
     WrongImage,
     /// A step of the point took longer than the time limit.
     TimedOut,
@@ -136,9 +137,9 @@ pub struct Record {
     /// The 95% interval of the median (low, high), from the spread between and within launches.
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
-    /// The device time of every frame, in the order of measurement. Samples whose threads had to wait for a processor
-    /// are left out, and so are samples and launches in which a virtual machine's processors were on cores further
-    /// apart than in other samples of the run, or shared a core.
+    /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the host's clock.
+    /// Samples whose threads had to wait for a processor are left out, and so are samples and launches in which a
+    /// virtual machine's processors were on cores further apart than in other samples of the run, or shared a core.
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -211,7 +212,8 @@ pub struct Record {
     pub private_bytes: Option<u64>,
     /// The picture's path, relative to the folder of results.
     pub image: Option<String>,
-    /// The hash of the picture's values; later launches must cast the same picture.
+    /// The hash of the picture's values. If a later launch casts another picture, that picture is compared with the
+    /// reference too.
     #[serde(default)]
     pub image_hash: Option<String>,
     /// The picture of the differences from the reference.

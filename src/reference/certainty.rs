@@ -23,20 +23,20 @@ const NUDGE_RADIANS: f64 = 1e-6;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
 const RIVAL: f64 = 1e-6;
-/// How far rounding may move a hit off its triangle's plane, relative to its distance, its coordinates or the
-/// triangle's size. For grazing light, this error decides whether a shadow ray starts above or below the triangle.
-/// Nudges of the pixel's ray do not reveal this error.
+/// How far rounding may move a hit off its triangle's plane, relative to the largest of the hit's distance, the hit's
+/// coordinates and the triangle's size. For grazing light, this error decides whether a shadow ray starts above or
+/// below the triangle. Nudges of the pixel's ray do not reveal this error.
 const OFF_PLANE: f64 = 1e-6;
 
 /// The angle by which the direction to the sky is nudged: at most twice the angle by which rounding may turn this
 /// direction. The direction is computed from rounded sines and a rounded normal.
 const SKY_NUDGE: f64 = 1e-6;
-/// The angle by which the direction to a sky with a picture is nudged. The picture's texels are found by an arc tangent
-/// and a product with the picture's size.
+/// The angle by which the direction to a sky with a picture is nudged. This angle is larger than `SKY_NUDGE`, because
+/// finding a texel adds the rounding errors of an arc tangent and of a product with the picture's size.
 const PICTURE_NUDGE: f64 = 4e-6;
 
-/// A surface that is this close to a light may or may not occlude the light. The distance is relative to the light's
-/// distance or to the light's coordinates.
+/// A surface that is this close to a light may or may not occlude the light. This value is relative to the light's
+/// distance from the hit, or to its distance from the scene's origin if that is larger.
 pub(super) const AT_LIGHT: f64 = 1e-6;
 
 /// The inputs for one sample of a pixel.

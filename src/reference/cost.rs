@@ -29,7 +29,8 @@ pub struct Cost {
 }
 
 /// Returns the cost of every pixel if each ray tests triangles in the mesh's order: a primary ray tests all triangles,
-/// and a shadow ray stops at the first occluder.
+/// and a shadow ray stops at the first occluder. In a scene with cut-outs, a shadow ray is counted as if it tested all
+/// triangles.
 pub fn exhaustive(scene: &Scene, size: [u32; 2], culling: Culling) -> Vec<Cost> {
     let tree = Tree::new(&scene.mesh, culling);
     let count = scene.mesh.triangles.len() as u32;

@@ -3,7 +3,7 @@
 //!
 //! The algorithm is that of Hughes, van Dam, McGuire et al., *Computer Graphics: Principles and Practice*,
 //! 3rd ed., chapter 15, written once for `f32` and `f64`. Read [`ray`], [`intersect`], [`traverse`],
-//! [`shade`] and [`cast`] in this order; files under `cl/` with the same names do the same on devices.
+//! [`shade`] and [`cast`] in this order. On devices, the files in `cl/common/` and `cl/cast/` do the same.
 
 pub mod beam;
 pub mod cast;
@@ -56,10 +56,12 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 pub struct Reference {
     /// Each pixel's radiance, computed in double precision.
     pub radiance: Radiance,
-    /// True if a pixel is certain: its radiance changes by a fraction of less than 1e-3 under nudges of its ray and its
-    /// shadow bias (see [`certainty`]). In the order of `radiance.pixels`.
+    /// Whether each pixel is certain, in the order of `radiance.pixels`. The radiance of a certain pixel changes by a
+    /// fraction of less than 1e-3 under nudges of its ray and other small changes (see [`certainty`]). Pixels that were
+    /// not cast count as uncertain.
     pub certain: Vec<bool>,
-    /// The uncertain pixels, in the order of `radiance.pixels`, with the range of their possible values.
+    /// The pixels that were cast and are uncertain, in the order of `radiance.pixels`, with the range of their possible
+    /// values.
     pub doubts: Vec<Doubt>,
     /// Number of pixels that were cast: all, or a random selection.
     pub judged: usize,
@@ -98,9 +100,9 @@ pub fn reference(scene: &Scene, size: [u32; 2], culling: Culling) -> Reference {
     reference_of(scene, size, culling, &all_pixels(size), (&[Sample::CENTRE], &|_| 1))
 }
 
-/// Casts only some pixels. The value of each is the mean of its samples, which are the first `count(pixel)` elements of
-/// `of_pixel`. A pixel is certain if all its samples are. Pixels that are not cast are black and uncertain, and are not
-/// used in verification.
+/// Casts only some pixels. The value of a pixel is the mean of its samples, which are the first `count(pixel)` elements
+/// of `of_pixel`. A pixel is certain if the mean of its samples' changes is small. Pixels that are not cast are black
+/// and uncertain, and are not used in verification.
 pub fn reference_of(
     scene: &Scene,
     size: [u32; 2],

@@ -15,6 +15,7 @@ pub struct Shadows<'a> {
     tree: &'a Tree,
     points: Points,
     bias: f64,
+    /// The result for each light; the outer `None` if no search for this light was needed yet.
     known: RefCell<Vec<Option<Reaches>>>,
 }
 

@@ -1,5 +1,5 @@
-//! A bounding volume hierarchy with which the reference verifies large meshes in seconds. The tree yields exactly the
-//! hits of an exhaustive search, since its boxes are padded by far more than the rounding errors of `f64`.
+//! A bounding volume hierarchy with which the reference is cast in seconds even if the mesh is large. The tree yields
+//! exactly the hits of an exhaustive search, since its boxes are padded by far more than the rounding errors of `f64`.
 
 use super::intersect::{Hit, moller_trumbore};
 use super::leaning::{LargerHit, larger_hit, margin};
@@ -94,9 +94,10 @@ impl Tree {
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles in boxes that the
-    /// ray hits before `far`, if each box is enlarged by `around`. The visitor returns the distance up to which further
-    /// triangles matter; a value not above `ray.near` ends the traversal.
+    /// Passes triangles to `visitor`, approximately in the order of distance: the triangles in boxes that the ray hits
+    /// before the distance `far`, if each box is enlarged by `around`. At first, `far` is `ray.far`. The visitor also
+    /// gets `far`, and returns the new `far`: the distance up to which further triangles matter. A value not above
+    /// `ray.near` ends the traversal.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
@@ -185,9 +186,10 @@ fn centre(t: &Indexed) -> DVec3 {
     a + b + c
 }
 
-/// Splits a part in two non-empty parts, along the axis on which centres spread most. The split is where a
-/// ray is expected to hit the fewest triangles (the surface area heuristic over bins of centres; Wald 2007),
-/// or else in the middle.
+/// Splits a part in two non-empty parts, along the axis on which centres spread most, and returns the number of
+/// triangles in the first of them. The split is where a ray is expected to test the fewest triangles (the surface area
+/// heuristic over bins of centres; Wald 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin,
+/// the two parts have nearly equal numbers of triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);

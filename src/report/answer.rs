@@ -26,7 +26,7 @@ pub struct Answer {
     pub time: String,
     /// The 95% interval of this median as text.
     pub interval: String,
-    /// The speed-ups of the best point over the baselines and over the best naive point.
+    /// The speed-ups of the best point over the serial baselines and over the best naive point.
     pub speedups: Vec<Speedup>,
     /// The certainty of the result: "clear", "tie" or "unsure".
     pub sureness: &'static str,

@@ -25,8 +25,8 @@ pub struct Program {
     pub name: String,
     /// The strategy's axes.
     pub strategy: String,
-    /// Hashes of the source, the defines and the build options. Each combination of local size and
-    /// scene can have its own hash.
+    /// The program's hashes. A hash covers the source, the defines and the build options, so each combination of local
+    /// size and scene can have its own hash.
     pub hashes: Vec<String>,
 }
 
@@ -89,7 +89,7 @@ fn source(source: &Value) -> (String, String) {
     (name, facts.join("; ").replace("commit in no", "in no"))
 }
 
-/// Returns the run's command for a shell, without `--resume`, since a new run has nothing to
+/// Returns the run's command for a shell, without `--resume` and `--retry-failed`, since a new run has nothing to
 /// continue.
 fn command(environment: &Value) -> String {
     let arguments = environment["command_line"].as_array().into_iter().flatten().filter_map(Value::as_str);
@@ -102,7 +102,7 @@ fn command(environment: &Value) -> String {
     quoted.join(" ")
 }
 
-/// Quotes an argument if a shell would not read it as one word.
+/// Quotes an argument, unless it has only characters that every shell reads unchanged.
 pub fn quote(argument: &str) -> String {
     let harmless = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !argument.is_empty() && argument.chars().all(harmless) {

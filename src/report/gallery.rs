@@ -41,7 +41,7 @@ pub struct Scene {
     pub pictures: Vec<Picture>,
 }
 
-/// Reads pictures until their total size reaches `PICTURE_BYTES`.
+/// Reads pictures, and leaves out the data of those with which the total size would exceed `PICTURE_BYTES`.
 #[derive(Debug)]
 pub struct Pictures<'a> {
     folders: &'a [Folder],
@@ -78,8 +78,8 @@ impl<'a> Pictures<'a> {
         path.is_some_and(|path| self.bytes(path).is_some())
     }
 
-    /// Returns a picture for the page. The picture's data is left out if all pictures of the page would then exceed
-    /// `PICTURE_BYTES`.
+    /// Returns a picture for the page. The picture's data is left out if, with this data, the page's pictures would
+    /// exceed `PICTURE_BYTES`.
     pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
         Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
     }
@@ -106,8 +106,8 @@ impl<'a> Pictures<'a> {
         Some(address)
     }
 
-    /// Returns every scene's pictures: the reference, every strategy's picture, its differences
-    /// from the reference, and the cost of rays.
+    /// Returns every scene's pictures: the reference, the uncertain pixels, the cost of rays, every strategy's picture,
+    /// and this picture's differences from the reference.
     pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
         let mut shown: Vec<(usize, String)> = Vec::new();
@@ -161,7 +161,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             &record.certainty_image,
             "uncertain pixels".to_owned(),
             format!(
-                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly. At these pixels, an image's value must lie in the range of the moved rays' values."
+                "Orange: {uncertain} uncertain pixels, whose values change if their rays are moved slightly, or if another small change is made, for example to the shadow bias. At these pixels, an image's value must lie in the range of the values that these changes yield."
             ),
         ),
         (&record.tests_image, format!("cost: triangles, {}", way(record)), tests_caption(record)),
@@ -171,7 +171,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
             "The number of tree nodes that the rays of each pixel visit, counted on the host. Dark means few, light means many."
                 .to_owned(),
         ),
-        (&record.image, who.clone(), format!("On {}.", record.device)),
+        (&record.image, who.clone(), format!("Cast on {}.", record.device)),
         (
             &record.difference_image,
             format!("difference: {who}"),
@@ -195,7 +195,7 @@ fn tests_caption(record: &Record) -> String {
         "only triangles in leaves that the rays reach"
     };
     format!(
-        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Each pixel is shaded once. Dark means few, light means many."
+        "The number of triangles that the rays of each pixel are tested against, counted on the host: {how}. Shadow rays are counted only for the nearest hit, as if each pixel were shaded once. Dark means few, light means many."
     )
 }
 

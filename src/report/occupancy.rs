@@ -14,11 +14,11 @@ use crate::record::{Group, Record, interval, median};
 
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// The compute capability of the paper's device.
+/// The compute capability that raycl assumes for the paper's device, which the paper does not name.
 const PAPER: &str = "2.0";
 
 /// Plots measured speed over predicted occupancy. Each point with enough samples has a mark.
-/// Returns `None` if all strategies have fewer than three marks.
+/// Returns `None` if all strategies have fewer than three marks, or if raycl does not know the compute capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -47,7 +47,10 @@ pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, 
     }
     let chart = Chart {
         title: format!("Does predicted occupancy rank local sizes? {}", group_title(group)),
-        x_label: format!("predicted occupancy of a multiprocessor, % (CC {})", sm.compute_capability),
+        x_label: format!(
+            "predicted occupancy of a multiprocessor, % (compute capability {})",
+            sm.compute_capability
+        ),
         y_label: "measured speed, % of the strategy's best".into(),
         across: Across::Numbers(Kind::Linear),
         up: Kind::Linear,

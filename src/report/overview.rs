@@ -7,7 +7,8 @@ use super::words::{Looks, series_name, tip};
 use crate::record::{Group, HOST, Record, by, interval, median};
 use std::collections::HashMap;
 
-/// Plots the best time of every strategy and baseline, scene by scene, for every device.
+/// Plots the best time of every strategy and baseline, scene by scene, for every device that has several scenes or
+/// image sizes.
 pub fn scenes(groups: &[Group<'_>], looks: &Looks) -> Vec<Plot> {
     let plot = |(place, device): (usize, &str)| {
         let shown: Vec<_> =
@@ -150,7 +151,7 @@ fn pair(groups: &[Group<'_>], looks: &Looks, one: &str, other: &str, place: usiz
         series,
     };
     let caption = format!(
-        "Each dot is a point that was measured on both devices. Below the line, {other} is faster; above the line, {one} is faster."
+        "Each dot is a point that was measured on both devices. Below the line of equal times, {other} is faster; above this line, {one} is faster."
     );
     (!chart.series.is_empty()).then(|| Plot::of(numbered("devices", place), caption, &chart))
 }

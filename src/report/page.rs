@@ -156,7 +156,7 @@ pub fn nonce() -> String {
     format!("{:016x}{:016x}", random(), random())
 }
 
-/// Returns the folders' notes, with the folders' names if there are several.
+/// Returns the folders' notes. If there are several folders, each note begins with its folder's label.
 pub fn notes(folders: &[Folder]) -> Vec<String> {
     let of = |(folder, label): (&Folder, String)| -> Vec<String> {
         let said = |note: &String| if folders.len() == 1 { note.clone() } else { format!("{label}: {note}") };
@@ -212,7 +212,7 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
         (different(|group| group.scene.to_owned()), "scene", "scenes"),
         (different(|group| group.device.to_owned()), "device", "devices"),
         (records.len(), "point", "points"),
-        (samples, "timed frame", "timed frames"),
+        (samples, "sample", "samples"),
         (infeasible, "point does not fit the device", "points do not fit the device"),
         (
             other_kind,
@@ -274,8 +274,8 @@ fn one_view(
             .map(|(a, b)| [a, b]),
         others,
         rows: rows.chain(host).collect(),
-        // With several folders, the device's name in a record may end with the name of a folder. No device has this
-        // longer name, so the command needs the device's own name.
+        // Only a report on a single folder shows the command. With several folders, a device's name in a record may end
+        // with the name of a folder, but the command needs the device's own name.
         microscope: best
             .filter(|_| folders.len() == 1)
             .and_then(|best| command(folders, best))
@@ -300,7 +300,7 @@ fn compute_capability(folders: &[Folder], device: &str) -> Option<String> {
 }
 
 /// Returns the command that writes a page with a point's instructions. The command has the device's own name, even
-/// if the name in the record ends with a folder's name.
+/// if a text in brackets follows this name in the record.
 fn command(folders: &[Folder], record: &Record) -> Option<String> {
     let name = entries(folders, &record.device).find_map(|entry| entry["device"].as_str());
     microscope::command(record, name.unwrap_or(&record.device))

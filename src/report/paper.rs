@@ -13,10 +13,10 @@ pub const CONFIGS: [(&str, &str); 5] = [
     ("next-steps", include_str!("../../configs/next-steps.toml")),
 ];
 
-/// The scenes that the paper's configs use.
+/// The folder of raycl's scenes, which contains the scenes that the paper's configs use.
 pub static SCENES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/scenes");
 
-/// Returns the names of the scenes that the paper's configs use.
+/// Returns the names of all scenes in the folder [`SCENES`].
 pub fn scenes() -> Vec<&'static str> {
     let files = SCENES.files().map(include_dir::File::path);
     let scenes = files.filter(|path| path.extension().is_some_and(|ending| ending == "toml"));

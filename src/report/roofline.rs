@@ -153,7 +153,7 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
         ),
     };
     format!(
-        "Each mark is a point. Its height is the number of operations in ray-triangle tests per second \
+        "Each mark is a point. Its height is the number of operations per second in ray-triangle tests \
          (primary rays only; a multiply-add counts as one). The horizontal position of a mark is the number of these \
          operations per byte that a test reads. The rays of a work-item share the triangle's bytes; a ray in \
          registers adds no bytes. If passes are fused, the time is that of the whole frame, so the rate is a \

@@ -52,7 +52,8 @@ pub fn group_title(group: &Group<'_>) -> String {
     format!("{}, {}, {}", group.scene, by(group.image_size), group.device)
 }
 
-/// Returns the tooltip of a record: strategy, local size, median, interval, n, and warnings.
+/// Returns the tooltip of a record: strategy, local size, median, interval and n (or the reason for a missing time),
+/// the host, the properties of the compiled kernel, the fraction of the peak rate, and warnings.
 pub fn tip(record: &Record) -> String {
     let mut lines = vec![title(record)];
     match median(record) {

@@ -21,7 +21,7 @@ const DEVICES: [&str; 2] = ["cpu", "gpu"];
 /// The numbers of pixels across, or down, that `render` accepts.
 const SIZES: RangeInclusive<u32> = 1..=65536;
 
-/// The kinds of scene for which the choice of a strategy is hard.
+/// The kinds of case for which the choice of a strategy is hard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {

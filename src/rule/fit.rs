@@ -16,8 +16,8 @@ const ALIKE: f64 = 1.01;
 /// of a constant depends on the other constants.
 const ROUNDS: usize = 8;
 
-/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class. Constants that the sweeps
-/// do not determine stay unchanged.
+/// Returns the rule's constants for a class of devices, fitted to the sweeps of this class; `None` if the class has no
+/// constants. Constants that the sweeps do not determine stay unchanged.
 pub fn fitted(sweeps: &[Sweep], class: Class, watertight: bool) -> Option<Constants> {
     let mut constants = class.constants(watertight)?;
     let of_class: Vec<&Sweep> = sweeps.iter().filter(|sweep| sweep.class == class).collect();
@@ -113,8 +113,8 @@ pub fn source(sweeps: &[Sweep]) -> String {
 
 const HEAD: &str = "\
 //! The sizes at which one way of casting becomes faster than another. `raycl rule --fit` generates this file from
-//! stored sweeps; do not edit it. A constant that lies between two cases of the sweeps is the geometric mean of their
-//! values. A constant without a sweep keeps its former value.
+//! stored sweeps; do not edit it. A constant that lies between two cases of the sweeps is near the geometric mean of
+//! their values. A constant without a sweep keeps its former value.
 
 use super::fastest::Constants;
 ";

@@ -115,7 +115,7 @@ impl Measured {
     }
 }
 
-/// Returns whether a candidate may be the fastest for a task; candidates that may not be are not measured.
+/// Returns whether a candidate may be the fastest for a task. Other candidates are not measured.
 fn may_be_fastest(way: Way, task: &Task) -> bool {
     way != Way::Exhaustive || task.triangles <= MOST_TESTED
 }

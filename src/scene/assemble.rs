@@ -28,9 +28,11 @@ pub(super) struct Assembled {
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// For each object, the index of its first triangle in the scene's mesh.
+    /// For each object, the index of its first triangle in the scene's mesh. A ground that raycl added counts as the
+    /// last object.
     pub starts: Vec<u32>,
-    /// True if a ground, soft light and a sky were added, because a mesh was given without a scene file.
+    /// True if raycl added soft light, a sky and, where it fits, a ground, because a mesh was given without a scene
+    /// file.
     pub dressed: bool,
 }
 
@@ -167,8 +169,9 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
     Ok(Joined { mesh: mesh.into(), seen, starts })
 }
 
-/// Returns the lights of a scene. A mesh that is given without a scene file has the lights of its own file; if that
-/// file has no lights, the mesh gets a key light and a fill light.
+/// Returns the lights of a scene. A mesh that is given without a scene file has the lights that the user sets or, if
+/// there are none, the lights of the mesh's own file. If both are missing and the user sets no sky, the mesh gets a key
+/// light and a fill light.
 fn lights(
     document: &Document,
     wire: &SceneWire,

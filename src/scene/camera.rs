@@ -3,8 +3,7 @@
 use super::Sample;
 use glam::{DVec3, Vec3};
 
-/// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis;
-/// a pixel's row 0 is at the top.
+/// A pinhole camera. `right`, `up` and `forward` are an orthonormal basis. Row 0 of a picture is at the top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// The eye.

@@ -35,8 +35,8 @@ pub(super) struct Document {
     pub quotes: bool,
     /// The values that were set, and the file's own text; `None` if no values were set.
     changed: Option<Changed>,
-    /// The path and the open file of a mesh that is given without a scene file. The file stays open until the mesh is
-    /// read, because a pipe cannot be opened twice.
+    /// The path and the open file of a mesh that is given without a scene file; `None` for a scene file, and after the
+    /// mesh is read. The file stays open until then, because a pipe cannot be opened twice.
     held: RefCell<Option<(PathBuf, Opened)>>,
 }
 

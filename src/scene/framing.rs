@@ -27,7 +27,7 @@ pub(super) struct Ball {
     /// The centre of the bounding box.
     pub centre: DVec3,
     radius: f64,
-    /// The direction in which an open mesh, such as a room without its front wall, is open.
+    /// The direction in which an open mesh, such as a room without its front wall, is open; `None` for a closed mesh.
     opening: Option<DVec3>,
 }
 
@@ -58,9 +58,9 @@ impl Ball {
 pub(super) struct View {
     /// The upward direction, of length 1.
     pub up: DVec3,
-    /// Angle from the front to the right.
+    /// Angle from the front to the right; `None` if the user does not set it.
     pub azimuth_degrees: Option<f64>,
-    /// Angle above the horizon.
+    /// Angle above the horizon; `None` if the user does not set it.
     pub elevation_degrees: Option<f64>,
     /// The pictures for which the mesh is framed.
     pub shot: Shot,
@@ -157,9 +157,10 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     (key_power(distance), distance)
 }
 
-/// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both
-/// lights is proportional to the square of the mesh's size. So the picture does not depend on the scale: a
-/// surface with a k_L of 0.8 that faces the key light is displayed as 80 to 88% grey.
+/// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both lights is
+/// proportional to the square of the mesh's size, so the picture does not depend on the scale. The key light alone
+/// makes a surface with a k_L of 0.8 that faces this light appear as 88% grey where the ball is nearest to the light,
+/// and as 80% grey at the ball's centre.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {

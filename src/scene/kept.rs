@@ -38,8 +38,8 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Begins a frame, whose scene file is `document`. `objects_change` says whether the animation changes any object, or
-    /// the scene's `crease`. The meshes made so far become those of the previous frame; older meshes are dropped.
+    /// Begins a frame, whose scene file is `document`. `objects_change` says whether the animation changes any object,
+    /// or the scene's `crease`. The meshes made so far become those of the previous frame; older meshes are dropped.
     pub fn begin(&mut self, document: &Table, objects_change: bool) {
         let (objects, of_all) =
             (document.get("object"), ["crease", "mip_levels"].map(|key| document.get(key)));

@@ -21,9 +21,10 @@ pub struct Loaded {
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
     /// The number of the first triangle of each object or, for a glTF file without a scene file, of each node with a
-    /// mesh.
+    /// mesh. A ground that raycl added counts as the last object.
     pub object_starts: Vec<u32>,
-    /// True if a ground, soft light and a sky were added, because a mesh was given without a scene file.
+    /// True if raycl added soft light, a sky and, where it fits, a ground, because a mesh was given without a scene
+    /// file.
     pub dressed: bool,
     /// The scene's animation, if its file has one. The animation makes the scenes of the later
     /// frames.
@@ -52,10 +53,11 @@ impl Shot {
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
-/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents show which of the
-/// two the file is. A mesh without a scene file is framed as in experiments: it is seen from the right, above and in
-/// front, for images at least as wide as high. It gets a key light and a fill light, and its normals are turned to the
-/// viewer.
+/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents or, if they are
+/// unclear, the extension show which of the two the file is. A mesh without a scene file is framed as in experiments:
+/// it is seen from the right, above and in front (a room is seen through its open side), for images at least as wide as
+/// high. Its normals are turned to the viewer. A camera and lights in the mesh's own file are used; without such
+/// lights, the mesh gets a key light and a fill light.
 ///
 /// # Errors
 ///

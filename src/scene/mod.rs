@@ -1,8 +1,8 @@
 //! Scenes: triangles, materials, lights, a camera.
 //!
-//! A [`Scene`] is validated when it is made: every number is finite, every index in bounds, every triangle
-//! has normals. Later code does not check these properties again. Devices and the reference use the same
-//! `f32` values.
+//! A [`Scene`] that is loaded from a file is validated: every number is finite, every index is in bounds, and every
+//! triangle has normals. (Code that makes a scene itself calls [`Scene::validate`].) Later code does not check these
+//! properties again. Devices and the reference use the same `f32` values.
 
 mod animation;
 mod assemble;
@@ -56,7 +56,7 @@ pub fn schema() -> serde_json::Value {
     crate::schema::of::<wire::SceneWire>("raycl scene")
 }
 
-/// A light: a point, or a ball if there are several samples per pixel.
+/// A light: a point or, if its radius is above 0 and there are several samples per pixel, a ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
     /// The light's position, in the scene's units.
@@ -73,7 +73,8 @@ pub struct Display {
     /// The factor by which radiance is multiplied before the exponent is applied; the paper's
     /// factor is 15.
     pub exposure: f32,
-    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. The paper's gamma is 2.2.
+    /// The gamma of the formula: after the exposure, values are raised to the power 1 / gamma. The paper's gamma is
+    /// 2.2.
     pub gamma: f32,
 }
 

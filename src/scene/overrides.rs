@@ -77,7 +77,7 @@ fn set_in_value(
     match target {
         Value::Table(table) => set_in_table(table, keys, value),
         Value::Array(array) => set_in_array(array, name, keys, value),
-        _ => Err(format!("`{name}` is a {}, which has no keys", target.type_str())),
+        _ => Err(format!("`{name}` is of the type {}, which has no keys", target.type_str())),
     }
 }
 

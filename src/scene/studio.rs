@@ -20,6 +20,7 @@ const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
 /// Surfaces farther away than this many radii do not occlude the sky.
 const REACH_RADII: f64 = 3.0;
+/// The same distance for a room that is open on one side.
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
@@ -36,7 +37,8 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground; `None` for a room, or if the eye is below the ground.
+    /// The ground; `None` for a room, if the eye is below the ground, or if the ground would exceed the limit of
+    /// coordinates.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,

@@ -31,7 +31,8 @@ pub(super) struct SceneWire {
     /// Light from all directions, unless something occludes it [default: none].
     #[schemars(with = "Option<SkyWire>")]
     pub sky: Option<Spanned<SkyWire>>,
-    /// The background: radiance (one number or three), a display colour such as "#204060", or "transparent".
+    /// The background: radiance (one number or three), a display colour such as "#204060", or "transparent"
+    /// [default: the sky's picture or, if there is none, the paper's radiance, [0.0022, 0.0032, 0.0053]].
     pub background: Option<BackgroundWire>,
     /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
     /// [default: false].
@@ -135,11 +136,11 @@ pub(super) struct ObjectWire {
 #[derive(serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialWire {
-    /// The diffuse reflectance, one number or three [default: 0.8].
+    /// The diffuse reflectance, one number or three [default: the mesh's own, else 0.8].
     pub k_l: Option<Triple<Reflectance>>,
-    /// The highlight's strength, one number or three [default: none; 0.2 with shininess].
+    /// The highlight's strength, one number or three [default: 0.2 with shininess, else the mesh's own, else none].
     pub k_g: Option<Triple<Reflectance>>,
-    /// The highlight's exponent [default: none; 100 with k_g].
+    /// The highlight's exponent [default: 100 with k_g, else the mesh's own, else none].
     pub shininess: Option<Number<Shininess>>,
 }
 

@@ -51,7 +51,7 @@ pub struct SensorReading {
     pub temperature_c: Option<f64>,
     /// True if the device reduced its clock because of power, heat or an external signal.
     pub throttled: bool,
-    /// Energy of one frame.
+    /// Energy of one frame in millijoules: the mean power times the frame's device time.
     pub energy_mj: Option<f64>,
 }
 

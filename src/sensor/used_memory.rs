@@ -1,4 +1,4 @@
-//! How much of a device's memory is in use, and by which processes.
+//! How much of a device's memory is in use, by this process and by others.
 
 use crate::memory::readable;
 use std::fmt;

@@ -37,8 +37,8 @@ impl Watch {
         Self { readings, ended }
     }
 
-    /// Returns the mean of the readings from `start` to `end`; if there are none, the last reading before `start`. The
-    /// energy is that of `frame_ms` of device time at the mean power.
+    /// Returns the mean of the readings from `start` to `end`; if there are none, the last reading before `start`; and
+    /// `None` if that reading is missing too. The energy is that of `frame_ms` of device time at the mean power.
     pub fn sense(&self, start: Instant, end: Instant, frame_ms: f64) -> Option<SensorReading> {
         sense(&locked(&self.readings), start, end, frame_ms)
     }

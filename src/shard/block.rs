@@ -70,9 +70,9 @@ pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
 /// Returns the group as one piece, or, if it is larger than `most`, as several pieces of neighbouring points.
 fn pieces(group: &[Cost], most: f64) -> Vec<Priced> {
     let whole: f64 = group.iter().map(|cost| cost.ms).sum();
-    // Measuring one piece slightly larger than `most` takes less time than measuring a control point twice. There are
-    // at most half as many pieces as points (rounded up), since a control point is not worthwhile for pieces of a
-    // single point.
+    // A group that is slightly larger than `most` stays whole, since each of its pieces would measure a control point.
+    // There are at most half as many pieces as points (rounded up), since a control point is not worthwhile for pieces
+    // of a single point.
     let wanted = if whole > 1.1 * most { (whole / most.max(f64::MIN_POSITIVE)).ceil() } else { 1.0 };
     let count = (wanted as usize).clamp(1, group.len().div_ceil(2).max(1));
     let control = control(group).filter(|_| count > 1);

@@ -13,8 +13,9 @@ type Variable<'a> = &'a dyn Fn(&str) -> Option<String>;
 struct Told {
     /// The launcher and its variables, for messages.
     launcher: &'static str,
-    /// The process's number, from 0, and the number of processes, if the launcher sets it.
+    /// The process's number, from 0; not used if `number` is set.
     place: u32,
+    /// The number of processes; `None` if the launcher does not set it.
     count: Option<u32>,
     /// The number of this process's element in a Slurm array, if the user gives the number of shards; the shard gets
     /// the same number. Otherwise `None`.
@@ -190,7 +191,7 @@ fn twice(array: &Told, inner: &Told) -> Error {
     let told = |told: &Told| match told.number {
         Some(number) => format!("{} calls it element {number}", told.launcher),
         None => format!(
-            "{} calls it {} of {}",
+            "{} calls it number {} of {}, counted from 0",
             told.launcher,
             told.place,
             told.count.map_or("?".to_owned(), |n| n.to_string())
@@ -291,7 +292,7 @@ mod tests {
             (
                 Some(4),
                 format!("SLURM_ARRAY_TASK_ID=2 {step}"),
-                "calls it element 2, and a step of Slurm (SLURM_PROCID) calls it 1 of 4",
+                "calls it element 2, and a step of Slurm (SLURM_PROCID) calls it number 1 of 4, counted from 0",
             ),
             (
                 None,

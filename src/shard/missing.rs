@@ -57,8 +57,8 @@ pub struct Wanted<'a> {
 }
 
 /// Returns, for each kind, the points of the plan that have no record. For a selected kind on which no shard has begun,
-/// returns all points except casters on the host. A caster on the host is not missing if any shard measured
-/// it, whatever the shard's kind. If no shard with casters on the host has begun, all of these casters are missing.
+/// returns all points except casters on the host. A caster on the host is not missing if it was measured on any kind of
+/// host. If no shard with casters on the host has begun, all of these casters are missing.
 pub fn missing(
     plan: &ShardPlan,
     wanted: Wanted<'_>,

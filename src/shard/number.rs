@@ -1,11 +1,12 @@
-//! The part of an experiment that a process measures, as set by `--shard`: `3/16`, `auto` or `auto/16`.
+//! The part of an experiment or of a moving picture that a process computes, as set by `--shard`: `3/16`, `auto` or
+//! `auto/16`.
 
 use super::launcher;
 use crate::error::{Error, Result};
 use std::fmt;
 use std::str::FromStr;
 
-/// One of several parts of an experiment.
+/// One of several parts of an experiment or of a moving picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     /// The shard's number, from 1.
@@ -22,7 +23,10 @@ impl Shard {
     pub fn new(number: u32, of: u32) -> Result<Self> {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
-            false => Err(Error::input(format!("there is no shard {number} of {of}")).with_help(format!(
+            false => Err(Error::input(format!(
+                "there is no shard {number} of {of}; expected 1 to the number of shards (at most {MOST})"
+            ))
+            .with_help(format!(
                 "the number of shards may be 1 to {MOST}; a shard's number may be 1 to the number of shards"
             ))),
         }

@@ -30,8 +30,9 @@ const SHELLS: [&str; 8] = ["sh", "bash", "dash", "zsh", "ksh", "fish", "tcsh", "
 
 /// Checks in a thread, for as long as the process runs, whether the launcher is alive. If the launcher is lost, the
 /// thread records the loss in the attempt's folder and ends the process with exit code 1. The workers end with the
-/// process, and the current point stays unmeasured. Nothing is checked if three conditions hold: there is no known
-/// launcher, the parent is a shell, and the shard's number was given explicitly.
+/// process, and the points that are being measured get no record. Nothing is checked if three conditions hold: there is
+/// no known launcher, the parent is a shell, and the shard's number was given explicitly. Nothing is checked on systems
+/// other than Linux either.
 pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     let (chain, attempt) = (Chain::of_this_process(asked), attempt.clone());
     if chain.is_empty() {

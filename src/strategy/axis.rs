@@ -215,8 +215,8 @@ axis! {
 axis! {
     /// The number of children of a tree node.
     NodeWidth "node_width" "children of a tree node" {
-        N2 "2" "the fastest for single rays",
-        N4 "4" "four",
+        N2 "2" "two",
+        N4 "4" "four: the fastest for single rays on a GPU",
         N8 "8" "eight: a CPU's vector tests all of them together",
         N16 "16" "sixteen",
         N32 "32" "thirty-two: a GPU's sub-group tests all of them together",

@@ -214,12 +214,13 @@ impl Way {
     }
 }
 
-/// Returns the fastest strategy for a task on devices of this class, according to measurements, and its local size.
-/// Small scenes are cast exhaustively: on a CPU with as many rays per work-item as its vectors hold; on a GPU with
-/// a few rays per work-item, and triangles streamed through `__local` memory. Larger scenes use a tree that tiles of
-/// rays traverse together. On a CPU, the rays of a tile are in vectors. A GPU casts tiles only if 32 work-items can
-/// share a tile by means of lane operations, and tiles have been measured with these operations. If triangles are
-/// much smaller than pixels, single rays are faster, since the rays of a tile take different paths.
+/// Returns the fastest strategy for a task on a device with these limits, according to measurements, and its local
+/// size. Scenes with fewer triangles than [`Constants::tree_triangles`], which may be 0, are cast exhaustively: on a
+/// CPU with as many rays per work-item as its vectors hold; on a GPU with a few rays per work-item, and triangles
+/// streamed through `__local` memory. Larger scenes use a tree that tiles of rays traverse together. On a CPU, the rays
+/// of a tile are in vectors. A GPU casts tiles only if 32 work-items can share a tile by means of lane operations, and
+/// tiles have been measured with these operations. If triangles are much smaller than pixels, single rays are faster,
+/// since the rays of a tile take different paths.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Way::fastest(limits, task).strategy(limits, task.watertight)
 }

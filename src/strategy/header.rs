@@ -226,7 +226,7 @@ impl Reader<'_> {
 /// Number of floats in a row: the planes that are prepared for a triangle and an origin.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
-/// Returns whether the text before a colon can be a key: one word of lower-case letters.
+/// Returns whether the text before a colon can be a key: one word of lower-case letters and underscores.
 fn is_key(word: &str) -> bool {
     !word.is_empty() && word.chars().all(|c| c.is_ascii_lowercase() || c == '_')
 }

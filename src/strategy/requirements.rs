@@ -35,9 +35,9 @@ const STACK_ENTRY_BYTES: u64 = 8;
 const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
 /// Bytes of a leaf's triangle that has to be tested, and of the number of the lane that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
-/// Bytes of an entry in the queue of leftover shadow rays: a pixel and its lights.
+/// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
 const QUEUE_ENTRY_BYTES: u64 = 8;
-/// Bytes of a pixel's word, which records the lights that reach the pixel.
+/// Bytes of the word of a ray from the eye, which records the lights that reach the ray's hit.
 const LIT_BYTES: u64 = 4;
 
 /// Limit on the private arrays of a work-group on a CPU, whose threads have stacks of 8 MiB. If a value lives across
@@ -54,7 +54,8 @@ pub struct Requirements {
     pub constant_bytes: u64,
     /// Bytes of global scratch or heap memory, in addition to the scene and the image.
     pub scratch_bytes: u64,
-    /// Bytes of private memory for the working vectors of a whole work-group.
+    /// Bytes of private memory that a whole work-group needs at the same time, for working vectors and the rays of
+    /// tiles.
     pub private_bytes: u64,
     /// Bytes of global memory for the scene, the image and the data passed between kernels.
     pub global_bytes: u64,

@@ -125,14 +125,16 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
 fn refuse_names(sources: &Sources) -> Result<()> {
     let fits = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     for file in sources.own_files()? {
-        let Some((folder, _)) = FOLDERS.iter().find(|(folder, _)| value_in(folder, &file).is_some()) else {
+        let Some((folder, axis)) = FOLDERS.iter().find(|(folder, _)| value_in(folder, &file).is_some())
+        else {
             continue;
         };
         let stem = file[folder.len()..].trim_end_matches(".cl");
         if !fits(stem) || stem.is_empty() {
             let path = sources.path_of(&file);
             let message = format!(
-                "{path}: a value is named after its file, whose name may have only lower-case letters, digits and '_'"
+                "{path}: this file is a value of the axis '{axis}' and gives the value its name: before '.cl', the \
+                 file's name may have only lower-case letters, digits and '_'"
             );
             let plain = stem.to_ascii_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "_");
             return Err(Error::input(message)
@@ -272,7 +274,10 @@ mod tests {
     fn the_name_of_a_value_can_be_written_anywhere() {
         for name in ["My", "a-b", "a b", "é"] {
             let told = refused(&format!("cast/vectors/{name}.cl"), refuse_names).unwrap_or_default();
-            assert!(told.contains("a value is named after its file"), "{name}: {told}");
+            assert!(
+                told.contains("a value of the axis 'vectors' and gives the value its name"),
+                "{name}: {told}"
+            );
         }
         assert_eq!(refused("cast/vectors/my_2.cl", refuse_names), None);
         assert_eq!(refused("My/File.cl", refuse_names), None, "no axis has this folder");

@@ -137,11 +137,11 @@ impl Workload {
         }
     }
 
-    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are shared by
-    /// groups. With several sub-pixels, several samples of each pixel are cast. The number of rays is limited, since
-    /// each ray needs its own entry in the buffers between kernels. With soft light or a sky, the result is 0:
-    /// soft light is cast for one sample at a time, and the kernel that adds the picture of a sky supports only whole
-    /// pixels.
+    /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are each shared
+    /// by 32 work-items. With several sub-pixels, several samples of each pixel are cast. The number of rays is
+    /// limited, since each ray needs its own entry in the buffers between kernels. With soft light or a sky, the result
+    /// is 0: soft light is cast for one sample at a time, and the kernel that adds the picture of a sky supports only
+    /// whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;
@@ -150,7 +150,7 @@ impl Workload {
         (0..=MOST_SUBPIXEL_BITS).rev().find(|bits| pixels << (2 * bits) <= MOST_SHARED_RAYS).unwrap_or(0)
     }
 
-    /// Returns the largest number of rays from the eye in a frame whose tiles are shared by groups.
+    /// Returns the largest number of rays from the eye in a frame whose tiles are each shared by 32 work-items.
     pub fn shared_rays(&self, strategy: &Strategy) -> usize {
         let pixels = self.image_size[0] as usize * self.image_size[1] as usize;
         pixels << (2 * self.shared_subpixel_bits(strategy))

@@ -4,10 +4,10 @@
 //! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if no nudge changes
 //! its value noticeably. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
 //! [`relative_difference`]), and within one 8-bit step per channel as displayed. Any other pixel must lie within the
-//! range of its values under narrow nudges. If only wide nudges change the pixel, this range is no wider than the
-//! relative limit. Pixels outside their range are counted, and only few of them are allowed. The number of pixels that
-//! hit something must also lie in the range that the reference allows, since the result `shadow_rays_per_s` is computed
-//! from this number.
+//! range of its values under narrow nudges. If only wide nudges change the pixel, no value in this range differs from
+//! the reference by more than the relative limit. Pixels outside their range are counted, and only few of them are
+//! allowed. The number of pixels that hit something must also lie in the range that the reference allows, since the
+//! result `shadow_rays_per_s` is computed from this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -19,9 +19,11 @@ const STEPS_OF_256: u8 = 1;
 /// The result of comparing an image with its reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
-    /// The largest relative difference over certain pixels; infinite if a value is not a number.
+    /// The largest relative difference over certain pixels; infinite if a value is not finite, or if the image has
+    /// another size than the reference.
     pub max_difference: f64,
     /// The column and row of the pixel with the largest difference, or of the worst wrong pixel if any pixel is wrong.
+    /// `None` if no certain pixel differs, or if the image has another size than the reference.
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,

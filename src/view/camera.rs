@@ -1,4 +1,5 @@
-//! The position of the eye, relative to the camera that the scene itself has. All functions here are pure.
+//! The position of the eye, relative to the camera that the scene itself has. The results of all functions here depend
+//! only on their arguments.
 
 use crate::scene::{Camera, Light, Orbit, Scene};
 use glam::{DQuat, DVec3, Vec3};

@@ -7,7 +7,7 @@ use crate::report::plot::svg::{Anchor, LINE, Svg};
 use image::RgbImage;
 use image::imageops::replace;
 
-/// The size of the drawing, in pixels.
+/// The size of the drawing, in units of two pixels.
 const SIZE: [f64; 2] = [340.0, 200.0];
 
 /// Returns the drawing of the list of keys, on white.

@@ -44,7 +44,7 @@ pub enum Action {
     Quit,
 }
 
-/// Keys that do the same thing in several directions.
+/// A row of the table of keys: one key, or several keys with related actions.
 pub struct Row {
     /// The keys' names, as the user reads them.
     pub names: &'static str,

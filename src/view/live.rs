@@ -29,6 +29,7 @@ pub struct Frame {
 /// A scene on a device, ready to be cast.
 pub struct Live {
     subject: Subject,
+    /// True if a bare mesh without lights gets a ground, soft light and a sky.
     dressed: bool,
     samples: u32,
     sources: Sources,
@@ -200,8 +201,7 @@ impl Live {
         self.take(ways.collect())
     }
 
-    /// Changes to the first of several pairs of a strategy and a local size that the device can use. `ways` has these
-    /// pairs.
+    /// Changes to the first pair in `ways` (a strategy and a local size) that the device can use.
     fn take(&mut self, ways: Vec<Way>) -> Result<()> {
         let mut last = None;
         for way in ways {
@@ -225,7 +225,7 @@ impl Live {
     ///
     /// # Errors
     ///
-    /// Fails if the device is the only one, or if the next device cannot be opened.
+    /// Fails if there is no other usable device, or if the next device cannot be opened or cannot cast the scene.
     pub fn next_device(&mut self) -> Result<()> {
         match after(&self.device.info, &discover(&self.sources)?) {
             Some(device) => self.move_to(device.clone()),

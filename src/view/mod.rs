@@ -252,8 +252,8 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Changes the strategy, local size or device. If the change fails, everything stays as it is, and a note states
-    /// the reason.
+    /// Changes the strategy, local size or device, or reads changed files. If this fails, everything stays as it is,
+    /// and a note states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
         if self.heat.as_ref().is_some_and(|heat| !heat.is_of(self.live.scene())) {

@@ -24,7 +24,7 @@ pub struct Input {
     pub pan: [f64; 2],
     /// The steps of the wheel; steps away from the user are positive.
     pub wheel: f64,
-    /// The pixel at the pointer.
+    /// The pixel at the pointer; `None` if the pointer is not over the picture, or if its position is not known.
     pub pointer: Option<[u32; 2]>,
     /// True if the window was closed.
     pub closed: bool,

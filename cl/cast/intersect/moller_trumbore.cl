@@ -5,8 +5,9 @@
 // operations: 15
 //
 // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. Weights stay multiplied by
-// |a| until a ray is known to hit, so that a miss costs no division. Operations: 6 for direction x e2, 3 for a, 3 for
-// origin - v0, and 3 for the first weight; 6 more for the edges if they are not stored in a row.
+// |a| until a ray is known to be inside all edges, so that most misses cost no division. Operations: 6 for
+// direction x e2, 3 for a, 3 for origin - v0, and 3 for the first weight; 6 more for the edges if they are not stored
+// in a row.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"

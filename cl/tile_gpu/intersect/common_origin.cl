@@ -51,8 +51,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
     return (most.x >= 0.0f) & (most.y >= 0.0f) & (most.z >= 0.0f) & (most.w * 1.00001f > worst);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
-// Eight multiply-adds give three edge functions and 1/z.
+// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
+// receives that 1/z. Eight multiply-adds give three edge functions and 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
@@ -66,8 +66,8 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
 }
 
 // Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
-// (second dimension). Origin 0 is the eye; the other origins are the lights of a round. Also empties the round's queue,
-// which saves a command.
+// (second dimension). Origin 0 is the eye; the other origins are the lights of a round (see shadow.cl). Also empties
+// the round's queue, which saves a command.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

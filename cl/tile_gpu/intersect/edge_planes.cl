@@ -61,7 +61,8 @@ INLINED float at_slopes(float4 plane, float x, float y) {
     return MULTIPLY_ADD(plane.x, x, MULTIPLY_ADD(plane.y, y, plane.z));
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
+// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
+// receives that 1/z.
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any,
                   float *per_depth) {
     const float u = at_slopes(triangle->a, x, y), v = at_slopes(triangle->b, x, y), w = at_slopes(triangle->c, x, y);

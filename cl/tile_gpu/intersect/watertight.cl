@@ -3,7 +3,8 @@
 // instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all triangles, so
 // that a shared corner is sheared in the same way. A prepared triangle contains the corners along the pass's axes,
 // relative to the origin. The fourth component of `a` is the sign of det for front faces. This sign is reversed for
-// rays that run against the axis, since their coordinates are mirrored:
+// rays that run against the axis, since their coordinates are mirrored, and for shadow rays, since they are tested from
+// their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 
@@ -39,7 +40,8 @@ INLINED int prepare(const Shaft *shaft, const Tree *tree, int place, float worst
            (most_turned(shaft, n, turn) + rounding * size1 * size2 >= worst * size * 0.99999f);
 }
 
-// Returns whether a ray hits at a 1/z greater than `nearest` and less than `ceiling`; `per_depth` receives that 1/z.
+// Returns whether a ray hits at a 1/z greater than `nearest` and, without `any`, less than `ceiling`; `per_depth`
+// receives that 1/z (with `any`, 0).
 INLINED int meets(const Candidate *triangle, float x, float y, float nearest, float ceiling, const int any, float *per_depth) {
     const float4 a = triangle->a, b = triangle->b, c = triangle->c;
     // For each corner, the shear moves the point of the ray at the corner's depth to (0, 0).

@@ -76,7 +76,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly uses the limits of blocks and threads: threads = min({GROUPS}, floor({THREADS} / block)) x block.\n{table}"
+        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly uses the limits of blocks and threads: threads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", row.size, contradiction(row));

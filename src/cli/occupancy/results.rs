@@ -23,8 +23,8 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .filter_map(|record| Some((record, predicted(record, compute_capability)?)))
         .collect();
     if points.is_empty() {
-        return Err(Error::run(format!("{} has no point with a known number of registers", path.display())).with_help(
-            "OpenCL does not report how many registers a kernel has; raycl knows this number only if the compiler prints it to the build log",
+        return Err(Error::run(format!("{} has no point whose occupancy is known", path.display())).with_help(
+            "raycl predicts the occupancy from the kernel's number of registers, which raycl knows only if the compiler prints it to the build log, and from the device's compute capability, which --compute-capability can replace",
         ));
     }
     if as_json {

@@ -23,7 +23,8 @@ pub enum Picture {
 pub struct Shows<'a> {
     pub display: Display,
     pub target: &'a Target,
-    /// The program that converts the image on a device whose memory is separate from the host's.
+    /// The program that converts the image on a device whose memory is separate from the host's; `None` if the host
+    /// converts the image.
     pub program: Option<&'a ShowProgram>,
 }
 

@@ -16,7 +16,7 @@ use std::io::Write as _;
 use std::process::{Command, Stdio};
 use std::time::{Duration, SystemTime};
 
-/// The kind of cache entries that record when a process began to store a program.
+/// The kind of cache entries that record when a background process began to store a program or to list the devices.
 const KIND: &str = "order";
 /// A process that began longer ago than this counts as dead.
 const LONGEST: Duration = Duration::from_secs(120);
@@ -29,6 +29,7 @@ struct Order {
     /// The lane operations (such as ballots among work-items that execute together) for which the program was made.
     /// They are assumed from the device's extensions if raycl has not tested them yet.
     lanes: LaneOperations,
+    /// The program to compile and store; `None` if the process only lists the devices.
     program: Option<Source>,
     /// True if the driver must compile the program anew. raycl stores the build log together with the program, and a
     /// driver prints a build log only if it compiles the program, not if it takes the program from its own cache.
@@ -101,8 +102,8 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
 }
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing this work.
-/// Returns `false` if the cache stores nothing. If the process cannot start, the next picture is cast with
-/// [`hurry::QUICK`] too.
+/// Returns `false` if the cache stores nothing. If the process cannot start, the next start of raycl also finds the
+/// program uncompiled, and casts its picture without it.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.keeps() {
         in_background(cache, spec, device);

@@ -90,7 +90,7 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
     })
 }
 
-/// Builds the tree of the strategy with which the scene will be cast.
+/// Builds the tree of the requested strategy or, without a request, of the fastest strategy.
 fn early_tree(args: &Args, device: &DeviceInfo, loaded: &Loaded) -> Option<(Strategy, HostTree)> {
     // Verification needs more memory, so the tree is built later, after a check that there is enough memory.
     if args.verify.is_some() {

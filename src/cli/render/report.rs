@@ -212,7 +212,9 @@ impl Report {
         match part {
             "kernel" => self.kernel_remark(),
             "build" if self.build_from_cache => " (from the cache)".to_owned(),
-            "casting" if self.frames > 1 => format!(" (a first frame, then {} timed ones)", self.frames),
+            "casting" if self.frames > 1 => {
+                format!(" ({} timed frames; a first frame of up to 1 s is not timed)", self.frames)
+            }
             _ => String::new(),
         }
     }
@@ -271,7 +273,7 @@ mod tests {
         let plain = Report { frames: 1, ..Report::default() };
         let kept = Report { frames: 5, build_from_cache: true, ..Report::default() };
         assert_eq!(["build", "casting", "load"].map(|part| plain.remark(part)), [""; 3]);
-        let casting = " (a first frame, then 5 timed ones)";
+        let casting = " (5 timed frames; a first frame of up to 1 s is not timed)";
         assert_eq!(
             ["build", "casting", "load"].map(|part| kept.remark(part)),
             [" (from the cache)", casting, ""]

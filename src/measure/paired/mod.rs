@@ -69,9 +69,9 @@ pub struct Paired {
 struct Point {
     /// The median over all launches.
     median: f64,
-    /// The median of each launch.
+    /// The median of each launch, or of each part of a single launch.
     plain: Vec<f64>,
-    /// The median of each launch, without drift.
+    /// The same medians after the drift was subtracted from the samples.
     relative: Vec<f64>,
 }
 

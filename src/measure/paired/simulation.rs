@@ -44,9 +44,9 @@ const MACHINE: Machine = Machine {
     slow_mode: 0.0,
 };
 
-/// A machine on which another process keeps one of two cores busy for half of the time. The other process takes a
-/// quarter of the machine, so frames take a sixth longer on average. The simulation has the same effect: a slow phase
-/// begins at one sample in a hundred, and makes 30 samples take 1.7 times as long.
+/// A machine on which another process keeps one of two cores busy for half of the time. The simulation imitates this
+/// process by slow phases. A slow phase begins at one sample in a hundred, and makes about 30 samples take about 1.7
+/// times as long, so frames take a sixth longer on average.
 const DISTURBED: Machine = Machine { regime: 0.01, ..MACHINE };
 
 /// A machine on which a third of the points run at one of two speeds, as measured with PoCL for points whose work-items

@@ -12,7 +12,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The resources of a kernel, from its build log.
+/// The resources of a kernel, from its build log. A number that the log does not have is `None`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Resources {
@@ -72,7 +72,7 @@ fn between<'a>(line: &'a str, words: &str, end: char) -> Option<&'a str> {
     after(line, words)?.split(end).next()
 }
 
-/// Returns the number before these words. "24+0 bytes smem", the form of older compilers, counts as 24.
+/// Returns the number before these words. "24+16 bytes smem", the form of older compilers, counts as the sum, 40.
 fn number_before(line: &str, words: &str) -> Option<u64> {
     let (before, _) = line.split_once(words)?;
     let number = before.rsplit(|c: char| !c.is_ascii_digit() && c != '+').next()?;

@@ -16,7 +16,7 @@ use ocl::enums::{KernelWorkGroupInfo as Query, KernelWorkGroupInfoResult as Answ
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One built kernel.
+/// One built kernel. A property that is not known is `None`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct CompiledKernel {

@@ -125,7 +125,7 @@ impl Parser<'_> {
         if self.next_is(symbol) {
             return Ok(());
         }
-        Err(format!("the condition needs '{symbol}' before '{}'", self.peek().unwrap_or("its end")))
+        Err(format!("the condition needs '{symbol}' before: {}", self.peek().unwrap_or("its end")))
     }
 
     /// Parses `a ? b : c`, or an expression of higher precedence.
@@ -174,13 +174,13 @@ impl Parser<'_> {
     /// Parses a number; an undefined name is 0.
     fn atom(&mut self) -> Result<i64, String> {
         let Some(token) = self.tokens.get(self.at) else {
-            return Err("the condition has no value".to_owned());
+            return Err("a value is missing at the condition's end".to_owned());
         };
         self.at += 1;
         match token.kind {
             Kind::Number => number(&token.text).ok_or_else(|| format!("'{}' is not an integer", token.text)),
             Kind::Name => Ok(self.compiler.ask(&token.text).unwrap_or(0)),
-            _ => Err(format!("the condition has no value before '{}'", token.text)),
+            _ => Err(format!("a value is missing before '{}' in the condition", token.text)),
         }
     }
 }

@@ -5,7 +5,8 @@ use super::expand::{Misuse, expand};
 use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
-/// Returns the body of the macro `name` for a call with these arguments. An error names the line of the argument.
+/// Returns the body of the macro `name` for a call with these arguments. The caller replaces the line in an error by
+/// the line of the call.
 pub(super) fn substitute(
     macros: &Macros,
     name: &str,

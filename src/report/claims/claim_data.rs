@@ -19,7 +19,7 @@ use std::path::Path;
 pub struct Run<'a> {
     /// The run's folder.
     pub folder: &'a Folder,
-    /// The run's records, in groups of points that are compared with each other.
+    /// The run's records, grouped by scene and device.
     pub groups: Vec<Group<'a>>,
 }
 

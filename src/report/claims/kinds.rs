@@ -59,7 +59,7 @@ fn fastest(found: &ClaimData<'_>, test: &FastestTest) -> Line {
     let Some((other, ratio)) = deciding.min_by(|a, b| a.1.middle().total_cmp(&b.1.middle())) else {
         return found.missing(&format!("a point other than {}", test.is));
     };
-    let name = format!("{}, the nearest of {} others,", side(&test.is, other), ratios.len());
+    let name = format!("{}, the decisive one of {} others,", side(&test.is, other), ratios.len());
     ratio.line(ratio.between(&name, &side(&test.is, best)), test.by..=f64::INFINITY)
 }
 

@@ -46,8 +46,8 @@ impl Claim {
     }
 }
 
-/// Tests the claims of `rows` on `device`. Each comparison uses the first run that contains its
-/// points. Times of different runs are not compared, since they were not measured in the same
+/// Tests the claims of `rows` on `device`. Each comparison uses the first run from whose records it
+/// can be made. Times of different runs are not compared, since they were not measured in the same
 /// rounds.
 pub fn claims(rows: Vec<Row>, runs: &[Run<'_>], device: &str) -> Vec<Claim> {
     let claim = |row: Row| {
@@ -201,7 +201,7 @@ mod tests {
         let text = &told("4x4", "by = 1.05").lines[0].text;
         assert!(
             text.starts_with(
-                "naive at 8 x 8 on teapot (11.00 ms), the nearest of 2 others, takes 1.10 times"
+                "naive at 8 x 8 on teapot (11.00 ms), the decisive one of 2 others, takes 1.10 times"
             ) && text.contains("as long as naive at 4 x 4 on teapot (10.00 ms)")
                 && text.ends_with("required: at least 1.05"),
             "{text}"

@@ -62,7 +62,7 @@ impl Ratio {
 
     /// Formats the ratio as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not
     /// enough samples (n = 3)".
-    pub(super) fn between(&self, of: &str, to: &str) -> String {
+    pub fn between(&self, of: &str, to: &str) -> String {
         match self.sure {
             Some(_) => format!("{of} takes {} as long as {to}", self.text()),
             None => format!("{of} against {to}: {}", self.text()),
@@ -89,12 +89,12 @@ impl Ratio {
     }
 }
 
-/// Returns a text with the number of samples that a verdict needs, and with the option for a time limit that is long
-/// enough for this number of samples if a frame takes `frame_ms`.
+/// Returns a text with the number of samples that a verdict needs in each launch, and with the option for a time limit
+/// that is long enough for this number of samples in one launch, if a frame takes `frame_ms`.
 fn more_samples(frame_ms: f64) -> String {
     // The factor 1.5 allows for warm-up frames, which take additional time.
     let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
-    format!("{MIN_SAMPLES} samples of each point, with `--set timing.time_limit_ms={limit}`")
+    format!("{MIN_SAMPLES} samples of each point per launch, with `--set timing.time_limit_ms={limit}`")
 }
 
 /// Formats bounds as "at least 2", "at most 2" or "0.95 to 1.05".
@@ -143,7 +143,10 @@ mod tests {
         let text = far(5).text();
         assert!(text.starts_with("19.") && text.ends_with(", n = 15)"), "{text}");
         let line = far(4).line("a".into(), LONGER);
-        assert_eq!(line.decides, "5 samples of each point, with `--set timing.time_limit_ms=1000`");
+        assert_eq!(
+            line.decides,
+            "5 samples of each point per launch, with `--set timing.time_limit_ms=1000`"
+        );
         let near = ratio([1.05, 1.2], [1.0, 1.1], 5).line("a".into(), LONGER);
         assert!(
             near.decides.starts_with("a narrower interval than 0.")
@@ -207,7 +210,10 @@ mod tests {
             let ratio = Ratio::of(&records[slow], &records[fast]).expect("both are measured");
             assert_eq!(ratio.text(), "not enough samples (n = 4)");
             let line = ratio.line("a".into(), LONGER);
-            assert_eq!(line.decides, "5 samples of each point, with `--set timing.time_limit_ms=15000`");
+            assert_eq!(
+                line.decides,
+                "5 samples of each point per launch, with `--set timing.time_limit_ms=15000`"
+            );
         }
         let records = judged([of("naive", 2000.0, 7), of("wide", 1.0, 9)]);
         let ratio = Ratio::of(&records[0], &records[1]).expect("both are measured");

@@ -169,7 +169,7 @@ impl Row {
         let empty = empty.into_iter().find(|(_, text)| text.trim().is_empty());
         empty
             .map(|(key, _)| format!("`{key}` is empty in the claim '{}'", self.sentence))
-            .or_else(|| self.test.is_empty().then(|| format!("no test of '{}'", self.sentence)))
+            .or_else(|| self.test.is_empty().then(|| format!("the claim '{}' has no test", self.sentence)))
             .or_else(|| self.configs.iter().find_map(|config| known("config", config, &configs).err()))
     }
 }

@@ -40,7 +40,8 @@ pub struct Comparison {
     pub labels: [String; 2],
     /// The points that both folders measured, in the order of the first folder.
     pub pairs: Vec<Pair>,
-    /// One line for each point that only one folder measured, or whose outcome changed.
+    /// One line for each point that only one folder has, or whose outcome changed, and for each scene whose content
+    /// differs between the folders.
     pub others: Vec<String>,
     /// The lines of `others` for points that were measured before and fail now.
     pub broken: Vec<String>,
@@ -212,7 +213,7 @@ impl Comparison {
         if of(Against::Anchor) || of(Against::Baselines) {
             self.notes.push(
                 "Changes are relative to work that is the same in both runs (the anchor kernel or the baselines) and was measured in \
-                 the same rounds. They differ from the ratio of the medians if the machine's speed changed. With `--times`, the \
+                 the same rounds as the points. They differ from the ratio of the medians if the machine's speed changed. With `--times`, the \
                  medians are compared."
                     .to_owned(),
             );

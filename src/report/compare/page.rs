@@ -44,7 +44,7 @@ impl Comparison {
             "In each folder, a point's time is divided by the time of the anchor, a kernel that never changes and is \
              timed in the same rounds. Without an anchor, the point's time is divided by the mean time of the baselines. \
              Without baselines, it is divided by the mean time of the points that changed by similar factors. If both \
-             times of the point were measured in the same rounds, they are compared directly. The change is the ratio of the second folder's result to the first folder's. \
+             times of the point were measured in the same rounds, or with `--times`, they are compared directly. The change is the ratio of the second folder's result to the first folder's. \
              A point is faster or slower if the 95% interval of its change lies completely beyond {0}%. It is the same if the \
              interval lies completely within {0}% in both directions, and unclear otherwise. At most one \
              verdict in 40 is wrong. Points with fewer than five samples in a launch are not judged.",
@@ -110,7 +110,7 @@ impl Comparison {
             series: series.collect(),
         };
         let caption = format!(
-            "Below the line, {b} is faster; above the line, {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples in a launch have no bar."
+            "Below the line of equal times, {b} is faster; above this line, {a} is faster. Bars are 95% intervals of {b}'s medians; points with fewer than five samples in a launch have no bar."
         );
         Plot::of("compare", caption, &chart)
     }

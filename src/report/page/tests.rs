@@ -29,7 +29,7 @@ fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
         said(&records)[2..],
         [
             "5 points",
-            "10 timed frames",
+            "10 samples",
             "2 points do not fit the device",
             "1 point is meant for another kind of device",
             "1 point failed",

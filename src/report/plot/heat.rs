@@ -14,7 +14,7 @@ pub enum Cell {
     Time {
         /// The time divided by the fastest time with which it is compared: 1 or more.
         slower: f64,
-        /// The time as text.
+        /// The time, or a ratio of times, as text.
         text: String,
         /// True if the point is a winner: the fastest point, or tied with it.
         wins: bool,

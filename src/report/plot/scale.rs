@@ -69,7 +69,7 @@ impl Scale {
     }
 }
 
-/// Returns four to eight multiples of 1, 2 or 5 times a power of ten.
+/// Returns about three to seven multiples of 1, 2 or 5 times a power of ten.
 fn linear_ticks([low, high]: [f64; 2]) -> Vec<f64> {
     let rough = (high - low) / 5.0;
     let power = 10f64.powf(rough.log10().floor());

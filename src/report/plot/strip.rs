@@ -18,7 +18,7 @@ pub struct Row {
     /// The 95% interval of the median, as percentages above or below the median; `None` with too
     /// few samples.
     pub interval: Option<[f64; 2]>,
-    /// The first and third quartile, as percentages above or below the median.
+    /// The first and third quartile, as percentages above or below the median; `None` with too few samples.
     pub quartiles: Option<[f64; 2]>,
     /// The row's tooltip.
     pub tip: String,

@@ -13,7 +13,7 @@ pub fn escape(text: &str) -> String {
             '"' => safe.push_str("&quot;"),
             '\'' => safe.push_str("&#39;"),
             '\n' => safe.push_str("&#10;"),
-            // XML cannot represent other control characters, even when escaped.
+            // XML cannot represent most other control characters, even when escaped.
             control if control.is_control() => safe.push(' '),
             other => safe.push(other),
         }

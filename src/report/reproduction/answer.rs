@@ -27,7 +27,7 @@ const RAY_BYTES: f64 = 24.0;
 /// The four lines of the answer, and the plots that show the times behind it.
 #[derive(Default)]
 pub struct Answer {
-    /// The memory in which working data is fastest.
+    /// The best memory strategy of each scene, with the memories of its vectors and triangles.
     pub strategy: String,
     /// The best local size.
     pub size: String,
@@ -172,7 +172,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let triangles = best.triangles.unwrap_or(0);
     if best.name == naive.name {
         return format!(
-            "on {}, no other memory for the vectors is faster than the one that naive uses",
+            "on {}, no other choice of memories for vectors and triangles is faster than naive",
             best.scene
         );
     }
@@ -234,7 +234,7 @@ fn sure(contest: &Contest<'_>) -> String {
     let Some(best) = contest.winner() else { return NO_WINNER.to_owned() };
     let ratio = contest.naive.filter(|naive| naive.key != best.key).and_then(|naive| Ratio::of(naive, best));
     let ratio = ratio.map_or(String::new(), |ratio| {
-        format!("naive at its best local size takes {} as long as the fastest point, and ", ratio.text())
+        ratio.between("naive at its best local size", "the fastest point") + ", and "
     });
     let tie = match contest.ranking.winners.len() {
         1 => "no other point ties for fastest".to_owned(),
@@ -242,7 +242,7 @@ fn sure(contest: &Contest<'_>) -> String {
     };
     let few = match contest.ranking.unranked.len() {
         0 => String::new(),
-        few => format!(", {few} have too few samples"),
+        few => format!(", points with too few samples: {few}"),
     };
     format!("{ratio}{tie}{few}")
 }
@@ -288,6 +288,13 @@ mod tests {
             found.sure
         );
         assert_eq!(found.plots.len(), 1);
+    }
+
+    #[test]
+    fn a_naive_kernel_with_few_samples_has_no_ratio() {
+        let found = of(&[few("gpu", "naive", 4, 9.0, 3), measured("gpu", "private", 8, 2.0)]);
+        let words = "naive at its best local size against the fastest point: not enough samples (n = 3), and no other";
+        assert!(found.sure.contains(words), "{}", found.sure);
     }
 
     #[test]

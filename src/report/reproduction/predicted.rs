@@ -11,11 +11,11 @@ use crate::report::plot::scale::Kind;
 
 /// The paper's table: the width of a square block, and the threads per multiprocessor.
 const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32, 1024)];
-/// The widths of the square blocks in the paper.
+/// The widths of the square blocks that the plot shows.
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// The compute capability of the paper's device.
+/// The compute capability that raycl assumes for the paper's device, which the paper does not name.
 const PAPER: &str = "2.0";
 
 /// Returns Figure 5 with the published values, the prediction for the paper's number of registers,
@@ -74,7 +74,7 @@ fn of_device(runs: &[Run<'_>], device: &str) -> Vec<Mark> {
             .find_map(|record| record.main_kernel()?.resident_groups.zip(record.main_kernel()))?;
         let (groups, kernel) = kernel;
         let registers = kernel.resources.registers.map_or("?".to_owned(), |count| count.to_string());
-        let limit = kernel.occupancy_limited_by.as_deref().unwrap_or("nothing known");
+        let limit = kernel.occupancy_limited_by.as_deref().unwrap_or("an unknown resource");
         Some(mark(
             *block,
             groups * u64::from(block * block),

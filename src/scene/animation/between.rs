@@ -78,8 +78,9 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     value.clamp(from.min(to), from.max(to))
 }
 
-/// Returns the slope at a keyframe. The slope is 0 at a turning point. Elsewhere it is a harmonic mean of
-/// the slopes of the lines to the neighbouring keyframes, so that the curve does not overshoot.
+/// Returns the slope at a keyframe. At the first and the last keyframe, [`end_slope`] computes the slope. At any other
+/// keyframe, the slope is 0 at a turning point, and otherwise a weighted harmonic mean of the slopes of the lines to
+/// the neighbouring keyframes, so that the curve does not overshoot. With two keyframes, the curve is a line.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);

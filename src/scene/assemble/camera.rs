@@ -22,8 +22,9 @@ impl CameraWire {
     }
 }
 
-/// Returns the camera that the scene file's keys modify: the paper's camera or, for a framed scene,
-/// the camera of the mesh's file or a camera that sees the whole scene.
+/// Returns the camera that the scene file's keys modify. Without a `ball` (the ball around the scene), this is the
+/// paper's camera with a z_near of 0. With a `ball`, it is the camera of the mesh's file or, if there is none or if the
+/// user sets an angle or `up`, a camera that sees the whole scene.
 pub(super) fn base_camera(
     wire: &CameraWire,
     mesh: &Mesh,

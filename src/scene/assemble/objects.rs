@@ -259,7 +259,7 @@ fn push_face(
     }
     let outline: Vec<_> = corners.iter().map(|&i| mesh.positions[i as usize].as_dvec3()).collect();
     let triangles = obj::triangulate(&outline)
-        .ok_or_else(|| document.error(face.span(), "a concave face of too many corners", "here"))?;
+        .ok_or_else(|| document.error(face.span(), "a concave face of over 32768 corners", "here"))?;
     mesh.triangles.extend(triangles.into_iter().map(|triangle| Triangle {
         positions: triangle.map(|i| corners[i]),
         normals: triangle.map(|i| normals.map_or(MISSING, |normals| normals[i])),
@@ -272,7 +272,7 @@ fn check_indices(document: &Document, faces: &Faces, count: usize, what: &str) -
     for face in faces.get_ref() {
         if let Some(index) = face.get_ref().iter().find(|&&index| index as usize >= count) {
             let expected = match count {
-                0 => format!("but there is no {what}"),
+                0 => format!("the object has no {what}"),
                 _ => format!("expected 0 to {}", count - 1),
             };
             let message = format!("{what} {index} does not exist; {expected}");

@@ -168,8 +168,8 @@ fn numbers_out_of_their_range_are_refused() {
         ("camera.elevation_degrees = -90", "camera.elevation_degrees = -91", "degrees from -90 to 90"),
         ("camera.azimuth_degrees = 1e30", "camera.azimuth_degrees = 1e39", "a finite number"),
         ("camera.elevation_degrees = 90", "camera.elevation_degrees = 91", "degrees from -90 to 90"),
-        ("camera.fov_x_degrees = 179", "camera.fov_x_degrees = 180", "degrees between 0 and 180"),
-        ("camera.fov_y_degrees = 1", "camera.fov_y_degrees = 0", "degrees between 0 and 180"),
+        ("camera.fov_x_degrees = 179", "camera.fov_x_degrees = 180", "degrees between 0.001 and 179.99"),
+        ("camera.fov_y_degrees = 1", "camera.fov_y_degrees = 0", "degrees between 0.001 and 179.99"),
         ("camera.z_near = 0", "camera.z_near = -1", "at least 0"),
         ("camera.position = [0, 0, 1]", "camera.position = 1", "three numbers [x, y, z]"),
         ("crease = 0", "crease = -1", "degrees from 0 to 180"),
@@ -387,7 +387,7 @@ fn faces_and_normals_that_do_not_fit_are_told() {
     for (keys, message) in [
         ("", "`vertices` without `faces`"),
         ("faces = []", "`faces` is empty: no triangles"),
-        ("faces = [[0, 1, 2]]\nnormals = []", "normal 0 does not exist; but there is no normal"),
+        ("faces = [[0, 1, 2]]\nnormals = []", "normal 0 does not exist; the object has no normal"),
         (
             "faces = [[0, 1, 2]]\nnormals = [[0, 0, 1]]\nface_normals = [[0, 0, 4]]",
             "normal 4 does not exist; expected 0 to 0",

@@ -95,8 +95,11 @@ pub(in crate::scene) fn read(
     let mut file =
         if permitted.quotes || format == MeshFormat::Obj { file? } else { withheld(file, &name, format)? };
     if file.mesh.triangles.is_empty() {
-        return Err(Error::input(format!("{name}: no triangles: {} has no face", format.name()))
-            .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
+        return Err(Error::input(format!(
+            "{name}: no triangles: the file is {} without a face",
+            format.name()
+        ))
+        .with_help("a mesh needs triangles: point clouds and lines are not drawn"));
     }
     file.notes.extend(invisible(&file.mesh));
     Ok(file)

@@ -105,7 +105,7 @@ impl Parts {
                     let outline: Vec<DVec3> =
                         corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
                     let triangles = triangulate(&outline).ok_or_else(|| {
-                        mistake(name, format!("face {number} is concave and has too many corners"))
+                        mistake(name, format!("face {number} is concave and has over 32768 corners"))
                     })?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
                 }

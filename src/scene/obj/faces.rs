@@ -62,7 +62,7 @@ pub(super) struct FaceChunk {
     /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if none were read.
     pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
-    /// The first face that has normals at some corners only.
+    /// The byte offset of the first face that has normals at some corners only; `None` if there is no such face.
     partial_normals: Option<usize>,
     /// Faces that refer to a normal which the file does not have.
     lost_normals: Seen,

@@ -111,8 +111,8 @@ impl Reach<'_> {
     }
 }
 
-const OUTSIDE: &str =
-    "lies outside the mesh's folder and is not read (outside_materials = true in its [[object]] allows it)";
+const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow it, set outside_materials = true in the mesh's \
+     [[object]] or, for a bare mesh, --set object.0.outside_materials=true)";
 
 impl Materials {
     fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8], notes: &mut Vec<String>) -> Result<()> {

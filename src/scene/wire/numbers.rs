@@ -59,7 +59,7 @@ ranges! {
         { "minimum": 0, "maximum": 180 };
     /// For fields of view. Angles of at most 0.001 degrees or at least 179.99 degrees are refused too, since the
     /// tangent of half the angle is almost 0 or very large.
-    Angle: "degrees between 0 and 180", |value| value > 1e-3 && value < 179.99,
+    Angle: "degrees between 0.001 and 179.99", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
 

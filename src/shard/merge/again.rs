@@ -19,7 +19,9 @@ pub fn attempted_again(attempts: &[Attempt]) -> Option<String> {
         .map(|((shard, _), names)| format!("{} attempts at shard {shard} ({})", names.len(), few(names)))
         .collect();
     let told: Vec<&str> = told.iter().map(String::as_str).collect();
-    (!told.is_empty()).then(|| format!("There were {}.", few(&told)))
+    (!told.is_empty()).then(|| {
+        format!("There were {}. Attempts that ran at the same time may have slowed each other.", few(&told))
+    })
 }
 
 #[cfg(test)]
@@ -47,7 +49,10 @@ mod tests {
         begin(3, "n4", "cpu");
         assert_eq!(
             attempted_again(&Attempt::all(folder.path())).as_deref(),
-            Some("There were 2 attempts at shard 3 (shard-00003.n3..r00, shard-00003.n4..r00).")
+            Some(
+                "There were 2 attempts at shard 3 (shard-00003.n3..r00, shard-00003.n4..r00). Attempts that ran at the \
+                 same time may have slowed each other."
+            )
         );
     }
 }

@@ -26,15 +26,16 @@ pub struct Terminal {
     graphics: Graphics,
     /// True if a user can press keys.
     is_interactive: bool,
-    /// The button that is down, and its last position.
+    /// The button that is down, and the character at which the pointer was last; `None` if no button is down.
     dragged: Option<(MouseButton, [u16; 2])>,
     pointer: Option<[u32; 2]>,
     line: String,
 }
 
 impl Terminal {
-    /// Uses the whole terminal until the returned value is dropped. If `graphics` is `None`, asks the terminal in
-    /// which form it can show pictures.
+    /// Uses the whole terminal until the returned value is dropped. If `graphics` is `None`, asks the terminal in which
+    /// form it can show pictures; without a user, or if the terminal does not report the size of a character in pixels,
+    /// half blocks are used without asking.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();

@@ -22,7 +22,7 @@ pub struct Window {
     keys: Receiver<Key>,
     /// The pixels that are shown, as 0RGB.
     pixels: Vec<u32>,
-    /// The position of the pointer when the drag was last read.
+    /// The position of the pointer when the drag was last read; `None` if no button was down then.
     dragged: Option<[f64; 2]>,
     /// True if the call that showed the last picture has also read the user's input.
     looked: bool,

@@ -164,7 +164,7 @@ impl<'a> Numbers<'a> {
         let size = bytes_of(component) * components;
         let stride = view.byte_stride.map_or(size, |stride| stride.0);
         if stride < size {
-            return Err(format!("a stride of {stride} bytes for elements of {size}"));
+            return Err(format!("a stride of {stride} bytes for elements of {size} bytes"));
         }
         Ok(Place { bytes: &buffer[range], stride, component, normalised })
     }

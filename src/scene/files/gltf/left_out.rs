@@ -17,6 +17,7 @@ pub(super) struct LeftOut {
     pub lines_and_points: usize,
     pub empty: usize,
     pub dangling: usize,
+    /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
     pub unplaced: usize,

@@ -15,7 +15,7 @@ pub(super) struct Materials {
 }
 
 pub(super) fn read(root: &Root) -> Materials {
-    // glTF's default base colour is white; here it becomes a k_L of 0.8, so that highlights can still be seen.
+    // A primitive without a material is white in glTF. Here it gets a k_L of 0.8, so that highlights can still be seen.
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
         materials.list.push(Material::lambertian(base_colour(wire)));

@@ -206,7 +206,10 @@ impl<'a> Walk<'a> {
         let light = light.ok_or_else(|| format!("light {} does not exist", index.value()))?;
         let strength = Vec3::from_array(light.color).as_dvec3() * f64::from(light.intensity);
         if !strength.is_finite() || strength.min_element() < 0.0 {
-            return Err(format!("light {} has a strength of {strength}", index.value()));
+            return Err(format!(
+                "light {} has a strength of {strength}; expected finite numbers, 0 or more",
+                index.value()
+            ));
         }
         self.left_out.ranges += usize::from(light.range.is_some());
         let position = place.transform_point3(DVec3::ZERO);
@@ -223,8 +226,8 @@ impl<'a> Walk<'a> {
     }
 
     /// Returns whether the file's camera and lights, scaled like the mesh, are within raycl's limits. If they are not,
-    /// the mesh is not scaled: a camera this far away, at 1e11 radii and more, sees the mesh as less than a pixel
-    /// anyway.
+    /// the mesh is not scaled. A camera beyond the limits is at least 1e11 radii away from the mesh, and sees the mesh
+    /// as less than a pixel anyway.
     fn seen_fits(&self, placement: &Placement) -> bool {
         let camera = self.cameras.first().map(|(position, camera)| placement.camera(*position, camera));
         camera.is_none_or(|camera| validate::check_camera(&camera).is_ok())

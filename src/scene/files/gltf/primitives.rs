@@ -59,7 +59,7 @@ impl Used {
 /// The kind of a primitive.
 pub(super) enum Shape {
     Triangles(Part),
-    /// Lines or points.
+    /// Lines, points, or a primitive without positions.
     Other,
 }
 
