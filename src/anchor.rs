@@ -112,7 +112,7 @@ fn failed(error: impl Into<LaunchError>) -> Error {
 
 fn failed_because(reason: &str) -> Error {
     Error::run(format!("the anchor, a kernel that is timed with the points, failed: {reason}")).with_help(
-        "results without the anchor are correct, but can be compared with those of a later run only through baselines",
+        "results without the anchor are correct; `raycl compare` then compares times relative to those of baselines or, without baselines, of other points",
     )
 }
 

@@ -107,7 +107,10 @@ fn compile_keeps_source_log_binary_and_what_was_made() {
     let arguments = ["compile", "scene.toml", "--device", &device, "--out", "made", "--local-size", "4x2"];
     let text =
         place.output(&[&arguments[..], &["--strategy", "naive", "--strategy", "deferred,width=4"]].concat());
-    has(&text, &["naive at 4 x 2", "cast_frame", "deferred,width=4", "cast_primary", "shade_nearest"]);
+    has(
+        &text,
+        &["naive at local size 4 x 2", "cast_frame", "deferred,width=4", "cast_primary", "shade_nearest"],
+    );
     for folder in ["made/naive", "made/deferred-width-4"] {
         let made: Value = serde_json::from_str(&place.text(&format!("{folder}/made.json"))).expect("JSON");
         for kernel in made["kernels"].as_array().expect("a list") {

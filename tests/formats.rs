@@ -27,7 +27,7 @@ fn foreign() -> Vec<(Vec<u8>, &'static str)> {
         (b"\x89PNG\r\n\x1a\n\0\0".to_vec(), "a PNG picture"),
         (b"<COLLADA>".to_vec(), "a COLLADA scene"),
         (b"newmtl a\n".to_vec(), "an MTL material file"),
-        (b"\xff\xfev\0".to_vec(), "UTF-16 text"),
+        (b"\xff\xfev\0".to_vec(), "UTF-16 or UTF-32 text"),
         (b"\0\x01\x02\x03".to_vec(), "a binary file"),
     ]
 }

@@ -241,13 +241,13 @@ fn a_journal_with_damaged_lines_is_shown_told_and_repaired() {
     std::fs::write(place.path("out/records.jsonl"), &text).expect("a journal");
     let reported = place.raycl(&["report", "out"]).output().expect("raycl starts");
     let notes = String::from_utf8_lossy(&reported.stderr);
-    has(&notes, &["note: out: 1 damaged line is left out of records.jsonl; the first is line 2."]);
+    has(&notes, &["note: out: raycl ignores 1 damaged line of records.jsonl; the first is line 2."]);
     assert!(reported.status.success() && !notes.contains('\u{1b}'), "{notes}");
     let quiet = place.raycl(&["report", "out", "--quiet"]).output().expect("raycl starts");
     assert_eq!(String::from_utf8_lossy(&quiet.stderr), "");
     has(
         &place.text("out/summary.md"),
-        &["1 damaged line is left out of records.jsonl; the first is line 2."],
+        &["raycl ignores 1 damaged line of records.jsonl; the first is line 2."],
     );
     has(
         &place.output(&["repair", "out"]),

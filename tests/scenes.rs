@@ -110,7 +110,7 @@ fn overrides_change_a_scene_and_its_hash() {
     let expected = "camera.positon = [0, 0, 1]: unknown key `positon`; did you mean `position`?";
     assert_eq!((message.as_str(), pointed.as_str()), (expected, ""));
     let wrong = load_scene_with(&path, &[("name.x".to_owned(), Value::Integer(1))]).unwrap_err();
-    assert!(mistake(wrong).0.contains("`name` is a string"));
+    assert!(mistake(wrong).0.contains("`name` is of the type string"));
 }
 
 #[test]

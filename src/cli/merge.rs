@@ -16,14 +16,15 @@ use std::time::Duration;
   raycl merge /shared/figure-8 --status
   raycl merge /shared/figure-8 --device h200
 
-Merging needs no device. Exit code: 0 if no point is missing or failed (points that do not fit on their device are not failures), 1 if a point is missing or failed, 2 for a mistake in the arguments.")]
+Merging needs no device. Exit code: 0 if no point is missing and no point failed (points that do not fit on their device are not failures), 1 if a point is missing or a point failed, 2 for a mistake in the arguments or files.")]
 pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
     /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
-    /// host are always merged. If no device with results matches NAME, raycl reports all points on NAME as
-    /// missing [default: all devices with results]
+    /// host are always merged. If no device with results matches NAME, raycl assumes
+    /// that NAME is a device on which no shard has begun, and reports all points except the baselines as missing
+    /// [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),

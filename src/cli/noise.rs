@@ -17,8 +17,8 @@ use std::path::Path;
 
 A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the devices in your
-    /// settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu, gpu);
+    /// or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository)

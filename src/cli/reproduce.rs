@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
-    /// The devices: part of a name, platform or vendor; a kind (cpu, gpu); or all [default: the devices in your
-    /// settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu, gpu);
+    /// or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// The folder in which to write a folder of results for each config, and the page that judges the paper's claims

@@ -137,7 +137,8 @@ impl<'a> Parts<'a> {
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
-    /// Returns the step that resets the allocator before a kernel; `None` without a heap.
+    /// Returns the step that empties the heap before a kernel starts. The heap is the buffer from which a kernel
+    /// allocates its working vectors (`vectors = heap`). Returns `None` if the strategy has no heap.
     fn reset_heap(&self, phase: Phase) -> Option<(Phase, Step)> {
         match self.working {
             Working::Heap { top, .. } => Some((phase, Step::Fill(top.clone(), 0))),

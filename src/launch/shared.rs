@@ -1,5 +1,5 @@
-//! Buffers that pass results from kernel to kernel, for tiles that are each shared by the work-items of a group. A
-//! group is a row of a work-group: 32 work-items.
+//! Buffers for strategies in which the work-items of a group share each tile. A group is a row of a work-group: 32
+//! work-items. The buffers pass results from one kernel to the next.
 
 use super::Queue;
 use super::buffers::allocate;

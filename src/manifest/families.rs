@@ -42,7 +42,7 @@ pub static BVH: Family = Family {
         rule(
             "intersector",
             FilesIn("cast/intersect/", Some(Planes)),
-            "tests few of the triangles with each ray, so it prepares none of them for all rays of a frame or tile",
+            "tests each ray against few triangles, so it prepares no planes for all rays of a frame or tile",
         ),
     ],
 };

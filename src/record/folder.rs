@@ -398,7 +398,7 @@ mod tests {
             let text = std::fs::read_to_string(place(name)).unwrap();
             std::fs::write(place(name), format!("{text}nonsense\n")).unwrap();
             let (_, notes) = shown(&folder);
-            let expected = format!("1 damaged line is left out of {name}; the first is line 2.");
+            let expected = format!("raycl ignores 1 damaged line of {name}; the first is line 2.");
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);

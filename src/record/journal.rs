@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use super::own_file;
 use crate::error::{Error, Result};
 use crate::reader;
-use crate::words::counted_are;
+use crate::words::counted;
 
 /// A file to which values of type `T` are appended.
 #[derive(Debug)]
@@ -70,9 +70,9 @@ impl<T> Lines<T> {
     /// Returns a note on the damaged lines of the file `name`.
     pub fn damage(&self, name: &str) -> Option<String> {
         let first = self.damaged.first()?;
-        let lines = counted_are(self.damaged.len(), "damaged line");
+        let lines = counted(self.damaged.len(), "damaged line");
         Some(format!(
-            "{lines} left out of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
+            "raycl ignores {lines} of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
         ))
     }
 }
@@ -194,7 +194,7 @@ mod tests {
         assert!(
             read.damage("samples.jsonl")
                 .unwrap()
-                .starts_with("2 damaged lines are left out of samples.jsonl; the first is line 2.")
+                .starts_with("raycl ignores 2 damaged lines of samples.jsonl; the first is line 2.")
         );
         std::fs::write(&path, "nonsense\n").unwrap();
         let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
@@ -225,7 +225,7 @@ mod tests {
         let with = |damaged: &[usize]| Lines::<Sample> { damaged: damaged.to_vec(), ..Lines::default() };
         assert_eq!(with(&[]).damage("a.jsonl"), None);
         let one = with(&[7]).damage("a.jsonl").unwrap();
-        assert!(one.starts_with("1 damaged line is left out of a.jsonl; the first is line 7."), "{one}");
+        assert!(one.starts_with("raycl ignores 1 damaged line of a.jsonl; the first is line 7."), "{one}");
         assert!(!Lines::<Sample>::default().torn);
     }
 

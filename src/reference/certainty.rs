@@ -157,7 +157,8 @@ fn moved(sight: &Sight<f64>, off: DVec3) -> Sight<f64> {
 /// The number of nudges.
 const NUDGES: usize = 8;
 
-/// Returns the pixel coordinates of the nudged rays, which are turned slightly to the right, to the left, down and up.
+/// Returns the pixel coordinates of the nudged rays, each with the size of its nudge. The rays are turned slightly to
+/// the right, to the left, down and up: first by a wide nudge, then by a narrow one.
 fn nudges(frame: &PixelFrame, [x, y]: [f64; 2]) -> impl Iterator<Item = (Reach, [f64; 2])> {
     let towards = frame.direction(x, y);
     // A step of one pixel turns the ray by about |step x towards| / |towards|^2.

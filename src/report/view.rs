@@ -82,7 +82,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median. A mark without a bar has an interval smaller than the mark, or fewer than five samples in a launch.{beside}"
+        "Bars are 95% intervals of the median. A mark has no bar if its interval is smaller than the mark, or if at least one launch has fewer than five samples of the point.{beside}"
     );
     Some(Plot::of(name, caption, &chart))
 }

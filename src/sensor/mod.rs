@@ -56,8 +56,8 @@ pub struct SensorReading {
 }
 
 impl SensorReading {
-    /// Returns the means of several readings; `None` without readings. The result is throttled if at least one
-    /// reading is.
+    /// Returns the means of several readings; `None` without readings. In the result, `throttled` is true if it is
+    /// true in at least one reading.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Option<Self> {
         all.clone().next()?;
         let mean = |of: fn(&Self) -> Option<f64>| {

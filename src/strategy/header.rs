@@ -173,8 +173,11 @@ impl Reader<'_> {
         let others: Vec<_> =
             super::AXES.iter().map(|info| info.name).filter(|axis| *axis != self.axis).collect();
         others.iter().copied().find(|axis| *axis == name).ok_or_else(|| {
-            let message =
-                format!("'{name}' is not one of the other axes; expected one of {}", others.join(", "));
+            let message = format!(
+                "'contradicts' needs an axis other than '{}', not '{name}'; expected one of {}",
+                self.axis,
+                others.join(", ")
+            );
             self.wrong(line, message, nearest(name, others))
         })
     }

@@ -42,9 +42,10 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
     spec(args, sources, device, &strategy, workload)
 }
 
-/// Returns the program of the preset [`hurry::QUICK`] for the scene, whose workload is guessed; `None` if no guess is
-/// possible. This program is compiled early instead of the [`likely`] program if the [`likely`] program is not compiled
-/// yet, and [`hurry::may`] returns true (the picture may be cast with this preset instead of the fastest strategy).
+/// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so the function
+/// guesses the scene's properties on which the program depends. Returns `None` if no guess is possible. This program is
+/// compiled early instead of the [`likely`] program if the [`likely`] program is not compiled yet, and [`hurry::may`]
+/// returns true (the picture may be cast with this preset instead of the fastest strategy).
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;

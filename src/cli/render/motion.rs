@@ -32,8 +32,8 @@ const HEADING: &str = "Moving pictures";
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 pub struct Motion {
-    /// Turn the scene around once in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`) a y4m
-    /// stream for an encoder
+    /// Move the camera once around the scene in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`) a
+    /// y4m stream for an encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is

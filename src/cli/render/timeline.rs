@@ -16,7 +16,7 @@ pub struct Part {
 
 /// The parts so far.
 pub struct Timeline {
-    /// When the last part ended.
+    /// The time at which the latest part ended; before the first part, the time at which the timeline was made.
     last: Instant,
     parts: Vec<Part>,
 }

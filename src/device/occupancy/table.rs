@@ -20,7 +20,7 @@ pub struct Multiprocessor {
     pub local_bytes: u64,
     /// `__local` memory is allocated in multiples of this many bytes.
     pub local_unit_bytes: u64,
-    /// Registers are allocated for a multiple of this many warps.
+    /// When registers are allocated, a group's number of warps is rounded up to a multiple of this number.
     pub warp_granularity: u64,
 }
 

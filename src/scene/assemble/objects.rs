@@ -125,7 +125,8 @@ fn read_file(
     Ok(read)
 }
 
-/// Refuses a file that is not a mesh. The message is short, and has the line of the scene file that names the file.
+/// Refuses a file that is not a mesh. The message begins with the place that names this file: the scene file and the
+/// number of the line, or a setting such as `--set`. Unlike other messages about scene files, it quotes no text.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let name = format!("{}: {}", document.place_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)

@@ -7,7 +7,8 @@ use crate::words::{counted, counted_are};
 
 /// The reason to ignore a line.
 pub(super) struct Unfit {
-    /// The keyword, and the form of the colour if raycl does not support this form. There is one note per kind.
+    /// The keyword, such as `Kd`. If raycl does not support the form of a colour, the form follows (`Kd spectral`).
+    /// Ignored lines of the same kind share one note.
     kind: String,
     /// The line's value, quoted from the file.
     found: String,

@@ -103,9 +103,19 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
 #[test]
 fn a_contradiction_names_a_value_of_another_axis() {
     mistake("culling=back", "culling", "line 6: 'culling' is not axis=value", "docs/own-kernels.md");
-    mistake("culling=back", "cullin=back", "line 6: 'cullin' is not one of the other axes", "'culling'");
+    mistake(
+        "culling=back",
+        "cullin=back",
+        "line 6: 'contradicts' needs an axis other than 'intersector', not 'cullin'",
+        "'culling'",
+    );
     mistake("culling=back", "culling=bakc", "line 6: 'bakc' is not a value of culling", "'back'");
-    mistake("culling=back", "intersector=my-test", "line 6: 'intersector' is not one of the other axes", "");
+    mistake(
+        "culling=back",
+        "intersector=my-test",
+        "line 6: 'contradicts' needs an axis other than 'intersector', not 'intersector'",
+        "",
+    );
 }
 
 #[test]

@@ -48,9 +48,9 @@ impl Stage<'_> {
         Ok((image, times.frame_ms))
     }
 
-    /// Returns the program and buffers of the last frame, after uploading this scene's lights and sky. If the buffers
-    /// do not suit the scene, returns `None` and frees everything except the program, so that there is room for new
-    /// buffers.
+    /// Uploads this scene's lights and sky, and returns the program and buffers of the previous frame. Returns `None`
+    /// before the first frame. If the program or the buffers do not suit the scene, returns `None` and frees everything
+    /// except the program, so that there is room for new buffers.
     fn shown(&mut self, scene: &Arc<Scene>) -> Result<Option<Ready>, Refused> {
         let Some((mut prepared, caster)) = self.ready.take() else { return Ok(None) };
         if prepared.show(scene, &caster).map_err(Refused::at("the next frame"))? {
