@@ -215,6 +215,14 @@ mod tests {
         assert_eq!(measure(2, &RULE, 1, &mut fake)?, End::Enough(StopReason::MaxSamples));
         // The second round begins with the third cast.
         assert_eq!((fake.order.len(), fake.order[2]), (2 * 7 + 1, fake.order[4]));
+        // The repeated sample replaces the one that does not count.
+        let mut samples = [Some(Vec::new()), Some(Vec::new())];
+        let mut fake = Fake { lost: vec![1], ..Fake::default() };
+        let casts = sample_round(0, vec![0, 1], &mut samples, &mut fake)?;
+        assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
+        let counting =
+            samples.map(|point| point.map(|taken| taken.iter().map(|(_, counts)| *counts).collect()));
+        assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
         // Of three samples of a round, two do not count, so they are not taken again, and the launch needs an eighth
         // round.
         let mut fake = Fake { lost: vec![4, 6], ..Fake::default() };
