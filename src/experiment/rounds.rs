@@ -220,8 +220,7 @@ mod tests {
         let mut fake = Fake { lost: vec![1], ..Fake::default() };
         let casts = sample_round(0, vec![0, 1], &mut samples, &mut fake)?;
         assert_eq!(casts.map(|times_ms| times_ms.len()), Some(3));
-        let counting =
-            samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
+        let counting = samples.map(|point| point.map(|taken| taken.iter().map(|one| one.1).collect()));
         assert_eq!(counting, [Some(vec![true]), Some(vec![true])]);
         // Of three samples of a round, two do not count, so they are not taken again, and the launch needs an eighth
         // round.
