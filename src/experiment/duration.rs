@@ -30,8 +30,8 @@ pub struct Expected {
     pub least_frames: usize,
     /// Expected time for the points that have a time in an earlier record.
     pub time: Duration,
-    /// Longest time that additional launches may take. An additional launch replaces a launch in which the host moved
-    /// this virtual machine's processors.
+    /// Longest time by which the run may exceed `time` if the host moves this virtual machine's processors: launches
+    /// then wait, take more rounds, or are replaced by additional launches.
     pub additional: Duration,
     /// Number of finished points that are not in the plan, for example because the config has changed.
     pub others: usize,

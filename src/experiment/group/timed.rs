@@ -57,11 +57,14 @@ impl Latency {
     }
 
     /// Waits until the processors are near, but not longer than a launch that began `elapsed` ago may still wait.
-    /// `begins` is called before the wait, if there is one.
+    /// Calls `begins` if there is a wait.
     fn wait(&mut self, near_ns: f64, elapsed: Duration, interrupted: &AtomicBool, begins: impl FnOnce()) {
         let Some((_, last)) = self.last.filter(|(_, last)| !is_near(*last, near_ns)) else { return };
-        begins();
         let (start, most) = (Instant::now(), patience(elapsed, self.waited));
+        if most.is_zero() {
+            return;
+        }
+        begins();
         let last = wait_until_near(last, near_ns, most, interrupted, core_to_core_ns);
         self.last = Some((Instant::now(), last));
         self.waited += start.elapsed();

@@ -242,7 +242,7 @@ fn sure(contest: &Contest<'_>) -> String {
     };
     let few = match contest.ranking.unranked.len() {
         0 => String::new(),
-        few => format!(", points with too few samples: {few}"),
+        few => format!("; points with too few samples: {few}"),
     };
     format!("{ratio}{tie}{few}")
 }

@@ -259,8 +259,10 @@ fn push_face(
         return Err(document.error(face.span(), message, "here"));
     }
     let outline: Vec<_> = corners.iter().map(|&i| mesh.positions[i as usize].as_dvec3()).collect();
-    let triangles = obj::triangulate(&outline)
-        .ok_or_else(|| document.error(face.span(), "a concave face of over 32768 corners", "here"))?;
+    let triangles = obj::triangulate(&outline).ok_or_else(|| {
+        let message = format!("a concave face of over {} corners", obj::MAX_CONCAVE_CORNERS);
+        document.error(face.span(), message, "here")
+    })?;
     mesh.triangles.extend(triangles.into_iter().map(|triangle| Triangle {
         positions: triangle.map(|i| corners[i]),
         normals: triangle.map(|i| normals.map_or(MISSING, |normals| normals[i])),

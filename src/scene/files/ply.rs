@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::triangulate;
+use crate::scene::obj::{MAX_CONCAVE_CORNERS, triangulate};
 use crate::words::{counted, counted_are};
 use glam::{DVec3, Vec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -105,7 +105,10 @@ impl Parts {
                     let outline: Vec<DVec3> =
                         corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
                     let triangles = triangulate(&outline).ok_or_else(|| {
-                        mistake(name, format!("face {number} is concave and has over 32768 corners"))
+                        mistake(
+                            name,
+                            format!("face {number} is concave and has over {MAX_CONCAVE_CORNERS} corners"),
+                        )
                     })?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
                 }

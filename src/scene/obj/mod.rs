@@ -36,7 +36,7 @@ use textures::{Maps, Places};
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
 pub(in crate::scene) use notes::of_materials as note_materials;
-pub(in crate::scene) use polygon::triangulate;
+pub(in crate::scene) use polygon::{MAX_CONCAVE_CORNERS, triangulate};
 pub(in crate::scene) use text::{decimal, quoted};
 pub(in crate::scene) use textures::unmapped;
 

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 /// Ear clipping takes quadratic time: up to two seconds for this many corners. Concave faces with more corners are
 /// refused.
-pub(super) const MAX_CONCAVE_CORNERS: usize = 32_768;
+pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// Divides an outline of at least three corners into triangles of corner indices, in the outline's
 /// orientation. Returns `None` if the outline is concave and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
