@@ -23,7 +23,7 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without #if conditions and macros. It compiles to the same program that raycl runs. If a number has a name in the source, a comment beside the number states the name. A device's compiler defines some macros; without --device, these macros are treated as undefined.")]
+The output is OpenCL C without #if conditions and without the macros of the kernel files. It compiles to the same program that raycl runs. If a number has a name in the source, a comment beside the number states the name. A device's compiler also defines macros itself. If an #if condition uses such a macro, raycl asks the compiler of --device for its value; without --device, the macro is treated as undefined.")]
 pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
