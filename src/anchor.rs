@@ -1,6 +1,7 @@
-//! The anchor: a kernel that never changes. A run with several launches times this kernel on each device, after the
-//! first of every six frames of the points. `--cl-dir` cannot replace this kernel. Two runs can therefore be compared
-//! by the ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
+//! The anchor: a kernel that never changes; `--cl-dir` cannot replace this kernel. A run with several launches times
+//! the anchor on each device. In each launch, the anchor runs after the device's first frame, and then after every
+//! sixth further frame. Two runs can therefore be compared by the ratios of their times to the anchor's time, even if
+//! the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};
@@ -28,8 +29,8 @@ const MOST_GRAZING: usize = CHECKED / 100;
 /// The distance that the kernel writes for a miss (MISS in the kernel).
 const MISS: f32 = 1e30;
 
-/// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel, its options, its number of rays and the device.
-/// Two names are equal if the same device does the same work.
+/// Returns the anchor's name in `anchors.jsonl`: a hash of the kernel, its options, its number of rays, and the device
+/// with its settings. Two names are equal if the same device does the same work with the same settings.
 pub fn name(device: &DeviceInfo) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
     let rays = rays(device.limits.compute_units);

@@ -1,5 +1,5 @@
-//! Measures how much processor time other processes take while raycl measures. The figures come from `/proc`,
-//! so only Linux has them.
+//! Measures how much processor time other processes take while raycl measures (from `/proc`), and the core-to-core
+//! latency. Both are known only on Linux.
 
 #[cfg(target_os = "linux")]
 mod core_to_core;

@@ -12,7 +12,7 @@ pub enum Kind {
     Toml,
     /// An MTL file.
     Materials,
-    /// An image that a mesh uses as a texture.
+    /// An image that a mesh uses as a texture, or the picture of a sky.
     Texture,
     /// The output of `raycl peak` for a device.
     Peaks,
@@ -28,8 +28,8 @@ pub enum Kind {
     Shown,
 }
 
-/// For each purpose, the size in MiB of the largest file that is read; `None` means that only the free memory limits
-/// the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
+/// For each purpose, its name in messages, and the size in MiB of the largest file that is read. `None` means that this
+/// module does not limit the size. `docs/scenes.md` and `docs/reliability.md` state the same limits.
 const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Toml, "a TOML file", Some(16)),
     (Kind::Materials, "a material file", Some(16)),
@@ -38,7 +38,7 @@ const LIMITS_MIB: [(Kind, &str, Option<u64>); 9] = [
     (Kind::Kernel, "a kernel file", Some(1)),
     (Kind::Mesh, "a mesh", None),
     (Kind::Picture, "a picture", None),
-    (Kind::Results, "a run's plan or environment", Some(64)),
+    (Kind::Results, "a file of results", Some(64)),
     (Kind::Shown, "a picture of results", Some(64)),
 ];
 

@@ -258,7 +258,7 @@ fn a_wrong_path_has_its_place_and_the_nearest_name() {
             "longer than the path of any value of a scene",
             "scene.toml:18",
         ),
-        (track("path = \"camera..x\"\nvalues = [1]"), "one of its names is empty", "scene.toml:18"),
+        (track("path = \"camera..x\"\nvalues = [1]"), "a name of the path is empty", "scene.toml:18"),
         (track("path = \"animation.frames\"\nvalues = [1]"), "cannot change the animation", "scene.toml:18"),
     ]);
 }
@@ -326,7 +326,7 @@ fn tracks_that_do_not_go_together_have_their_place_and_a_remedy() {
                 "path = \"camera.position.1\"\nvalues = [1, 2]\n[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 1, 3]]",
             ),
             "`camera.position` replaces the value of the track `camera.position.1`",
-            "put this track before the tracks of its parts",
+            "put this track before all tracks that set a part of its value",
         ),
         // The first two tracks together make a valid light, so the third one is the mistake.
         (

@@ -158,7 +158,8 @@ fn a_kernel_is_printed_to_be_read() {
         assert!(!text.contains(gone), "{gone:?} is in:\n{text}");
     }
     let all = Place::new().output(&["kernel", "naive", "--all"]);
-    has(&all, &["void cast_rays(", "void cast_primary("]);
+    has(&all, &["store_nearest("]);
+    assert!(!text.contains("store_nearest("));
     assert!(!all.contains("left out") && all.lines().count() > text.lines().count());
 }
 

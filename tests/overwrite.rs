@@ -220,6 +220,6 @@ fn refused_folder(place: &Place, arguments: &[&str]) -> String {
     let mut command = place.raycl(arguments);
     let output = command.env("OCL_ICD_VENDORS", "/nonexistent").assert().code(2).get_output().clone();
     let message = String::from_utf8(output.stderr).expect("UTF-8");
-    has(&message, &["`--force` writes into it anyway", "`--out DIR` writes elsewhere"]);
+    has(&message, &["`--force` writes into the folder anyway", "`--out DIR` writes elsewhere"]);
     message
 }

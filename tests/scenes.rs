@@ -123,7 +123,7 @@ fn mistakes_in_a_scene_file_have_a_message_and_a_place() {
         ("[camera]\nposition = [0, nan, 0]\n", "NaN is not a finite number", "nan"),
         ("[camera]\nposition = [0, 0]\n", "three numbers [x, y, z]", "[0, 0]"),
         ("[camera]\nfov_x_degrees = 90\nfov_y_degrees = 60\n", "both fov_x_degrees and fov_y_degrees", "60"),
-        ("[camera]\nfov_x_degrees = 180\n", "180 is not degrees between 0.001 and 179.99", "180"),
+        ("[camera]\nfov_x_degrees = 180\n", "180 is not an angle between 0.001 and 179.99 degrees", "180"),
         ("[camera]\nlook_at = [0, 0, 0]\n", "looks at the same point", "[0, 0, 0]"),
         ("[camera]\nlook_at = [0, 5, 0]\n", "parallel to its view", "[0, 5, 0]"),
         ("[[light]]\nposition = [0, 1, 0]\npower = -3\n", "-3 is not", "-3"),

@@ -67,7 +67,7 @@ fn traversals_of_pixels(intersector: Intersector) -> Vec<Strategy> {
 
 /// Returns how many of [`RAYS`] rays at edges and vertices pass between triangles.
 fn leaks_of_rays(stand: &Stand, scene: &Scene, strategy: &Strategy) -> usize {
-    let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
+    let built = stand.build_for_rays(strategy, LOCAL_SIZE).expect("a strategy that fits");
     let leaks = |origin| {
         let (rays, targets) = rays_at_edges(&scene.mesh, origin, RAYS / ORIGINS.len());
         let hits = built.cast_rays(&rays).expect("a cast");
@@ -126,7 +126,7 @@ fn stopped_beside_edges(kernels: &Sources, strategy: &Strategy) -> usize {
     let part = if strategy.intersector == Intersector::MOLLER_TRUMBORE { 7e-6 } else { 7e-7 };
     let (scene, rays) = rays_beside_edges(part);
     let stand = Stand::of(kernels, scene, [64, 64], |builtins| builtins);
-    let built = stand.build(strategy, LOCAL_SIZE).expect("a strategy that fits");
+    let built = stand.build_for_rays(strategy, LOCAL_SIZE).expect("a strategy that fits");
     built.cast_rays(&rays).expect("a cast").into_iter().flatten().count()
 }
 

@@ -28,7 +28,7 @@ typedef struct {
 // that the rays enter earlier than the new child stay above it. Returns the new height of the stack.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
-    // Insertion sort: children that are entered earlier move up, so that the nearest is on top.
+    // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.
     for (; place > below && stack[place - 1].entry < entry; place--) stack[place] = stack[place - 1];
     stack[place].word = word;
     stack[place].entry = entry;

@@ -1,8 +1,15 @@
 // The kernels for rays that are cast one by one, or together in the lanes of a vector. The kernels declare the arrays
 // in __local memory, and call the functions that the files of the axes provide.
 
+#ifndef FUSED
+#error "FUSED: 0 or 1: whether one kernel casts a whole frame"
+#endif
+#ifndef GIVEN_RAYS
+#error "GIVEN_RAYS: 0 or 1: whether there is a kernel for rays from a buffer, which no frame needs"
+#endif
 #include "cast/parts.cl"
 
+#if FUSED
 // Casts a whole frame: primary rays, shading, shadow rays.
 __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     SCENE_AND_WORKING
@@ -20,6 +27,7 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);
 }
+#else
 
 // Stores the nearest triangle of every pixel, or NO_HIT.
 __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
@@ -33,7 +41,9 @@ __kernel GROUP_SHAPE void cast_primary(CAST_PRIMARY_PARAMETERS) {
 }
 
 #include "cast/shade_nearest.cl"
+#endif
 
+#if GIVEN_RAYS
 // Casts rays from a buffer, for tests and for uses other than pictures: a ray is origin.xyz, t_min, direction.xyz, 0.
 __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     SCENE_AND_WORKING
@@ -51,12 +61,14 @@ __kernel GROUP_SHAPE void cast_rays(CAST_RAYS_PARAMETERS) {
     working_set(&working, RAY_ORIGIN, vec3(ray[0].all, ray[1].all, ray[2].all));
     working_set(&working, RAY_DIRECTION, vec3(ray[3].all, ray[4].all, ray[5].all));
     Nearest nearest;
+    // The mask is set in all lanes: every lane has a ray.
     closest_hit(&working, &scene, ray[6].all, (varying_int)(first) == first, &nearest);
     // The results of lanes that repeat the last ray are not stored.
     triangle.all = nearest.triangle;
     for (int lane = 0; lane < WIDTH; lane++)
         if (first + lane < ray_count) nearest_triangle[first + lane] = triangle.each[lane];
 }
+#endif
 
 #if PLANES_OF_ORIGIN
 #include "cast/prepare_origins.cl"

@@ -10,7 +10,9 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // A shadow ray is tested in reverse, from the light, so the sides that face away from the light are front faces.
+    // A shadow ray runs towards its light, but is tested from the light. The ray meets the side of a triangle that
+    // faces away from the light. If this side is the front, the sign that planes_of expects is positive; for the eye,
+    // it is negative.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     // Only rays from the eye form a grid of pixels.

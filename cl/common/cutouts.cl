@@ -5,11 +5,11 @@
 #error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// In a texture's head, the word with the wrap modes (textures.cl) also holds the least alpha, from bit 16 on. Points of
-// the texture with less alpha are holes:
+// Points of a texture with less than its least alpha are holes. In the texture's head, the word with the wrap modes
+// (textures.cl) also holds the least alpha, from bit 16 on:
 //
-//     31 ........ 16 | 15 ... 12 | 11 .. 8 | 7 ... 0
-//     least alpha    | last level | wrap v | wrap u
+//     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
+//     least alpha    | last level | wrap v  | wrap u
 //
 // One step of an 8-bit channel equals LEAST_ALPHA_UNIT units of the least alpha, so that 65535 means an alpha of 1.
 //

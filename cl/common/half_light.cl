@@ -64,11 +64,13 @@ __kernel void filter_half_light(FILTER_HALF_LIGHT_PARAMETERS) {
 }
 
 // Returns one pixel of the half picture's row y for each pixel of the whole picture from column x on. This pixel is the
-// nearest one to the left of the whole picture's pixel or, if `to_right` is 1, the nearest one to the right.
+// nearest one to the left of the whole picture's pixel or, if `to_right` is 1, the nearest one to the right. `left`
+// contains the columns of the nearest pixels to the left.
 INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, int2 image_size, int x, int y, varying left, int to_right) {
 #if WIDTH == 16
     if (image_size.x == 2 * half_size.x) {
-        // Each pixel of the half picture covers two of the whole picture, so a load and a shuffle replace the gather.
+        // Each pixel of the half picture covers exactly two columns of the whole picture, so a load and a shuffle
+        // replace the gather.
         const PixelRow row = load_pixels(image, half_size, x / 2 - 1, y);
         const Vec3 c = row.colour;
         PixelRow seen;

@@ -3,6 +3,9 @@
 #if !defined(TILE_X) || !defined(TILE_Y)
 #error "TILE_X, TILE_Y: pixels of a tile across and down"
 #endif
+#ifndef FUSED
+#error "FUSED: 0 or 1: whether the kernel for primary rays also does as much of the rest of a frame as it can"
+#endif
 #ifndef CULL_BACK
 #error "CULL_BACK: 0 or 1: whether culling = back"
 #endif

@@ -120,7 +120,7 @@ void bound_pixels(Coverage *coverage, const Uniform3 *corners3, CAMERA_PARAMETER
     coverage->high = min(coverage->high, image_size);
 }
 
-// Computes which pixels a triangle may cover, and its depth as a function of the pixel.
+// Computes which pixels a triangle may cover, and the triangle's 1 / depth as a linear function of the pixel.
 Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     const Uniform3 from = uniform3(eye.x, eye.y, eye.z);
     const Uniform3 p[3] = {uniform_difference(at.a, from), uniform_difference(at.b, from),

@@ -11,7 +11,8 @@ varying_int sample_of_lane(int bits) {
 }
 #endif
 
-// Returns the pixels of a vector of a tile: a block, or a part of a block if pixels have several rays.
+// Returns the pixel of each lane of a vector. The 16 pixels form a block of 4 x 4. If the frame casts several rays per
+// pixel, several lanes have the same pixel: the vector then covers 2 x 2 pixels or one pixel.
 Pixels tile_pixels(CAST_PARAMETERS int vector, int2 image_size) {
     Pixels pixels;
     // The ray's position in the grid of all rays, divided by the number of sub-pixels across or down.

@@ -58,7 +58,7 @@ typedef struct {
 } Shears;
 
 // The rays of a tile. Distances are stored as 1 / t, which is linear over a triangle, so that the test needs no
-// division; 0 means infinitely far.
+// division. LEAST_INV_T (slices.cl), a number close to 0, stands for an infinite distance.
 typedef struct {
     Uniform3 origin;
     float too_near; // 1 / t of the nearest distance at which hits count; hits with a larger 1 / t are ignored
@@ -83,7 +83,7 @@ typedef struct {
 } SurfaceTree;
 
 // With several samples per pixel, a frame casts one sample of each pixel, or up to 4, or up to 16. If a frame casts
-// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, and each sub-pixel has a ray. A
+// more than one sample, a pixel is divided into sub-pixels, 2 or 4 across and down, each with room for one ray. A
 // tile keeps its number of rays, so a tile of 512 rays covers 32 x 16, 16 x 8 or 8 x 4 pixels. Rays of the same pixel
 // lie closer to each other than rays of neighbouring pixels, so that a tile visits fewer nodes and triangles per ray.
 //

@@ -83,6 +83,7 @@ int find_nearest(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, CAMERA
 #define LEAVE_ENOUGH(image_size)
 #endif
 
+#if FUSED
 // Casts a whole frame.
 __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     BIND_SAMPLES
@@ -96,6 +97,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
     else
         store_background(CAST_ARGUMENTS image, image_size, background);
 }
+#else
 
 // Returns the index at which the tile's part of `nearest` begins. `nearest` is ordered tile by tile and not by pixels,
 // since only the next pass reads `nearest`.
@@ -127,3 +129,4 @@ __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     for (int vector = 0; vector < VECTORS; vector++) bundle.place[vector] = vload16(vector, nearest + tile_start());
     shade_tile(CAST_ARGUMENTS &bundle, &tree, &lighting, eye, corner, step_x, step_y, image_size, background, image);
 }
+#endif

@@ -346,7 +346,8 @@ void shade_tile(CAST_PARAMETERS Bundle *bundle, const SurfaceTree *tree, const L
         }
         for (uint left = open; left; left &= left - 1) {
             const int vector = LOWEST_BIT(left);
-            // If something blocks a shadow ray, its inv_t is FAR. All other lanes add their light.
+            // inv_t is FAR in lanes whose shadow ray is blocked, and in lanes without a shadow ray. All other lanes add
+            // their light.
             sum[vector] = select3(bundle->inv_t[vector] < FAR, add(sum[vector], arriving[vector]), sum[vector]);
         }
     }

@@ -77,7 +77,7 @@ uint solid_of_leaf(const SingleRay *ray, const Tree *tree, int first, uint hits)
 int leaf_stops(const SingleRay *ray, const Tree *tree, uint word) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     for (int first = LEAF_FIRST(word); first < end; first += TOGETHER) {
-        // Lanes after the leaf's last triangle hold other leaves' triangles.
+        // Lanes after the leaf's last triangle hold triangles of other leaves, or padding.
         const uint own = (1u << min(end - first, TOGETHER)) - 1;
         if (SOLID_OF_LEAF(ray, tree, first, triangles_stopping(ray, tree, first) & own)) return 1;
     }

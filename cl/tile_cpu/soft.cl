@@ -1,5 +1,5 @@
-// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. Each vector of 16 rays
-// traverses the tree separately, like a packet.
+// Rays of a tile without a common origin: to points of a light with a radius, and to the sky. The 16 rays of a vector
+// to a light traverse the tree together, like a packet. Rays to the sky traverse the tree one by one (single_ray.cl).
 
 #include "cast/bvh_node.cl"
 
@@ -78,8 +78,9 @@ Mask are_stopped(const Tree *tree, Vec3 from, Vec3 way, varying t_max, Mask want
     return wanted & !open;
 }
 
-// Adds the light of a source with a radius to the sums of a tile's vectors. Each pixel is lit by a different point of
-// the source.
+// Computes the radiance that a tile's hits reflect from a light with a radius, and adds it to `sum`. The array `sum`
+// has one element per vector of rays. Each sample of a pixel has its own point of the light. In half pictures, these
+// points repeat every 4 pixels, across and down.
 void add_soft_light(CAST_PARAMETERS const Bundle *bundle, const SurfaceTree *tree, const Lighting *lighting, int light,
                     int2 image_size, const Shaded *shaded, Vec3 *sum) {
     const __global float *at = lighting->lights + LIGHT_FLOATS * light;

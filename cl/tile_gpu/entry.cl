@@ -30,6 +30,9 @@
 #if NODE_WIDTH != GROUP_LANES
 #error "a group walks a tree of 32 children per node"
 #endif
+#ifndef LEFT_OVER_KERNEL
+#error "LEFT_OVER_KERNEL: 0 or 1: whether a kernel of its own casts the leftover shadow rays"
+#endif
 #ifndef PLANES_OF_ORIGIN
 #error "PLANES_OF_ORIGIN: 0 or 1: whether a row per triangle is prepared for the eye and each light"
 #endif

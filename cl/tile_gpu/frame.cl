@@ -11,8 +11,8 @@
 // pixel has 2^bits columns and 2^bits rows of rays. For 2 bits, the samples of a pixel lie in the grid like this:
 //
 //      0  1  2  3
-//      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid,
-//      8  9 10 11      the narrower its beam, and the fewer nodes it visits.
+//      4  5  6  7      A tile has 8 x 8 rays, here of 2 x 2 pixels: the finer the grid, the
+//      8  9 10 11      narrower the tile's beam, and the fewer nodes the tile visits.
 //     12 13 14 15
 #if SAMPLED
 #define BIND_SAMPLES                       \
@@ -220,6 +220,7 @@ INLINED uint find_nearest(Group *group, const Tree *tree, CAMERA_PARAMETERS, int
     return hits;
 }
 
+#if !FUSED
 // Finds and stores the nearest hits of rays from the eye.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     STACK_LOCALS
@@ -227,3 +228,4 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_primary(TILE_PRIMARY_PARAMETERS) 
     TREE_OF_TILES
     find_nearest(&group, &tree, eye, corner, step_x, step_y, GRID_OF(image_size), stack, &candidates, nearest);
 }
+#endif

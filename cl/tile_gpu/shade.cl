@@ -1,7 +1,7 @@
 // The end of a round of lights, after tiles have cast their shadow rays: leftover shadow rays, and shading.
 
-// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns the lights that reach the
-// pixel, as bits of its word (see shadow.cl).
+// Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns which of these rays' lights
+// reach the pixel, as bits of the pixel's word (see shadow.cl).
 INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, const __global float4 *surfaces,
                             CAMERA_PARAMETERS, EyeRay eye_ray, int place, const __global float *lights, uint left_over, float bias,
                             __local uint2 *stack) {
@@ -41,6 +41,7 @@ INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
 }
 
+#if LEFT_OVER_KERNEL
 // Casts the leftover shadow rays. Each ray from the eye is in the queue at most once, and one group casts all of its
 // leftover shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
@@ -57,6 +58,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
         if (group.lane == 0) lit[entry.x] = (lit[entry.x] & ~SOME_LEFT_OVER) | reached;
     }
 }
+#endif
 
 // HAS_LIGHT is true if a pixel receives any light in a round, either from lights that reach the pixel or from the
 // picture of the sky, which shiny surfaces mirror in the round that includes the sky.

@@ -79,8 +79,8 @@ INLINED Ray unit_ray(CAMERA_PARAMETERS, EyeRay eye_ray) {
     return camera_ray(eye, corner, step_x, step_y, &one);
 }
 
-// Returns the hit, of which only the point and the normal are valid. Both are enough to find which lights the surface
-// faces, and where the shadow rays from these lights end.
+// Returns the hit, of which only the point and the normal are valid. Together, these two determine which lights the
+// surface faces, and where the shadow rays from these lights end.
 INLINED Meeting meet_for_lights(const Tree *tree, const __global float4 *surfaces, CAMERA_PARAMETERS, EyeRay eye_ray, int place) {
 #if PLANES_OF_ORIGIN // planes give t and weights quickly; in slivers, their rounding errors are too large for shading
     const __global float4 *planes = planes_for(tree, 0) + place;
@@ -291,6 +291,7 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shadow(TILE_SHADOW_PARAMETERS) {
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
 
+#if FUSED
 // Casts rays from the eye, then shadow rays. While the last tiles cast rays from the eye, other tiles already cast
 // shadow rays.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
@@ -304,3 +305,4 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_cast(TILE_CAST_PARAMETERS) {
     find_lit(&group, &tree, surfaces, eye, corner, step_x, step_y, GRID_OF(image_size), nearest, hits, lights, light_count,
              first_light, bias, stack, &candidates, SOURCES_ARGUMENT found);
 }
+#endif

@@ -60,14 +60,15 @@ INLINED uint push(Group *group, Child child, uint met, const int sorted, __local
     const int others = popcount(met) - 1;
     if (child.met && rank) stack[*waiting + others - rank] = (uint2)(child.word, as_uint(child.entry));
     *waiting += others;
-    // Lanes read entries that other lanes wrote.
+    // Later, lanes read stack entries that other lanes wrote here.
     lane_sync(group);
     const uint nearest = lane_ballot(group, child.met && !rank);
     return lane_get(group, child.word, LOWEST_BIT(nearest));
 }
 
 #if CUTOUTS
-// A ray hits the triangle at an index in leaf order: returns whether it hits the triangle's surface, and not a hole.
+// For a ray that hits the triangle at an index in leaf order, returns whether the ray hits the triangle's surface and
+// not a hole. The ray has the slopes x and y.
 INLINED int solid_in_beam(const Tree *tree, const Shaft *shaft, int place, float x, float y) {
     Corners corners;
     load_corners(shaft, tree, place, &corners.a, &corners.b, &corners.c);
@@ -109,7 +110,8 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     EACH_RAY(ray) found[ray] = -1;
 #pragma unroll 4
     for (int k = 0; k < count; k++) {
-        // Now each lane tests its own rays again. All lanes read the same triangle, which __local memory broadcasts.
+        // Here each lane works on its own rays, and tests them against every stored triangle. All lanes read the same
+        // triangle at the same time, so __local memory broadcasts it.
         const Candidate triangle = load_candidate(candidates->quads + 3 * k);
         EACH_RAY(ray) {
             float per_depth;

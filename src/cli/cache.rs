@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl. It contains lists of the OpenCL devices; compiled programs, one for each combination of source code, compiler options, device, driver and values of the driver's environment variables; and short notes about programs, such as which program a scene needed last time. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. Each combination of source code, compiler options, device, driver and values of the driver's environment variables has its own compiled program. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -32,8 +32,8 @@ enum Action {
     Path,
 }
 
-/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `clear`, the numbers count the removed
-/// entries.
+/// The output of `raycl cache show --json` and `raycl cache clear --json`. With `clear`, `entries` and `bytes` count
+/// what was removed.
 #[derive(Serialize)]
 struct Shown {
     /// The cache's folder; null if raycl stores nothing between runs.
@@ -60,9 +60,7 @@ fn folder(cache: &Cache) -> Result<String> {
 
 fn why_none(cache: &Cache) -> String {
     match cache.limit_bytes() {
-        0 => format!(
-            "the environment variable {LIMIT} is 0; if it is not set, the cache takes at most 512 MiB"
-        ),
+        0 => format!("the environment variable {LIMIT} is 0; unset it to get a cache of at most 512 MiB"),
         _ => "set XDG_CACHE_HOME or HOME to an absolute path".to_owned(),
     }
 }
@@ -89,7 +87,7 @@ fn clear(cache: &Cache, json: bool) -> Result<()> {
     let folder = folder(cache)?;
     let (entries, bytes) = cache.clear().map_err(|error| {
         Error::run(format!("the cache cannot be cleared: {error}"))
-            .with_help(format!("the cache is in {folder}"))
+            .with_help(format!("check that you may delete files in the cache's folder, {folder}"))
     })?;
     if json {
         let removed = Shown { folder: Some(folder), entries, bytes, limit_bytes: cache.limit_bytes() };

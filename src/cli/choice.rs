@@ -71,8 +71,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
 }
 
 /// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
-/// fastest one that raycl knows. If `set` requests the watertight test, the strategy is the fastest one with this test.
-/// Finally, each axis that `set` names gets its value in `set`.
+/// fastest one that raycl knows or, if `set` requests the watertight test, the fastest one with this test. Finally,
+/// each axis that `set` names gets its value in `set`.
 pub fn chosen_strategy(
     text: Option<&str>,
     set: &[(String, String)],
@@ -143,8 +143,9 @@ fn one_place(infos: &[DeviceInfo], pattern: Option<&str>, word: Option<String>) 
     }
 }
 
-/// Returns the same device as [`one_device`]. If the cache has no list of devices, `lane_test` decides whether the
-/// device's lane operations (such as ballots among work-items that execute together) are tested now or later.
+/// Returns the same device as [`one_device`]. If the cache has no up-to-date list of devices, `lane_test` decides
+/// whether the devices' lane operations (such as ballots among work-items that execute together) are tested now or
+/// later.
 pub fn one_device_with(pattern: Option<&str>, sources: &Sources, lane_test: LaneTest) -> Result<Device> {
     let choose = |infos: &[DeviceInfo]| one_place(infos, pattern, settings::device());
     pick_one(&Cache::of_user(), sources, lane_test, choose)?.ok_or_else(|| {

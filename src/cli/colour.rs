@@ -18,7 +18,7 @@ pub enum Colour {
     Never,
 }
 
-/// The choice made by [`choose`]: 0 means `auto`, or that nothing was chosen.
+/// The choice made by [`choose`]: 1 means `always`, 2 means `never`, and 0 means `auto`, or that nothing was chosen.
 static CHOSEN: AtomicU8 = AtomicU8::new(0);
 
 /// Decides for the whole process when colours are used. An option takes precedence over `NO_COLOR`, and `NO_COLOR` over

@@ -37,7 +37,8 @@ pub struct Args {
     /// Write compare.html, compare.md and plots to this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
+    /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote
+    /// them
     #[arg(long, requires = "out")]
     force: bool,
     /// Print Markdown instead of a table

@@ -15,12 +15,12 @@ use std::path::PathBuf;
 pub struct Args {
     /// The picture to check: .png, .jpg, .exr or .hdr
     found: PathBuf,
-    /// The picture to compare FOUND with
+    /// The expected picture, with which FOUND (the picture to check) is compared
     expected: PathBuf,
     /// Save a false-colour picture of the differences
     #[arg(short, long, value_name = "FILE.png")]
     output: Option<PathBuf>,
-    /// Replace FILE.png even if it was not written by raycl, or was changed after raycl wrote it
+    /// Replace the file of --output even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "output")]
     force: bool,
     /// Exit with code 1 if the peak signal-to-noise ratio is below DB decibels

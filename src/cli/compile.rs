@@ -22,9 +22,9 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder in DIR with these files: microscope.html (a page that shows each source line beside its instructions, with the numbers of instructions by kind and by memory), source.cl (the whole source as one text), options.txt, build.log, made.json (for each kernel: the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line: the numbers of instructions), and the program's binary, which is called binary.ptx if it is PTX text, and otherwise binary.bin. No ray is cast.
+Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions, with the numbers of instructions by kind and by memory. No ray is cast.
 
-The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, the page also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers. The printed table counts memory instructions only in PTX.")]
+The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel, from one label to the next. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers; for the others, the table that `raycl compile` prints does not show it. This table counts memory instructions only in PTX.")]
 pub struct Args {
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
     /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays
@@ -32,7 +32,7 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4). May be given several times
     #[arg(long, required = true, value_parser = StrategyText, hide_possible_values = true)]
     strategy: Vec<String>,
-    /// Work-items per work-group
+    /// Local size: work-items per work-group, across and down
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "8x8")]
     local_size: [u32; 2],
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu) [default: the device in your settings,
@@ -42,7 +42,8 @@ pub struct Args {
     /// Write the source, the build log, the binary, and the numbers of registers and instructions to this folder
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
+    /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote
+    /// them
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object per strategy

@@ -11,7 +11,7 @@ use clap_complete::Shell;
   raycl completions zsh > ~/.zfunc/_raycl
   raycl completions fish > ~/.config/fish/completions/raycl.fish")]
 pub struct Args {
-    /// The shell for which to print the script
+    /// The shell for which to print a completion script
     shell: Shell,
 }
 

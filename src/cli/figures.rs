@@ -33,7 +33,7 @@ pub fn run(args: Args) -> Result<()> {
             "{count} places in documents differ from the records:\n{}",
             listed(&left)
         ))
-        .with_help("CONTRIBUTING.md explains how a document names the record of each number")),
+        .with_help("`raycl figures` without --check corrects numbers that have a record; CONTRIBUTING.md explains how to correct other places")),
     }
 }
 

@@ -25,11 +25,12 @@ pub fn is_inside() -> bool {
     std::env::var_os(GUARDED).is_some()
 }
 
-/// Runs this process's command line in a child process, and ends this process with the child's exit code. If a driver
-/// ends the child process, raycl runs the command line again without the drivers that fail. A command that reads
-/// standard input cannot run again, since its input can be read only once. A command that shows pictures gets an
-/// allocator with huge pages. Commands that only measure do not get this allocator, since the worker processes of
-/// `raycl run` do not use huge pages either.
+/// Runs this process's command line in a child process. Then ends this process with the child's exit code, or returns
+/// if this code is 0. If a driver ends the child process, raycl runs the command line again without the drivers that
+/// fail. A command that reads standard input cannot run again, since its input can be read only once. If
+/// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
+/// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
+/// processes of `raycl run` do not use huge pages either.
 ///
 /// # Errors
 ///

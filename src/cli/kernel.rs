@@ -23,22 +23,22 @@ use title::{Title, foot};
   raycl kernel tile --device cpu --scene scenes/teapot.toml
   raycl kernel naive --cl-dir my-cl --canonical > edited.txt
 
-The output is OpenCL C without #if conditions and without the macros of the kernel files. It compiles to the same program that raycl runs. If a number has a name in the source, a comment beside the number states the name. A device's compiler also defines macros itself. If an #if condition uses such a macro, raycl asks the compiler of --device for its value; without --device, the macro is treated as undefined.")]
+The output is OpenCL C without #if conditions and without the macros of the kernel files. It compiles to the same program that raycl runs. If a number has a name in the source, a comment beside the number states the name. A device's compiler also defines macros of its own. If an #if condition uses such a macro, raycl asks the compiler of --device for the macro's value; without --device, the macro is treated as undefined.")]
 pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Local size: work-items per work-group, across and down [default: 8x8; 32 across if the work-items share a tile
-    /// of rays]
+    /// Local size: work-items per work-group, across and down [default: 8x8; for strategies in which 32 work-items cast
+    /// a tile of rays together, 32x1, or 32x4 if 32 work-items of --device can exchange values without barriers]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
-    /// The device whose compiler gets the program: part of its name, platform or vendor, or its kind (cpu, gpu)
-    /// [default: no particular device]
+    /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, or its kind
+    /// (cpu, gpu) [default: no particular device]
     #[arg(long)]
     device: Option<String>,
     /// The scene, a TOML file or a mesh. The scene's features, such as textures and a sky, determine which parts of the
-    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays [default: a
-    /// small scene]
+    /// kernels are compiled. Its mesh and materials determine the sizes of stacks and of some __local arrays [default:
+    /// a small scene]
     #[arg(long, value_name = "FILE")]
     scene: Option<PathBuf>,
     /// Also print functions that no kernel of the strategy calls

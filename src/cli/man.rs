@@ -18,10 +18,11 @@ pub struct Args {
     /// The command whose page to print [default: raycl itself]
     #[arg(value_name = "COMMAND", conflicts_with = "out")]
     command: Option<String>,
-    /// Write the pages of all commands to this folder instead: raycl.1, raycl-render.1, ...
+    /// Print no page; write the pages of raycl and of all its commands to this folder: raycl.1, raycl-render.1, ...
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
+    /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote
+    /// them
     #[arg(long, requires = "out")]
     force: bool,
 }

@@ -21,10 +21,10 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of devices whose name, platform or driver contains NAME. Results of the baselines on the
-    /// host are always merged. If no device with results matches NAME, raycl assumes
-    /// that NAME is a device on which no shard has begun, and reports all points except the baselines as missing
-    /// [default: all devices with results]
+    /// Merge only the results of devices whose description (name, platform, driver and other properties that affect
+    /// times) contains NAME. Results of the baselines (ray casters on the host) are always merged. If no device with
+    /// results matches NAME, raycl assumes that NAME is a device on which no shard has begun, and reports all points
+    /// except the baselines as missing [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),
@@ -153,7 +153,10 @@ mod tests {
         let beat = Beat { steps: 5, beats: 7, ..Beat::default() };
         let one = Status { name: "1-of-2".into(), state: State::Hung(9), beat };
         let expected = serde_json::json!({
-            "attempt": "1-of-2", "state": "hung: no step for 9 s", "steps": 5, "beats": 7
+            "attempt": "1-of-2",
+            "state": "hung: for 9 s, no build, check or frame has begun, and no launch or point has ended",
+            "steps": 5,
+            "beats": 7,
         });
         assert_eq!(json(&one), expected);
     }

@@ -1,4 +1,4 @@
-//! The command line: one file per subcommand, each with its `Args` and its `run`.
+//! The command line: one file per subcommand, with its `Args` and its `run`, and files that several subcommands share.
 
 pub mod cache;
 pub(crate) mod choice;
@@ -58,8 +58,9 @@ use colour::Colour;
 
 `raycl help COMMAND` explains each command. Exit code: 0 done, 1 failed, 2 a mistake in the arguments or files, 130 stopped by Ctrl-C.
 
-The file ~/.config/raycl/config.toml may contain your own defaults (device, color, results). The environment
-variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults; options override both.")]
+The file ~/.config/raycl/config.toml may contain your own defaults: device, color, and results (the folder for results).
+The environment variables RAYCL_DEVICE, NO_COLOR and RAYCL_RESULTS override these defaults, and options override the
+variables.")]
 pub struct Cli {
     /// When to use colours: auto (on a terminal), always or never [default: auto, or never if NO_COLOR is set]
     #[arg(long, global = true, value_name = "WHEN", value_enum, hide_possible_values = true)]
@@ -107,13 +108,14 @@ enum Command {
     },
     /// Print a strategy's kernels as the compiler sees them
     Kernel(kernel::Args),
-    /// Compile kernels, and report their registers, bytes of memory, memory instructions and binary
+    /// Compile kernels, and report how many registers, bytes of memory and memory instructions they use
     Compile(compile::Args),
     /// Measure a device's peak rates: multiply-adds, copies, local memory, kernel launches, latencies
     Peak(peak::Args),
     /// Measure the noise of times on this machine, and the smallest difference between two times that a run can show
     Noise(noise::Args),
-    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in Figure 5 of the student paper
+    /// Predict how many work-groups an NVIDIA multiprocessor holds, as in Figure 5 of the student paper that raycl
+    /// repeats
     Occupancy(occupancy::Args),
     /// Update the numbers in raycl's documents from stored records, for contributors
     #[command(hide = true)]
@@ -133,23 +135,18 @@ enum Command {
 
 impl Command {
     /// Returns whether the command starts drivers in its own process. For commands that measure the points of an
-    /// experiment, worker processes start the drivers. Also returns true for `occupancy`, which starts no driver.
+    /// experiment, worker processes start the drivers.
     fn starts_drivers(&self) -> bool {
         match self {
-            Self::Render(_)
-            | Self::View(_)
-            | Self::Devices(_)
-            | Self::Compile(_)
-            | Self::Peak(_)
-            | Self::Occupancy(_) => true,
+            Self::Render(_) | Self::View(_) | Self::Devices(_) | Self::Compile(_) | Self::Peak(_) => true,
             Self::Kernel(args) => args.asks_a_device(),
             Self::Rule(args) => args.measures(),
             _ => false,
         }
     }
 
-    /// Returns whether the user asks the command for times, not for a picture. The commands for contributors
-    /// do not count.
+    /// Returns whether the command measures times, itself or through workers; PoCL then pins its threads. Also returns
+    /// true for workers, unless they only compile a program. Returns false for the commands for contributors.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
@@ -174,7 +171,7 @@ impl Cli {
     ///
     /// # Errors
     ///
-    /// Fails if the user's settings contain a mistake. Workers do not read the settings.
+    /// Fails if the user's settings contain a mistake. A worker ignores such a mistake.
     pub fn read() -> Result<Self> {
         remember_libraries();
         let words: Vec<OsString> = std::env::args_os().collect();
@@ -196,8 +193,8 @@ impl Cli {
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
-    /// Returns whether the user asks the command for times, not for a picture. The commands for contributors
-    /// do not count.
+    /// Returns whether the command measures times, itself or through workers; PoCL then pins its threads. Also returns
+    /// true for workers, unless they only compile a program. Returns false for the commands for contributors.
     pub fn measures(&self) -> bool {
         self.command.measures()
     }
@@ -245,8 +242,8 @@ impl Cli {
     }
 }
 
-/// Lets a negative number be a value of every option that has a value. If the number is out of range, the message then
-/// says which values are expected; otherwise clap would take `-3` for an unknown option.
+/// Lets a negative number be a value of every option that has a value. If the number is out of range, clap's message
+/// then says which values are expected. By default, clap takes `-3` for an unknown option.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     let allow = |arg: clap::Arg| match !arg.is_positional() && arg.get_action().takes_values() {
         true => arg.allow_negative_numbers(true),

@@ -15,16 +15,16 @@ use std::path::Path;
   raycl noise --device nvidia
   raycl noise --device cpu --set timing.time_limit_ms=2000 --json
 
-A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
+For each device, the command prints the smallest difference that one launch can show, and the smallest difference that all launches together can show. A launch is one measurement of the whole experiment by new worker processes. Times differ more between launches than within one launch.")]
 pub struct Args {
-    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu, gpu);
-    /// or all [default: the devices in your settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu,
+    /// gpu); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
     /// Change a value of the experiment that the command measures (configs/noise.toml in raycl's repository)
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// If another process is measuring on the device, end at once instead of waiting for it
+    /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Print one JSON object per device

@@ -39,8 +39,8 @@ pub struct Args {
     /// enough. DIR is a folder of results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item"])]
     results: Option<std::path::PathBuf>,
-    /// Print Figure 5 of the student paper that raycl repeats, and how many threads per multiprocessor the paper's 63
-    /// registers per work-item allow
+    /// Print how many threads per multiprocessor are predicted by Figure 5 of the student paper that raycl repeats, and
+    /// how many the paper's 63 registers per work-item allow
     #[arg(long)]
     paper: bool,
     /// Print one JSON object instead of a table; with --results, one object per point
@@ -88,7 +88,7 @@ impl FromStr for LocalSize {
     }
 }
 
-/// The inputs of the prediction that all rows of a table share.
+/// The inputs that the predictions in all rows of a table share.
 struct Question {
     sm: &'static Multiprocessor,
     registers: u32,

@@ -31,10 +31,10 @@ pub struct Args {
     /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Replace FILE even if it was not written by raycl, or was changed after raycl wrote it
+    /// Replace the file of --out even if it was not written by raycl, or was changed after raycl wrote it
     #[arg(long, requires = "out")]
     force: bool,
-    /// If another process is measuring on the device, end at once instead of waiting for it
+    /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     no_wait: bool,
     /// Print a JSON list with one object per device
@@ -83,7 +83,7 @@ fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
 pub(super) struct Wanted<'a> {
     /// A file of peak rates, or "measure".
     pub given: &'a str,
-    /// The devices to measure.
+    /// Words that select the devices to measure.
     pub patterns: &'a [String],
     /// The folder of kernels that replace the built-in kernels.
     pub cl_dir: Option<&'a Path>,

@@ -218,7 +218,8 @@ impl Observer for Stages {
     fn ends(&mut self) {}
 }
 
-/// Returns the observer for this process's standard error, with a line per point if `verbose`.
+/// Returns the observer that shows the progress on standard error: nothing if `quiet` is set; a line per point if
+/// `verbose` is set or standard error is not a terminal; otherwise a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());

@@ -19,7 +19,8 @@ pub struct Args {
     /// The folder to write to [default: the first DIR]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in DIR even if they were not written by raycl, or were changed after raycl wrote them
+    /// Replace files in the folder of --out even if they were not written by raycl, or were changed after raycl wrote
+    /// them
     #[arg(long, requires = "out")]
     force: bool,
     /// Print one JSON object with the paths of the page and of the folders of plots and exports

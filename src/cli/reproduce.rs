@@ -21,15 +21,16 @@ use std::path::{Path, PathBuf};
   raycl reproduce --set 'image_sizes=[[200, 125]]' --set timing.time_limit_ms=100
   raycl reproduce --page-only --out results/reproduction")]
 pub struct Args {
-    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu, gpu);
-    /// or all [default: the devices in your settings, else all]
+    /// Measure on the devices that NAME selects. NAME is part of a device's name, platform or vendor; a kind (cpu,
+    /// gpu); or all [default: the devices in your settings, else all]
     #[arg(long, value_name = "NAME")]
     device: Vec<String>,
-    /// The folder in which to write a folder of results for each config, and the page that judges the paper's claims
+    /// The folder in which to write a folder of results for each experiment, and the page that judges the student
+    /// paper's claims
     #[arg(short, long, value_name = "DIR", default_value_os_t = results().join("reproduction"))]
     out: PathBuf,
-    /// Write into DIR even if DIR contains files that raycl did not write. Files in DIR with the name of a page or plot
-    /// are replaced; existing results are kept
+    /// Write into the folder of --out even if it contains files that raycl did not write. Files with the name of a page
+    /// or plot are replaced; existing results are kept
     #[arg(long)]
     force: bool,
     /// Change a value in the configs of all experiments
@@ -38,10 +39,10 @@ pub struct Args {
     /// Continue an interrupted reproduction: keep its measurements and measure the missing points
     #[arg(long)]
     resume: bool,
-    /// If another process is measuring on a device, end at once instead of waiting for it
+    /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long, conflicts_with = "page_only")]
     no_wait: bool,
-    /// Measure nothing; generate the page from existing results
+    /// Measure nothing; from existing results, generate the page that judges the student paper's claims
     #[arg(long, conflicts_with = "resume")]
     page_only: bool,
     /// Print neither the progress nor the paths of written files
@@ -106,8 +107,8 @@ fn arguments(args: &Args, name: &str) -> run::Args {
     run
 }
 
-/// Writes the page from the results that were measured before the error, and returns the error with a help line
-/// that says how to continue.
+/// Writes the page from the results that were measured before the error, and returns the error with a help line that
+/// says how to continue. An error about a mistake in the input is returned unchanged.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out)

@@ -120,8 +120,9 @@ fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Me
     let scene = case.scene(path)?;
     let task = case.task(&scene);
     if !case.is_of_its_kinds(&task) {
-        let message = format!("the kinds of the case '{}' do not match its scene: {task:?}", case.name);
-        return Err(Error::input(message).with_help("`kinds` may list few, inside, watertight and dense"));
+        let message =
+            format!("the `kinds` of the case '{}' do not match its scene and size: {task:?}", case.name);
+        return Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"));
     }
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)

@@ -63,7 +63,7 @@ pub struct Args {
     /// folder exists]
     #[arg(short, long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write into DIR even if DIR contains files that raycl did not write. Existing results are kept
+    /// Write into the folder of --out even if it contains files that raycl did not write. Existing results are kept
     #[arg(long, requires = "out")]
     force: bool,
     /// The devices to use instead of the config's devices: part of a name, platform or vendor; a kind (cpu, gpu); or
@@ -87,7 +87,7 @@ pub struct Args {
     /// `raycl peak --out`. Without FILE, raycl first measures them
     #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "measure")]
     pub(super) peak: Option<String>,
-    /// If another process is measuring on the device, end at once instead of waiting for it
+    /// If another process is measuring on a selected device, end at once instead of waiting for it
     #[arg(long)]
     pub(super) no_wait: bool,
     /// Measure nothing; print every point and the memory that it needs
@@ -96,8 +96,8 @@ pub struct Args {
     /// Change a value of the config
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_assignment)]
     set: Vec<(String, String)>,
-    /// Print one JSON object per point instead of tables; with --dry-run, the object states how many bytes of memory the
-    /// point needs
+    /// Print one JSON object per point instead of tables; with --dry-run, the object states how many bytes of memory
+    /// the point needs
     #[arg(long)]
     json: bool,
     /// Print neither the progress, nor the tables, nor the paths of written files
@@ -110,17 +110,18 @@ pub struct Args {
     /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With --cl-dir given twice: exit with code 1 if the second folder's kernels cause a statistically significant
-    /// slowdown of more than PERCENT (of a point, of the mean of a strategy's points, or of the mean of all points
-    /// except baselines, which do not use OpenCL), or if a point can be measured only with the first folder
+    /// With --cl-dir given twice: exit with code 1 after a statistically significant slowdown of more than PERCENT by
+    /// the second folder's kernels: of a single point, of the mean of one strategy's points, or of the mean of all
+    /// points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can be measured
+    /// only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
     /// (Slurm, MPI); with auto/16, only the number of the part comes from the launcher. `raycl merge` merges the parts
     #[arg(long, value_name = "N/OF", requires = "out", conflicts_with_all = ["spread", "dry_run"])]
     shard: Option<Asked>,
-    /// Print Slurm scripts that measure the experiment in N shards and then merge the results. The command
-    /// submits no job
+    /// Print a shell script that submits two Slurm jobs: the first job measures the experiment in N shards, and the
+    /// second job merges the results. raycl itself submits no job
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "spread", "dry_run", "resume"], value_parser = clap::value_parser!(u32).range(1..=100_000))]
     sbatch: Option<u32>,
     /// For tests: make a worker process fail, such as segv@cast:3

@@ -17,7 +17,7 @@ use crate::strategy::{AXES, AxisInfo, PRESETS, Preset};
   raycl render scenes/teapot.toml --strategy naive
   raycl render scenes/teapot.toml --strategy deferred,width=4,layout=soup
 
-The config of an experiment lists presets in strategies = [\"naive\"]. A table [[strategy]] has a preset and axes; each axis has one value or a list of values.")]
+In the config of an experiment, the list strategies = [\"naive\"] names presets. To change axes of a preset, add a table [[strategy]] with the preset and these axes; each axis has one value or a list of values.")]
 pub struct Args {
     /// Print one JSON object instead of text
     #[arg(long)]

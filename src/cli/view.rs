@@ -1,4 +1,4 @@
-//! `raycl view`: shows a scene from all around, in a window.
+//! `raycl view`: shows a scene from all around, in a window or in the terminal.
 
 use super::subject::Subject;
 use super::watch::{Watched, folders};
@@ -77,7 +77,7 @@ struct Report {
     scene: String,
     triangles: usize,
     device: String,
-    /// Every axis of the last strategy.
+    /// Every axis of the strategy with which the view ended; the user can change the strategy by keys.
     strategy: String,
     /// Work-items per work-group, across and down.
     local_size: [u32; 2],
@@ -126,7 +126,8 @@ fn watched(subject: &Subject) -> Result<Option<Watched>> {
     Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS).map(Some)
 }
 
-/// Prints the report at the end: on standard error if standard output gets the pictures.
+/// Prints the report when the viewer has ended: on standard output or, if standard output gets the pictures, on
+/// standard error.
 fn tell(report: &Report, streams: bool, (json, quiet): (bool, bool)) -> Result<()> {
     match (json, quiet) {
         (true, _) if streams => super::tell_json(report),

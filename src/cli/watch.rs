@@ -36,7 +36,7 @@ impl Watched {
     ) -> Result<Self> {
         let failed = |error: notify::Error| {
             Error::run(format!("files cannot be watched: {error}")).with_help(
-                "the system may limit the number of watched files (on Linux, fs.inotify.max_user_watches)",
+                "the system may limit the number of watched files; on Linux, raise fs.inotify.max_user_watches with sysctl",
             )
         };
         let (sender, changes) = channel();

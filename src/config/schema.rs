@@ -48,7 +48,7 @@ fn strategy() -> Schema {
     };
     add(
         "preset",
-        "The preset whose axes the entry changes; `raycl strategies` lists them.",
+        "The preset whose axes the entry changes; `raycl strategies` lists all presets.",
         PresetName::schema(),
     );
     add(

@@ -430,7 +430,8 @@ fn the_bounds_of_a_setting_are_allowed_and_what_is_beyond_is_not() {
     }
 }
 
-/// The message says what is wrong; the label under the marked place says what was expected there.
+/// An error's message says what is wrong. The label, which is printed under the marked place of the file, says what
+/// was expected there.
 #[test]
 fn a_message_and_its_label_are_not_mixed_up() {
     for (text, message) in [

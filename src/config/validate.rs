@@ -62,7 +62,7 @@ fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<St
     let trimmed = text.get_ref().trim();
     if trimmed.is_empty() {
         let message = format!("the {key} is empty");
-        return Err(document.error(text.span(), message, "expected a sentence"));
+        return Err(document.error(text.span(), message, "expected some text"));
     }
     Ok(trimmed.to_string())
 }

@@ -12,7 +12,11 @@ pub fn check_alike(devices: &[&DeviceInfo]) -> Result<()> {
                 let message = format!(
                     "the devices differ, so points cannot be distributed over them; they differ in: {what}"
                 );
-                let help = format!("{}: {of_first}\n{}: {of_other}", first.describe(), other.describe());
+                let help = format!(
+                    "{}: {of_first}\n{}: {of_other}\nomit --spread, or choose equal devices with --device",
+                    first.describe(),
+                    other.describe()
+                );
                 return Err(Error::input(message).with_help(help));
             }
         }

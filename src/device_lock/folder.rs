@@ -96,7 +96,7 @@ impl Folder {
     }
 }
 
-/// Returns the path of the shared folder, which does not depend on a process's TMPDIR.
+/// Returns the path of the shared folder. On Unix, the path does not depend on a process's TMPDIR.
 fn shared_path() -> PathBuf {
     let temporary = if cfg!(unix) { PathBuf::from("/tmp") } else { std::env::temp_dir() };
     temporary.join("raycl-locks")

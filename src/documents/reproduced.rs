@@ -39,8 +39,8 @@ pub fn answer(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, Stri
     Ok(lines)
 }
 
-/// Returns the number of claims for each verdict, then one row per claim: its verdict, and one comparison that
-/// decided the verdict.
+/// Returns the number of claims for each verdict, then a table with one row per claim: its sentence, its place in the
+/// paper and, for each device, the verdict with one comparison that decided it.
 pub fn claims(sources: &Sources, devices: &[Device]) -> Result<Vec<String>, String> {
     let found: Vec<Value> = devices.iter().map(|device| found(sources, device)).collect::<Result<_, _>>()?;
     let of = |device: &Value| device["claims"].as_array().cloned().unwrap_or_default();

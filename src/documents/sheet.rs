@@ -59,7 +59,7 @@ struct Table {
 }
 
 /// A row of a table. The row's words are part of the query of each cell in the row. The words are also the row's
-/// heading, unless a separate heading is given.
+/// heading, unless a separate heading is given. `with` contains further modifiers of these queries.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Row {
@@ -98,7 +98,7 @@ struct Column {
     of: String,
     /// The text of a cell without a record.
     missing: Option<String>,
-    /// Which number in the column is printed bold: the least or the greatest.
+    /// Which number in the column is printed bold: the least, the greatest or, if `None`, no number.
     bold: Option<Bold>,
 }
 
@@ -156,7 +156,7 @@ impl Sheet {
     }
 
     fn make(&self, name: &str) -> Lines {
-        let block = self.blocks.get(name).ok_or_else(|| format!("{SHEET} has no block '{name}'"))?;
+        let block = self.blocks.get(name).ok_or_else(|| format!("nothing: {SHEET} has no block '{name}'"))?;
         match block {
             Block::Table(table) => self.table(table),
             Block::Claims { devices } => claims(&self.sources, devices),
@@ -189,13 +189,13 @@ impl Sheet {
     fn cell(&self, column: &Column, row: &Row) -> std::result::Result<String, String> {
         let query = column.of.replace("{}", row.words()) + &row.modifiers();
         let told = Query::parse(&query).and_then(|query| query.answer(&self.sources));
-        match told.map_err(|error| format!("{query}: {error}"))? {
+        match told.map_err(|error| format!("nothing: {query}: {error}"))? {
             Told::Words(text) => Ok(text),
             Told::Nothing(why) if !why.is_empty() => Ok(why),
             _ => column
                 .missing
                 .clone()
-                .ok_or_else(|| format!("{query}: no record, and the column has no `missing` text")),
+                .ok_or_else(|| format!("nothing: {query}: no record, and the column has no `missing` text")),
         }
     }
 }

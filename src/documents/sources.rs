@@ -12,7 +12,7 @@ use std::rc::Rc;
 pub enum Source {
     /// A folder of results.
     Folder(Folder),
-    /// A file of another program, or the output of one command.
+    /// A JSON file that another program or a single raycl command wrote.
     Json(Value),
 }
 

@@ -62,9 +62,9 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Finished programs, each with the result of building it; `None` if the program was already
-    /// stored, or if its builder died or hung. A point that waits for its program takes the result
-    /// from here.
+    /// Finished programs, each with the result of building it. `None` if the program was already stored or could not be
+    /// built, if its builder died or hung, or if a point has taken the result. A point that waits for its program takes
+    /// the result from here.
     done: HashMap<Program, Option<Built>>,
     closed: bool,
 }

@@ -16,7 +16,7 @@ pub struct Forecast {
     pub device: String,
     /// The bytes that the point needs; `None` for a caster on the host.
     pub needs: Option<Requirements>,
-    /// Why the point does not fit on the device; `None` if it fits.
+    /// Why the point does not fit on the device or into the host's memory; `None` if it fits.
     pub refused: Option<String>,
     /// Why the point is not measured on the device, if the reason is that the point's preset is meant for another kind
     /// of device; `None` otherwise.

@@ -51,9 +51,9 @@ struct Known {
 }
 
 impl Run<'_> {
-    /// Predicts the duration from `earlier` records of points with the same names. For other points, the time of the
-    /// same strategy at another size is scaled by the number of pixels. Points whose keys are in `done` are not
-    /// measured again.
+    /// Predicts the duration of the run from `earlier` records. A point's time comes from the record of a point with
+    /// the same names. If there is no such record, the time comes from a record of the same scene, device and strategy,
+    /// scaled by the number of pixels. Points whose keys are in `done` are not measured again.
     pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
         let by_name = by_name(earlier);
@@ -134,7 +134,8 @@ impl Run<'_> {
     }
 
     /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because
-    /// every launch may take more rounds and may wait during all rounds. (The first wait may be a second longer.)
+    /// every launch may take more rounds and may wait during all rounds. (In addition, each launch may wait for one
+    /// second, which is not included.)
     fn most_additional_ms(&self, points: &[Known]) -> f64 {
         let launches = self.experiment.timing.launches as usize;
         let replaced = most_additional(launches);
@@ -275,7 +276,8 @@ mod tests {
 
     #[test]
     fn every_launch_checks_its_points_and_only_the_first_compares_them_with_the_reference() {
-        // A launch consists of a start and four rounds of 20 ms each.
+        // A launch consists of the start of a worker, the checks of the points, and four rounds of 20 ms each. The
+        // value `launch_ms` leaves out the checks. They take 800 ms in the first launch, and 100 ms in each later one.
         let launch_ms = START_MS + 4.0 * 20.0;
         assert_eq!(group_ms(1, 0), launch_ms + 800.0);
         assert_eq!(group_ms(3, 0), 3.0 * launch_ms + 800.0 + 2.0 * 100.0);

@@ -98,8 +98,8 @@ impl Run<'_> {
     }
 
     /// Returns whether a record of a point is final, so that the point is not measured again. A failure is not final if
-    /// the run retries failed points. If the point was skipped because its preset is meant for another kind of device,
-    /// the record is not final if the point is to be measured now.
+    /// the run retries failed points. The record of a skipped point (its preset is meant for another kind of device) is
+    /// not final if this run is to measure the point.
     fn is_done(&self, record: &Record, pending: &PendingPoint) -> bool {
         let asked_for = record.outcome == Outcome::OtherKind && pending.not_for.is_none();
         !asked_for && (!self.retry_failed || record.outcome.is_fine())

@@ -15,7 +15,7 @@ pub struct Identity {
     pub device: String,
     /// The number of cores that raycl may use, and the number of raycl's threads.
     pub state: String,
-    /// The baselines' source, and the compiler's options.
+    /// The hash of the baselines' source, and the compiler's options.
     pub program: String,
 }
 

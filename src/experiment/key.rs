@@ -20,8 +20,8 @@ pub struct KeyParts<'a> {
     pub local_size: &'a str,
     /// Image size, such as "800x500".
     pub image_size: &'a str,
-    /// The hash of the source, the defines and the build options; for a baseline, of its source and of raycl's own
-    /// build options.
+    /// The hash of the source, the defines and the build options. For a baseline: the hash of its source, and raycl's
+    /// own build options.
     pub program_hash: &'a str,
     /// The settings of [`Timing`](crate::config::Timing), in the form in which raycl displays them.
     pub timing: &'a str,

@@ -1,5 +1,6 @@
 //! The order of launches. Every group of points is visited once per launch, each time by new worker processes.
-//! Between two visits of a group, all other groups are visited, each time in a different order.
+//! A group is visited again only after every group has been visited equally often. The first visits follow the plan's
+//! order; the order of later visits is random.
 
 use super::Run;
 use super::group::OpenGroup;

@@ -1,4 +1,4 @@
-//! Runs an experiment: the plan, the checks of each point before it is timed, the rounds of measurement, and
+//! Runs an experiment: makes the plan, checks each point before it is timed, measures the points in rounds, and writes
 //! the folder of results.
 //!
 //! A [`Run`] has an experiment, its devices and its kernels. The experiment's points run in worker processes, one

@@ -6,8 +6,8 @@
 //! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. It is
 //! larger than usual in the first case, smaller in the second, and does not depend on the times of the points. *Near*
 //! processors run on cores at their usual distance. A sample does not count if its latency is much larger or smaller
-//! than that of near processors in the same run. Before a sample, a launch waits for a limited time until the processors
-//! are near. Launches in which too few samples count are replaced by additional launches.
+//! than that of near processors in the same run. Before a sample, a launch waits for a limited time until the
+//! processors are near. Launches in which too few samples count are replaced by additional launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -72,7 +72,7 @@ pub(super) fn near_ns(latencies_ns: &[f64]) -> f64 {
 
 /// Returns whether a sample counts. A sample counts if its core-to-core latency is unknown or close to `near_ns`, the
 /// latency of near processors. If `near_ns` is infinite, every sample counts: either no latency of the run is known
-/// yet, or the run keeps all samples.
+/// yet, or the sample's group keeps all samples.
 pub(super) fn is_near(core_to_core_ns: Option<f64>, near_ns: f64) -> bool {
     let near = SHARED * near_ns..=FAR * near_ns;
     near_ns.is_infinite() || core_to_core_ns.is_none_or(|ns| near.contains(&ns))
@@ -85,8 +85,8 @@ pub(super) fn patience(elapsed: Duration, waited: Duration) -> Duration {
     most.saturating_sub(waited)
 }
 
-/// Waits until the processors are near, but not longer than `most`; ends early if the run is `interrupted`. `read` reads
-/// the core-to-core latency in nanoseconds, and `last` is the reading before the wait. Returns the last reading.
+/// Waits until the processors are near, but not longer than `most`; ends early if the run is `interrupted`. `read`
+/// reads the core-to-core latency in nanoseconds, and `last` is the reading before the wait. Returns the last reading.
 pub(super) fn wait_until_near(
     mut last: Option<f64>,
     near_ns: f64,
@@ -128,8 +128,8 @@ pub(super) struct LeftOut {
     pub samples: u32,
 }
 
-/// Removes the samples that do not count: those of launches that do not count, and those of other launches for which
-/// `is_near` is false. If no launch counts, all samples do. Returns `None` if no latency is known.
+/// Removes the samples that do not count: all samples of launches that do not count and, in the other launches, the
+/// samples for which `is_near` is false. If no launch counts, all samples do. Returns `None` if no latency is known.
 pub(super) fn leave_out_moved(taken: &mut Vec<Taken>, launches: &[Launch], near_ns: f64) -> Option<LeftOut> {
     let is_known = taken.iter().any(|one| one.core_to_core_ns.is_some());
     let moved = moved_launches(launches, near_ns);

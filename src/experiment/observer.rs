@@ -5,7 +5,7 @@ use std::io::Write as _;
 
 /// Receives the events of a run. The progress bar is an observer; tests use another one.
 pub trait Observer: Send {
-    /// Is called when the next of several runs begins.
+    /// Is called with the name of a run when the run begins, if a command has several runs.
     fn enters(&mut self, _stage: &str) {}
     /// Is called when the run begins, with its numbers of points and of steps. A step is one launch of one
     /// point.

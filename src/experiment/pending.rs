@@ -27,7 +27,7 @@ pub struct PendingPoint {
     pub label: String,
     /// The point's record so far.
     pub record: Record,
-    /// Why the point is not measured on its device, if its preset is meant for another kind of device.
+    /// The reason, if the point is not measured because its preset is meant for another kind of device.
     pub not_for: Option<String>,
     /// True if the point fits on the device, as far as that is known before a tree is built. If false, the point's
     /// program is not built, and the point's check reports the reason.

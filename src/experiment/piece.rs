@@ -1,5 +1,5 @@
-//! The parts of a plan that are measured together: whole groups, groups of one device, or the blocks into
-//! which a plan is cut.
+//! The parts into which a plan is divided. The points of a part are measured together. A part is a whole group, a group
+//! of one device, or a block.
 
 use super::{Plan, Point};
 use crate::shard::Block;
@@ -12,8 +12,8 @@ pub struct Piece {
     pub points: Vec<usize>,
     /// The number of the block that these points form, if any.
     pub block: Option<u32>,
-    /// The index of the control point, which all blocks of a group measure. `points` need not contain the control
-    /// point.
+    /// The index of the control point, which all blocks of a group measure; `None` if the group is not cut into blocks.
+    /// `points` need not contain the control point.
     pub control: Option<usize>,
 }
 

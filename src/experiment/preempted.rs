@@ -8,12 +8,13 @@
 use super::Taken;
 use crate::measure::{MIN_SAMPLES, quantile};
 
-/// If a sample's utilization is less than this fraction of its point's usual utilization, the sample was delayed by
-/// over a tenth.
+/// A sample counts as preempted if its utilization is less than this fraction of its point's usual utilization. Other
+/// programs delayed such a sample by over a tenth.
 const LEAST_UTILIZATION: f64 = 0.9;
 
-/// Returns the samples of a point without the preempted ones. If a launch would have fewer than five samples left,
-/// its five samples with the highest utilization remain. `None` if the processor time of a sample is unknown.
+/// Returns the samples of a point without the preempted ones. If a launch would have fewer than five samples left, its
+/// five samples with the highest utilization remain. Returns `None` if there is no sample, or if the processor time of
+/// a sample is unknown.
 pub(super) fn without_preempted(taken: &[Taken]) -> Option<Vec<Taken>> {
     let utilizations: Vec<f64> = taken.iter().map(utilization).collect::<Option<_>>()?;
     let mut sorted = utilizations.clone();

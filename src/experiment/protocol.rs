@@ -18,7 +18,7 @@ pub struct Job {
     pub text: String,
     /// The overrides of the config.
     pub overrides: Vec<(String, String)>,
-    /// Number of devices in the run, on which the plan depends.
+    /// Number of devices in the plan: 1 if points are distributed over several devices of the same model.
     pub device_count: usize,
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
@@ -26,7 +26,7 @@ pub struct Job {
     /// The device whose name is in records, if points are distributed over several devices of the same model.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,
-    /// The folder whose kernel files replace the built-in ones.
+    /// The folder whose kernel files replace the built-in ones; `None` for the built-in files.
     pub cl_dir: Option<PathBuf>,
     /// The folder of results, for pictures.
     pub folder: PathBuf,
@@ -86,7 +86,8 @@ pub enum Request {
         /// The point.
         point: usize,
     },
-    /// Cast one frame of a point that has passed its check, and warm up before the first frame.
+    /// Take one sample of a point that has passed its check: cast a frame, or a batch of frames if the device's timer
+    /// is coarse. Warm up before the first sample.
     Cast {
         /// The point.
         point: usize,

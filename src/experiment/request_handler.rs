@@ -36,8 +36,8 @@ pub struct RequestHandler<'a> {
     entries: HashMap<usize, Entry>,
     /// The anchor; `None` before its first use.
     anchor: Option<Anchor>,
-    /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
-    /// sensors.
+    /// The device's sensors; `None` before the first check and on the host. (Processes that only build programs do not
+    /// need the sensors.)
     watch: Option<Watch>,
     /// The device whose name is in records, if it is not the worker's own device.
     stands_for: Option<DeviceInfo>,

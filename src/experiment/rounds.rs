@@ -46,9 +46,10 @@ type Timed = (f64, bool);
 type Samples = [Option<Vec<Timed>>];
 
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
-/// number after which the launch would end if all samples counted. If some samples do not count, they are taken again in
-/// the same round (see [`sample_round`]), and the launch continues beyond the usual number of rounds, until it has cast
-/// [`MOST`] times the usual number of frames. If no sample of a point counts, the launch ends after the usual number.
+/// number after which the launch would end if all samples counted. Samples that do not count are taken again in the
+/// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that count after
+/// the usual number of rounds, the launch continues until every point has enough, or until the launch has cast [`MOST`]
+/// times the usual number of frames. If no sample of a point counts, the launch ends after the usual number of rounds.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let (mut elapsed_ms, mut casts) = (0.0, 0);
@@ -82,9 +83,10 @@ pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl 
     Ok(End::AllFailed)
 }
 
-/// Takes a sample of each point, in this order, and adds it to `samples`. Then takes those samples again that do not
-/// count, once, if they are at most half of the round's samples. (If they are more, the processors have probably not
-/// moved back yet.) Returns the time that each cast took, in milliseconds; `None` if the worker process was lost.
+/// Takes a sample of each point, in this order, and adds it to `samples`. Samples that do not count are then taken
+/// again, once. If more than half of the round's samples do not count, none is taken again, since the processors have
+/// probably not moved back yet. Returns the time that each cast took, in milliseconds; `None` if the worker process was
+/// lost.
 fn sample_round(
     round: u32,
     order: Vec<usize>,

@@ -16,11 +16,12 @@ use crate::shard::Block;
 use std::path::Path;
 use std::time::Duration;
 
-/// The inputs of a run, except its observer.
+/// The inputs of a run, except the folder of results, the observer, the processes that cast, and the flag that the user
+/// sets to interrupt the run.
 pub struct Run<'a> {
     /// The experiment.
     pub experiment: &'a Experiment,
-    /// The overrides of its config.
+    /// The overrides of the experiment's config: dotted keys and their new values.
     pub overrides: &'a [(String, String)],
     /// The devices.
     pub devices: &'a [&'a DeviceInfo],
@@ -63,7 +64,7 @@ impl Run<'_> {
         Plan::new(self.experiment, self.planned_devices())
     }
 
-    /// Returns the parts of the plan that are measured together.
+    /// Returns the parts of the plan that the run measures. The points of a part are measured together.
     pub(super) fn pieces(&self, plan: &Plan) -> Vec<Piece> {
         match self.blocks {
             Some(blocks) => plan.of_blocks(blocks),

@@ -66,7 +66,9 @@ enum Loss {
 pub struct Task<'a> {
     /// The point's index in the plan.
     pub point: usize,
-    /// The number of the job whose worker casts the point (see `PendingPoint::device`).
+    /// The number of the device whose worker casts the point. If the run compares two folders of kernels, each device
+    /// has a second worker for the second folder; the number of such a worker is the device's number plus the number of
+    /// devices (see `PendingPoint::device`).
     pub device: usize,
     /// The number of the point's scene; a worker holds one scene at a time.
     pub scene: usize,
@@ -309,7 +311,8 @@ impl<'a> Supervisor<'a> {
         let death = match loss {
             Loss::HungFor(limit) => {
                 let reason = format!(
-                    "its process did not answer within {} s and was ended; see `raycl run --hang-limit`",
+                    "its process did not answer within {} s and was ended; if the point needs more time, \
+                     raise `raycl run --hang-limit`",
                     limit.as_secs_f64()
                 );
                 return Some(PointFailure::new(Outcome::TimedOut, reason));

@@ -17,7 +17,7 @@ const UNCERTAIN: [u8; 3] = [255, 128, 0];
 /// more than those of a smaller image.
 const COST_PIXELS: u64 = 4_000_000;
 
-/// Saves an image's pictures, unless those of an identical image exist. Adds the pictures' names to the image's
+/// Saves the pictures of an image. Identical images share their files. Adds the names of the pictures to the image's
 /// record.
 pub fn keep(
     pictures: &mut Pictures,

@@ -29,8 +29,8 @@ impl Incoming {
         }
     }
 
-    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows; only the last call may
-    /// get fewer.
+    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the last call,
+    /// which may get any number.
     pub fn rows_together(&self) -> usize {
         match self {
             Self::Whole(..) => 1,

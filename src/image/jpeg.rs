@@ -49,8 +49,8 @@ impl Encoding {
         Self { cut: Cut::of(width), height, quality, begun: 0, done: channel() }
     }
 
-    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows; only the last call may
-    /// get fewer.
+    /// Returns a number of rows. Each call of `take` must get a multiple of this number of rows, except the last call,
+    /// which may get any number.
     pub fn rows_together(&self) -> usize {
         self.cut.rows()
     }

@@ -34,8 +34,8 @@ pub enum LaunchError {
         /// The parameter, with its type.
         parameter: String,
     },
-    /// The program's family has no kernel for this role: a bug in raycl.
-    #[error("a bug in raycl: the kernel family {family} has no kernel for {role}")]
+    /// The program, which contains only the kernels that its frames need, has no kernel for this role: a bug in raycl.
+    #[error("a bug in raycl: this program of the kernel family {family} has no kernel for {role}")]
     Kernel {
         /// The family's name.
         family: &'static str,

@@ -14,7 +14,7 @@ pub enum Phase {
     Shadow,
     /// Shading, if it has its own kernel.
     Shade,
-    /// Primary rays, shadow rays and shading in one kernel.
+    /// Casting primary rays and shadow rays in one kernel, including shading if no separate kernel shades.
     Whole,
 }
 
@@ -29,8 +29,8 @@ pub struct FrameTimes {
     /// Time for shadow rays, if the kernel that casts them does not cast primary rays too. If `shade_ms` is `None`,
     /// this time includes shading.
     pub shadow_ms: Option<f64>,
-    /// Time for shading; `None` if no kernel only shades. If work-items share tiles, the passes are fused and the frame
-    /// has one sample per pixel, this time includes the leftover shadow rays.
+    /// Time for shading; `None` if the kernel that shades also casts all shadow rays. Only strategies whose work-items
+    /// share tiles have this time. With fused passes and one sample per pixel, it includes the leftover shadow rays.
     pub shade_ms: Option<f64>,
     /// Time for the same frame on the host's clock, from enqueueing to completion.
     pub host_ms: f64,

@@ -36,7 +36,7 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// Returns the family's kernel for a role.
+    /// Returns the program's kernel for a role.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         self.setup.kernel_for(role)
     }

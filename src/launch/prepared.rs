@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
 pub struct Prepared {
-    /// The sizes of the scene, the image and the work-groups.
+    /// The sizes and features of the scene, the image and the work-groups.
     pub workload: Workload,
     /// Number of samples per pixel.
     pub sampling: Sampling,
@@ -82,10 +82,10 @@ impl Prepared {
     /// sizes as the current scene. Both or neither must have a transparent background, and both or neither must show a
     /// picture of the sky.
     fn suits(&self, scene: &Arc<Scene>) -> bool {
-        let Workload { image_size, local_size, stack_size, .. } = self.workload;
+        let Workload { image_size, local_size, stack_size, given_rays, .. } = self.workload;
         let workload = Workload::of(scene, image_size, local_size).sampled(scene, &self.sampling);
         Arc::ptr_eq(&self.scene.mesh, &scene.mesh)
-            && Workload { stack_size, ..workload } == self.workload
+            && Workload { stack_size, given_rays, ..workload } == self.workload
             && self.scene.transparent == scene.transparent
             && sees_sky(&self.scene) == sees_sky(scene)
     }

@@ -29,7 +29,9 @@ impl Prepared {
     ///
     /// With the common-origin test, all rays must have the same origin; the pixel-linear test
     /// supports a camera's rays only. Working vectors must be in private or local memory, since the
-    /// buffers for working vectors in other memories have sizes that suit only images.
+    /// buffers for working vectors in other memories have sizes that suit only images. The strategy
+    /// must have been prepared by [`Session::prepare_for_rays`](super::Session::prepare_for_rays), since
+    /// other programs lack the kernel for such rays.
     pub fn cast_rays(&self, rays: &[Ray]) -> Result<Vec<Option<u32>>, LaunchError> {
         let Self { queue, program, strategy, uploaded: scene, .. } = self;
         let kernel = self.kernel_for_rays()?;
@@ -64,7 +66,8 @@ impl Prepared {
         Ok(triangles.into_iter().map(|id| u32::try_from(id).ok().filter(|_| id != NO_HIT)).collect())
     }
 
-    /// Returns the kernel that casts arbitrary rays, if the strategy supports them.
+    /// Returns the kernel that casts arbitrary rays. Returns an error if the strategy does not support such rays, or if
+    /// its program lacks this kernel because the strategy was not prepared for such rays.
     fn kernel_for_rays(&self) -> Result<&'static manifest::Kernel, LaunchError> {
         if !matches!(self.strategy.vectors.memory(), WorkingMemory::Private | WorkingMemory::Local) {
             return Err(LaunchError::OpenCl(
@@ -73,12 +76,13 @@ impl Prepared {
         }
         if self.strategy.intersector.counts_in_pixels() {
             return Err(LaunchError::OpenCl(
-                "a test with pixel-linear planes only works for a camera's rays".to_owned(),
+                "ray-triangle tests with pixel-linear planes only suit a camera's rays".to_owned(),
             ));
         }
         let family = self.strategy.family();
         family
             .kernel(Role::Rays)
+            .filter(|kernel| self.strategy.holds_of(kernel.when, &self.workload))
             .ok_or_else(|| LaunchError::Kernel { family: family.name, role: "arbitrary rays".to_owned() })
     }
 }

@@ -9,7 +9,6 @@ use super::steps::{Step, Steps};
 use super::subpixels::most_bits;
 use super::{LaunchError, arguments::Arguments};
 use crate::manifest::Role;
-use crate::strategy::Passes;
 use ocl::Buffer;
 use ocl::prm::Float4;
 use std::ops::Range;
@@ -38,7 +37,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
         let arguments = parts.arguments.clone().with("image", image).with("nearest", nearest);
         let arguments = arguments.with("lit", &shared.lit).with("queue", &shared.queue);
         let arguments = arguments.with("queued", &shared.queued);
-        let fused = parts.setup.strategy.passes == Passes::Fused && sources(&parts.setup) > 0;
+        let fused = parts.setup.strategy.fuses(parts.setup.workload);
         let shades_left_over = fused && most_bits(&parts.setup) == 0;
         Self { parts, shared, arguments, fused, shades_left_over }
     }
@@ -110,7 +109,7 @@ impl<'p, 'a> Rounds<'p, 'a> {
 
     /// Returns the step that prepares the planes of a tree's triangles for the origins of a round (origin 0 is the eye,
     /// origin 1 the round's first light) and empties the queue of leftover shadow rays. Returns `None` if the strategy
-    /// uses no planes.
+    /// uses no planes, or if there are no triangles or no origins.
     fn prepare(
         &self,
         origins: Range<usize>,

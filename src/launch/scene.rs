@@ -152,7 +152,7 @@ impl Task {
 }
 
 impl Workload {
-    /// Returns the sizes of `scene` at an image size and a local size, with one sample per pixel.
+    /// Returns the workload of casting `scene` at an image size and a local size, with one sample per pixel.
     pub fn of(scene: &Scene, image_size: [u32; 2], local_size: [u32; 2]) -> Self {
         Self {
             triangles: scene.mesh.triangles.len(),
@@ -167,6 +167,7 @@ impl Workload {
             sky: scene.sky.is_some(),
             many_samples: false,
             half_light: false,
+            given_rays: false,
             sky_texels: scene.sky.as_ref().and_then(|sky| sky.picture.as_ref()).map_or(0, |p| p.texels.len()),
             stack_size: 0,
             image_size,

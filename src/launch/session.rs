@@ -154,8 +154,22 @@ impl Session {
         self.build(strategy, &workload, spec)
     }
 
-    /// Does the first step: determines the sizes, including the depth of the strategy's tree, which is built
-    /// here if needed.
+    /// Prepares a strategy like [`Self::prepare`], and also for rays that the caller provides
+    /// ([`Prepared::cast_rays`]). Such rays need a kernel that no frame needs, so other programs lack this kernel.
+    pub fn prepare_for_rays(
+        &mut self,
+        strategy: &Strategy,
+        image_size: [u32; 2],
+        local_size: [u32; 2],
+    ) -> std::result::Result<Prepared, Refused> {
+        let workload = self.workload(strategy, image_size, local_size)?;
+        let workload = Workload { given_rays: true, ..workload };
+        let spec = self.spec(strategy, &workload)?;
+        self.build(strategy, &workload, spec)
+    }
+
+    /// Does the first step: determines the workload. The workload contains the stack size, which depends on the
+    /// strategy's tree, so the tree is built here if needed.
     pub fn workload(
         &mut self,
         strategy: &Strategy,

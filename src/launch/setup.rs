@@ -20,7 +20,7 @@ pub(super) struct Setup<'a> {
     pub program: &'a BuiltProgram,
     /// The strategy.
     pub strategy: &'a Strategy,
-    /// The sizes of the scene, the image and the work-groups.
+    /// The sizes and features of the scene, the image and the work-groups.
     pub workload: &'a Workload,
     /// The scene.
     pub scene: &'a Scene,
@@ -31,10 +31,10 @@ pub(super) struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// Returns the family's kernel for a role.
+    /// Returns the program's kernel for a role. A program contains only the kernels that its frames need.
     pub fn kernel_for(&self, role: Role) -> Result<&'static manifest::Kernel, LaunchError> {
         let family = self.strategy.family();
-        let kernel = family.kernel(role);
+        let kernel = family.kernel(role).filter(|kernel| self.strategy.holds_of(kernel.when, self.workload));
         kernel.ok_or_else(|| LaunchError::Kernel { family: family.name, role: format!("{role:?}") })
     }
 

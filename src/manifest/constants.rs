@@ -26,8 +26,8 @@ pub const SAMPLED_BLOCK: u32 = 4;
 /// than this in a channel. This constant is a number of 8-bit steps of the displayed picture.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
-/// and down. Along each axis, the filter of soft light covers one pixel
-/// more, and its two outermost pixels have half weight.
+/// and down. Along each axis, the filter of soft light covers one pixel more than this number, and its two outermost
+/// pixels have half weight.
 pub const INTERLEAVED: u32 = 4;
 /// How strongly the filter of soft light lowers the weight of a pixel whose unoccluded light differs from that of the
 /// filtered pixel.

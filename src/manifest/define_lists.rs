@@ -54,6 +54,10 @@ pub const CAST_DEFINES: Defines = &[
     (Indexed, "MATERIALS"),
     (Tiled, "TILE_TRIANGLES"),
 ];
+/// The define of the families that support both fused and separate passes.
+pub const PASSES_DEFINES: Defines = &[(Always, "FUSED")];
+/// The define of the families with a kernel for rays that the caller provides.
+pub const RAYS_DEFINES: Defines = &[(Always, "GIVEN_RAYS")];
 pub const TREE_DEFINES: Defines = &[
     (Tree, "ROW_FLOATS"),
     (Tree, "NODE_WIDTH"),
@@ -70,4 +74,5 @@ pub const GROUP_DEFINES: Defines = &[
     (Always, "TILES_ACROSS"),
     (Always, "LIGHTS_OF_ROUND"),
     (Always, "LANE_OPERATIONS"),
+    (Always, "LEFT_OVER_KERNEL"),
 ];

@@ -1,6 +1,6 @@
 //! The table of kernel families.
 
-use super::Fact::{self, Always, Environment, HalfLight, Planes, Sampled};
+use super::Fact::{self, Always, Environment, Fused, GivenRays, HalfLight, Planes, Sampled, Separate};
 use super::Role::{
     ApplyLight, Background, FilterLight, Frame, LeftOver, Mark, Prepare, Primary, Rays, Resolve, Shade,
     Shadow,
@@ -19,7 +19,15 @@ pub static EXHAUSTIVE: Family = Family {
     label: "traversal = exhaustive",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SOFT_DEFINES, SIGN_DEFINES, CAST_DEFINES],
+    defines: &[
+        COMMON_DEFINES,
+        TEXTURE_DEFINES,
+        SOFT_DEFINES,
+        SIGN_DEFINES,
+        CAST_DEFINES,
+        PASSES_DEFINES,
+        RAYS_DEFINES,
+    ],
     rules: &[
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
@@ -34,7 +42,16 @@ pub static BVH: Family = Family {
     label: "traversal = bvh",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[COMMON_DEFINES, TEXTURE_DEFINES, SOFT_DEFINES, SIGN_DEFINES, CAST_DEFINES, TREE_DEFINES],
+    defines: &[
+        COMMON_DEFINES,
+        TEXTURE_DEFINES,
+        SOFT_DEFINES,
+        SIGN_DEFINES,
+        CAST_DEFINES,
+        PASSES_DEFINES,
+        RAYS_DEFINES,
+        TREE_DEFINES,
+    ],
     rules: &[
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
@@ -89,17 +106,20 @@ pub static TILE_CPU: Family = Family {
     label: "traversal = tile with vectors of rays (width = 16)",
     entry: "tile_cpu/entry.cl",
     kernels: &[
-        kernel(
+        kernel_if(
+            Fused,
             "tile_frame",
             Frame,
             &[LIGHTS, TREE, SURFACES, MASKS, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, SUBPIXELS],
         ),
-        kernel(
+        kernel_if(
+            Separate,
             "tile_primary",
             Primary,
             &[LIGHTS, TREE, SURFACES, MASKS, CAMERA, SIZE, SAMPLES, SUBPIXELS, TILE_NEAREST_OUT],
         ),
-        kernel(
+        kernel_if(
+            Separate,
             "tile_shade",
             Shade,
             &[
@@ -128,6 +148,7 @@ pub static TILE_CPU: Family = Family {
         SOFT_DEFINES,
         SIGN_DEFINES,
         TREE_DEFINES,
+        PASSES_DEFINES,
         TILE_DEFINES,
         VECTOR_DEFINES,
     ],
@@ -156,7 +177,8 @@ pub static TILE_GPU: Family = Family {
     entry: "tile_gpu/entry.cl",
     kernels: &[
         Kernel { name: "tile_prepare", role: Prepare, when: Planes, parameters: &[TILE_PREPARE] },
-        kernel(
+        kernel_if(
+            Fused,
             "tile_cast",
             Frame,
             &[
@@ -175,7 +197,8 @@ pub static TILE_GPU: Family = Family {
                 FOUND,
             ],
         ),
-        kernel(
+        kernel_if(
+            Separate,
             "tile_primary",
             Primary,
             &[
@@ -210,7 +233,8 @@ pub static TILE_GPU: Family = Family {
                 FOUND,
             ],
         ),
-        kernel(
+        kernel_if(
+            Fact::LeftOver,
             "tile_left_over",
             LeftOver,
             &[
@@ -261,6 +285,7 @@ pub static TILE_GPU: Family = Family {
         SOFT_DEFINES,
         SIGN_DEFINES,
         TREE_DEFINES,
+        PASSES_DEFINES,
         TILE_DEFINES,
         GROUP_DEFINES,
     ],
@@ -304,12 +329,14 @@ const CAST_KERNELS: &[Kernel] = &[
         when: Planes,
         parameters: &[GEOMETRY, LIGHTS_ONLY, CAMERA, PREPARED_OUT],
     },
-    kernel(
+    kernel_if(
+        Fused,
         "cast_frame",
         Frame,
         &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, CAMERA, SIZE, IMAGE, SAMPLES, WORKING],
     ),
-    kernel(
+    kernel_if(
+        Separate,
         "cast_primary",
         Primary,
         &[
@@ -327,7 +354,8 @@ const CAST_KERNELS: &[Kernel] = &[
             WORKING,
         ],
     ),
-    kernel(
+    kernel_if(
+        Separate,
         "shade_nearest",
         Shade,
         &[
@@ -335,7 +363,8 @@ const CAST_KERNELS: &[Kernel] = &[
             NEAREST_IN, WORKING,
         ],
     ),
-    kernel(
+    kernel_if(
+        GivenRays,
         "cast_rays",
         Rays,
         &[GEOMETRY, LIGHTS, PREPARED, RECORDS, TREE, TEXTURES, SOFT, RAYS, NEAREST_OUT, WORKING],
@@ -372,7 +401,16 @@ const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a til
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";
 
 const fn kernel(name: &'static str, role: Role, parameters: &'static [&'static [Parameter]]) -> Kernel {
-    Kernel { name, role, when: Always, parameters }
+    kernel_if(Always, name, role, parameters)
+}
+
+const fn kernel_if(
+    when: Fact,
+    name: &'static str,
+    role: Role,
+    parameters: &'static [&'static [Parameter]],
+) -> Kernel {
+    Kernel { name, role, when, parameters }
 }
 
 const fn rule(axis: &'static str, takes: super::Values, because: &'static str) -> Rule {

@@ -21,7 +21,7 @@ pub use constants::{
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 
-/// A property of a strategy, or of a scene, on which a parameter, a kernel or a define depends.
+/// A property of a strategy, a scene or a picture on which a parameter, a kernel or a define depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fact {
     /// True of every strategy.
@@ -54,9 +54,17 @@ pub enum Fact {
     Environment,
     /// Soft light is cast at half resolution: a property of the picture.
     HalfLight,
+    /// The kernel for primary rays also does as much of the rest of a frame as it can.
+    Fused,
+    /// The kernel for primary rays only finds the nearest hits.
+    Separate,
+    /// Leftover shadow rays have a kernel of their own, because the shading kernel does not cast them.
+    LeftOver,
+    /// The caller provides rays, which need a kernel that no frame needs.
+    GivenRays,
 }
 
-/// The role of a kernel in a frame.
+/// The role of a kernel: the part of a frame that it does, or the work that it does outside of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Prepares the planes of each triangle for the eye and the lights.
@@ -93,9 +101,9 @@ pub enum Role {
 pub struct Kernel {
     /// The kernel's name in the source.
     pub name: &'static str,
-    /// The kernel's role in a frame.
+    /// The kernel's role.
     pub role: Role,
-    /// The condition under which the kernel exists.
+    /// The condition under which a program contains the kernel.
     pub when: Fact,
     /// The kernel's parameters in order, in groups that several kernels use.
     pub parameters: &'static [&'static [Parameter]],
@@ -113,8 +121,8 @@ impl Kernel {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
 
-    /// Returns the kernel's parameter list in OpenCL C, as a macro named after the kernel. The source of every kernel of
-    /// a family has this macro in place of a parameter list.
+    /// Returns the kernel's parameter list in OpenCL C, as a macro named after the kernel. The source of every kernel
+    /// of a family has this macro in place of a parameter list.
     pub fn parameter_macro(&self, holds: impl Fn(Fact) -> bool) -> String {
         parameter_macro(self.name, self.parameters(holds))
     }
@@ -164,7 +172,7 @@ pub struct Family {
     pub label: &'static str,
     /// The file under `cl/` that includes all other files of the family.
     pub entry: &'static str,
-    /// The kernels of the family.
+    /// The kernels of the family. A program contains only those kernels whose condition (`when`) is true.
     pub kernels: &'static [Kernel],
     /// The names of the family's defines, in groups that several families use.
     pub defines: &'static [&'static [(Fact, &'static str)]],

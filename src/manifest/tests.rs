@@ -3,6 +3,7 @@
 use super::*;
 use crate::device::{Builtins, LaneOperations};
 use crate::program::ProgramSpec;
+use crate::program::preprocess::preprocess;
 use crate::sources::Sources;
 use crate::strategy::{AXES, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, BTreeSet};
@@ -67,22 +68,28 @@ fn uses_define(text: &str, name: &str) -> bool {
     words(&lines.join("\n").replace(&format!("defined({name})"), "")).contains(&name)
 }
 
+/// Returns each kernel's name in a text, and the first word of the kernel's parameter list.
+fn kernels_in(text: &str) -> BTreeMap<&str, &str> {
+    let words: Vec<_> = words(text).into_iter().filter(|word| !word.is_empty()).collect();
+    let heads = words.iter().enumerate().filter(|(_, word)| **word == "__kernel");
+    let of_head = |(at, _): (usize, &&str)| {
+        let void =
+            at + words[at..].iter().position(|word| *word == "void").expect("a kernel returns nothing");
+        (words[void + 1], words[void + 2])
+    };
+    heads.map(of_head).collect()
+}
+
 #[test]
 fn a_program_has_the_kernels_of_its_family_and_takes_their_parameters_from_here() {
     for strategy in strategies() {
         let spec = spec(&strategy);
-        let words = words(&spec.source);
-        let heads: Vec<_> = words.iter().enumerate().filter(|(_, word)| **word == "__kernel").collect();
-        let found: BTreeSet<_> = heads
-            .iter()
-            .map(|(at, _)| {
-                let void = words[*at..].iter().position(|word| *word == "void").map(|place| at + place);
-                let name = void.map(|void| words[void + 1]).unwrap_or_default();
-                let list = words[void.map_or(0, |void| void + 2)..].iter().find(|word| !word.is_empty());
-                assert_eq!(list.copied(), Some(format!("{}_PARAMETERS", name.to_uppercase()).as_str()));
-                name
-            })
-            .collect();
+        for (name, list) in kernels_in(&spec.source) {
+            assert_eq!(list, format!("{}_PARAMETERS", name.to_uppercase()));
+        }
+        let compiled = preprocess(&spec.source, &spec.options, &BTreeMap::new());
+        let compiled = compiled.unwrap_or_else(|error| panic!("{error}")).text();
+        let found: BTreeSet<_> = kernels_in(&compiled).into_keys().collect();
         let kernels = strategy.family().kernels.iter().filter(|kernel| strategy.holds(kernel.when));
         let named: BTreeSet<_> = kernels.map(|kernel| kernel.name).collect();
         assert_eq!(found, named, "{strategy}");

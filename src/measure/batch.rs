@@ -7,8 +7,8 @@ const STEPS: f64 = 50.0;
 const MOST: u32 = 256;
 
 /// Returns the number of frames per sample. `shortest_ms` is the time of the shortest pass of a frame, and
-/// `resolution_ns` is one step of the timer. The number is 1 if this pass is long enough in a single frame, or if the
-/// resolution is unknown.
+/// `resolution_ns` is one step of the timer. The function returns 1 if the shortest pass of a single frame takes at
+/// least `STEPS` steps of the timer, if the resolution is unknown, or if `shortest_ms` is not finite.
 pub fn batch_size(shortest_ms: f64, resolution_ns: Option<u64>) -> u32 {
     let Some(resolution_ns) = resolution_ns else { return 1 };
     let wanted_ms = STEPS * resolution_ns as f64 * 1e-6;

@@ -13,7 +13,8 @@ pub enum Verdict {
     Same,
     /// Some ratios in the 95% interval are within the threshold, others beyond it.
     Unclear,
-    /// There is no earlier result to compare with.
+    /// The two times cannot be compared, since neither an anchor nor other points of the same rounds show how the
+    /// machine's speed changed.
     CannotTell,
     /// One of the results has too few samples.
     NotEnough,

@@ -36,21 +36,22 @@ pub(super) fn opcode(text: &str) -> &str {
 pub struct Code {
     /// The kernel's name.
     pub kernel: String,
-    /// The kernel's instructions in the order of their addresses.
+    /// The kernel's instructions, in the order in which the compiler or disassembler wrote them. On a CPU, the
+    /// functions that the kernel calls follow the kernel's own function.
     pub instructions: Vec<Instruction>,
 }
 
-/// The instructions that a compiler generated from one source line, or the instructions in one part
-/// of the kernel.
+/// A count of the instructions that a compiler generated from one source line, of the instructions in one part of a
+/// kernel, or of all instructions of a kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
-    /// The line in the source; `None` for a part, and for the row of a whole kernel.
+    /// The line in the source; `None` if the row counts the instructions of a part or of a whole kernel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<u32>,
     /// The text of the line; `None` if the row has no line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
-    /// The part's label or function; `None` for a line, and for the row of a whole kernel.
+    /// The part's label or function; `None` if the row counts the instructions of a line or of a whole kernel.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Number of instructions.
@@ -101,8 +102,7 @@ impl Code {
         parts.map(row).collect()
     }
 
-    /// Returns whether two kernels consist of the same instructions, apart from registers and
-    /// addresses.
+    /// Returns whether two kernels consist of the same operations in the same order. Operands are not compared.
     pub fn is_same_as(&self, other: &Self) -> bool {
         let opcodes = |code: &Self| code.instructions.iter().map(|one| one.opcode().to_owned()).collect();
         let [one, other]: [Vec<String>; 2] = [self, other].map(opcodes);

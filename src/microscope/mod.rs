@@ -51,7 +51,7 @@ pub struct Microscope {
 pub struct Listing {
     /// The kernel's name.
     pub kernel: String,
-    /// The kind of instructions (such as PTX), and the compiler that generated them.
+    /// The kind of instructions (such as PTX), and the program that generated or disassembled them.
     pub made_by: &'static str,
     /// Whether the driver generated these instructions. The spills and the occupancy that the driver reports for the
     /// kernel apply only to the driver's own instructions.
@@ -61,8 +61,8 @@ pub struct Listing {
     pub rows_are: RowsAre,
     /// Registers per work-item; `None` if the compiler did not report them.
     pub registers: Option<u32>,
-    /// Whether the timed program, which has no line table, has the same instructions, apart from
-    /// registers and addresses; `None` if this cannot be checked.
+    /// Whether the timed program, which has no line table, has the same operations in the same order. Operands
+    /// (registers, addresses, numbers) are not compared. `None` if this cannot be checked.
     pub same_as_timed: Option<bool>,
     /// Number of instructions.
     pub instructions: u32,
@@ -83,7 +83,8 @@ pub struct Listing {
 pub enum RowsAre {
     /// Lines of the source, from the compiler's line table.
     Lines,
-    /// Parts of the kernel, from one label to the next, since there is no line table.
+    /// Parts of the kernel, since there is no line table. In PTX and SASS, a part extends from one label to the next;
+    /// on a CPU, a part is a function.
     Parts,
 }
 
@@ -127,8 +128,8 @@ impl Microscope {
         microscope
     }
 
-    /// Compiles the same program with a line table, and returns the binary. If the compiler fails, returns `None` and
-    /// adds a note.
+    /// Compiles the preprocessed text of the program `prepared` with a line table, and returns the binary. `is_ptx`
+    /// says whether the device's binaries are PTX. If the compiler fails, returns `None` and adds a note.
     fn with_lines(&mut self, prepared: &Prepared, is_ptx: bool) -> Option<Vec<u8>> {
         let option = LINE_TABLE[usize::from(!is_ptx)];
         // The text no longer contains macros, so the compiler options that define macros are left out.
@@ -207,7 +208,7 @@ fn read_codes(binary: &[u8], names: &[&str]) -> Result<Vec<Code>, String> {
     if codes.is_empty() { Err(NOTHING.to_owned()) } else { Ok(codes) }
 }
 
-/// Returns whether `codes` contains the same kernel with the same instructions, ignoring registers and addresses.
+/// Returns whether `codes` contains the same kernel with the same operations in the same order, ignoring operands.
 fn is_among(codes: &[Code], code: &Code) -> bool {
     codes.iter().any(|other| other.kernel == code.kernel && other.is_same_as(code))
 }

@@ -116,7 +116,7 @@ fn kinds(opcode: &str) -> Vec<Kind> {
     }
 }
 
-/// Returns the memory of a PTX state space.
+/// Returns the kind of memory that a PTX state space is in OpenCL.
 fn memory(space: &str) -> Memory {
     match space {
         "global" => Memory::Global,

@@ -6,7 +6,8 @@ use super::kind::{Kind, Memory};
 /// Prefixes of instructions; objdump prints them before the instruction's name.
 const PREFIXES: [&str; 10] =
     ["lock", "rep", "repz", "repnz", "bnd", "notrack", "data16", "cs", "ds", "addr32"];
-/// Beginnings of the names of instructions that do nothing.
+/// Beginnings of the names of instructions that are not counted, since they neither compute nor copy a value for the
+/// kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches.
 const FILLERS: [&str; 6] = ["nop", "endbr", "vzero", "int3", "ud2", "prefetch"];
 /// Beginnings of the names of instructions that copy values, possibly between lanes.
 const MOVES: [&str; 19] = [

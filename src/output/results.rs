@@ -26,7 +26,7 @@ pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Resul
         folder.display(),
         other.file_name().display()
     );
-    let help = format!("`--force` writes into it anyway, `{}` writes elsewhere", choice.elsewhere);
+    let help = format!("`--force` writes into the folder anyway; `{}` writes elsewhere", choice.elsewhere);
     Err(Error::input(message).with_help(help))
 }
 

@@ -24,8 +24,8 @@ const SLOTS: u64 = 8;
 const LARGE_BYTES: u64 = 512 << 20;
 /// The smallest distance in bytes between the steps of the pointer chase in global memory: a cache line.
 const LINE_BYTES: usize = 128;
-/// Number of entries of the pointer chases in private and `__local` memory; a prime, so that the entry at which a chase
-/// ends shows that the chase ran.
+/// Number of entries of the pointer chases in private and `__local` memory. The number is a prime, so that no chase
+/// ends at the entry at which it began. The entry at the end therefore shows that the chase ran.
 const ENTRIES: u64 = 61;
 /// Number of kernel launches in a batch.
 const BATCH: u32 = 500;

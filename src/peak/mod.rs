@@ -17,7 +17,7 @@ use crate::record::{Record, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The file with the peak rates of a result folder's devices.
+/// The name of the file, in a folder of results, with the peak rates of the devices.
 pub const FILE: &str = "peak.json";
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";

@@ -31,7 +31,7 @@ pub fn failed(error: impl Into<LaunchError>) -> Error {
     failed_because(&error.into().to_string())
 }
 
-/// Returns the error for a measurement that failed for a reason of raycl's own.
+/// Returns the error for a measurement that failed for this reason.
 pub fn failed_because(reason: &str) -> Error {
     Error::run(format!("the device's peak rates could not be measured: {reason}"))
         .with_help("choose another device with --device; `raycl devices` lists all devices")

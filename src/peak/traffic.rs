@@ -25,8 +25,8 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Returns the bytes that each test of a record's strategy reads; `None` unless every ray tests
-    /// every triangle, since the number of tests in a tree is unknown.
+    /// Returns the bytes that each test of a record's strategy reads; `None` for baselines, and for strategies with a
+    /// tree. In a tree, the number of tests is unknown, so the bytes per test do not yield the bytes of a frame.
     pub fn of(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;

@@ -65,6 +65,9 @@ fn of_workload(name: &str, strategy: &Strategy, workload: &Workload) -> Option<u
         "SKY" => u64::from(workload.sky && strategy.family().takes(Fact::Soft)),
         "SAMPLED" => u64::from(workload.many_samples),
         "HALF_LIGHT" => u64::from(workload.half_light && strategy.family().takes(Fact::Soft)),
+        "FUSED" => u64::from(strategy.fuses(workload)),
+        "LEFT_OVER_KERNEL" => u64::from(strategy.holds_of(Fact::LeftOver, workload)),
+        "GIVEN_RAYS" => u64::from(workload.given_rays),
         "TILES_ACROSS" => workload.tiles_of_group()[0] as u64,
         _ => return None,
     })

@@ -1,27 +1,21 @@
-//! Determines which kernels of a program a frame runs.
+//! Determines which kernels of a program a frame can run.
 
-use crate::manifest::{Family, Role};
-use crate::strategy::{Passes, Strategy};
+use crate::manifest::Role;
+use crate::strategy::Strategy;
 
-/// Returns the kernels that cast a frame of a scene with lights, in the order in which they first run. The frame has
-/// one sample per pixel.
+/// Returns the kernels that a frame can run, in the order in which they first run. Assumes that the scene has lights,
+/// and that the frame casts one sample per pixel.
 pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
-    let family = strategy.family();
-    let runs = runs(family, strategy.passes == Passes::Fused);
-    let kernels = family.kernels.iter().filter(|kernel| strategy.holds(kernel.when) && runs(kernel.role));
-    kernels.map(|kernel| kernel.name).collect()
+    let kernels = strategy.family().kernels.iter();
+    let run = kernels.filter(|kernel| strategy.holds(kernel.when) && takes_part(kernel.role));
+    run.map(|kernel| kernel.name).collect()
 }
 
-/// Returns whether kernels of a role take part in a frame. With fused passes, the kernel of the role `Frame` does the
-/// work of as many other kernels as possible. This kernel also shades, unless the family has a separate kernel for
-/// shadow rays.
-fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
-    let shades_apart = family.kernel(Role::Shadow).is_some();
-    move |role| match role {
-        Role::Prepare | Role::Shadow => true,
-        Role::Frame => fused,
-        Role::Primary | Role::Resolve | Role::LeftOver => !fused,
-        Role::Shade => !fused || shades_apart,
+/// Returns whether kernels of a role take part in such a frame.
+fn takes_part(role: Role) -> bool {
+    match role {
+        Role::Prepare | Role::Frame | Role::Primary | Role::Resolve => true,
+        Role::Shadow | Role::LeftOver | Role::Shade => true,
         Role::Background | Role::Rays | Role::Records => false,
         Role::Mark | Role::FilterLight | Role::ApplyLight => false,
     }
@@ -30,7 +24,7 @@ fn runs(family: &Family, fused: bool) -> impl Fn(Role) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::strategy::preset;
+    use crate::strategy::{Passes, preset};
 
     fn kernels(name: &str, passes: Passes) -> Vec<&'static str> {
         let strategy = preset(name).unwrap_or_else(|error| panic!("{error}")).strategy;

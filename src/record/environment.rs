@@ -17,7 +17,7 @@ pub struct Environment {
     /// raycl's version.
     pub raycl_version: String,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted
-    /// changes.
+    /// changes; null if the revision is unknown.
     pub git_revision: Option<String>,
     /// The build: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
@@ -56,10 +56,11 @@ pub struct Source {
     pub what: String,
     /// The input's path; "built in" for the kernels of the binary.
     pub path: String,
-    /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files.
+    /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files;
+    /// null if a file cannot be read.
     pub hash: Option<String>,
     /// The file's commit, and whether the file has been changed since this commit; null outside a
-    /// git repository.
+    /// git repository, and for the kernels of the binary.
     pub git: Option<String>,
 }
 
@@ -88,7 +89,8 @@ pub struct Host {
     pub clocks: Clocks,
 }
 
-/// One OpenCL device.
+/// One OpenCL device. Values that the driver does not report are null, and so are values that the version of raycl that
+/// wrote the file did not store yet.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceEnvironment {
     /// The device's name in records.
@@ -160,7 +162,7 @@ impl DeviceEnvironment {
     }
 }
 
-/// Returns whether `shown` is the name of the device `name` in records. If a run was merged from
+/// Returns whether records may use the name `shown` for the device `name`. If a run was merged from
 /// machines with devices of the same name, the names in records end with a text in brackets, so that
 /// the devices differ.
 pub(crate) fn is_shown_as(name: &str, shown: &str) -> bool {

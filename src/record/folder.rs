@@ -84,7 +84,10 @@ impl Folder {
             // machine's processors were moved to other cores.
             sure.extend(moved_processors(&rounds, &records));
         }
-        let torn = lines.torn.then(|| "The last record was cut short by a crash and is left out.".to_owned());
+        let torn = lines.torn.then(|| {
+            "The last record was cut short by a crash and is left out; `raycl run --resume` measures its point again."
+                .to_owned()
+        });
         let dirty = dirty(&records, environment["git_revision"].as_str());
         Ok(Self {
             path: folder.to_owned(),
@@ -414,7 +417,7 @@ mod tests {
         std::fs::write(folder.path().join("environment.json"), "{}").unwrap();
         std::fs::write(folder.path().join(MERGE), r#"{"notes": ["One attempt was killed."]}"#).unwrap();
         std::fs::write(&journal, format!("{text}{{\"key\":")).unwrap();
-        let torn = "The last record was cut short by a crash and is left out.";
+        let torn = "The last record was cut short by a crash and is left out; `raycl run --resume` measures its point again.";
         assert_eq!(shown(&folder).1, ["One attempt was killed.", torn]);
     }
 

@@ -43,8 +43,10 @@ impl AtHost {
     }
 }
 
-/// Returns the control points with their times on each machine. `borrowed` are the records from
-/// `controls.jsonl`. A point has the same key on all devices of one kind.
+/// Returns the control points with their times on each machine. A control point is measured in
+/// several blocks. The record of one of these measurements is in `records` (from `records.jsonl`);
+/// the others are in `borrowed` (from `controls.jsonl`). A point has the same key on all devices of
+/// one kind.
 pub fn controls(records: &[Record], borrowed: &[Record]) -> Vec<Control> {
     let is_control =
         |record: &&Record| record.control.as_ref() == Some(&record.key) && median(record).is_some();

@@ -132,7 +132,7 @@ fn whole_lines(bytes: &[u8]) -> usize {
 
 fn io_error(what: &str, path: &Path, error: &std::io::Error) -> Error {
     Error::run(format!("cannot {what} {}: {error}", path.display()))
-        .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
+        .with_help("free up space on the file's disk, or choose another folder with --out DIR")
 }
 
 #[cfg(test)]

@@ -77,8 +77,8 @@ impl CurrentPlan {
         }
         let unreadable = |error: &dyn std::fmt::Display| {
             Error::input(format!("cannot read {}: {error}", path.display())).with_help(
-                "`raycl run --resume` writes this file again; without this file, the latest record of each \
-                 point is shown",
+                "write this file again with `raycl run --resume`, or delete it: then raycl shows the latest \
+                 record of each point",
             )
         };
         let text = reader::bytes(&path, reader::Kind::Results).map_err(|error| unreadable(&error))?;

@@ -25,10 +25,10 @@ pub struct RoundLoad {
     /// Mean number of processors that other virtual machines on the same hardware used.
     pub stolen: f64,
     /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
-    /// a disk.
+    /// a disk. Null if the system does not report it.
     pub load_1m: Option<f64>,
     /// Time in which a cache line moved from one processor to another, measured after these rounds,
-    /// in nanoseconds.
+    /// in nanoseconds; null if it was not measured.
     #[serde(default)]
     pub core_to_core_ns: Option<f64>,
 }
@@ -106,7 +106,8 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
     };
     Some(format!(
         "Disturbed: in {} of {} launches, other programs or virtual machines also used the machine. In the worst launch, other processes kept \
-         {} of {} processors busy{stolen}.{left_out}",
+         {} of {} processors busy{stolen}. This may have made times longer: if \
+         possible, stop these programs and run the experiment again.{left_out}",
         bad.count(),
         means.len(),
         significant(worst.others, 2),
@@ -237,13 +238,14 @@ mod tests {
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
         let expected = "Disturbed: in 1 of 2 launches, other programs or virtual machines also used the machine. In the worst launch, other \
-            processes kept 0.50 of 2 processors busy.";
+            processes kept 0.50 of 2 processors busy. This may have made times longer: if possible, stop these \
+            programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));
         let preempted = |count| Record { preempted_samples: count, ..records[0].clone() };
         let said = disturbance(&[line(1, 0.9)], &[preempted(Some(3)), preempted(None), preempted(Some(4))]);
         assert!(
             said.unwrap()
-                .ends_with(" busy. 7 samples whose threads had to wait for a processor are left out.")
+                .ends_with(" again. 7 samples whose threads had to wait for a processor are left out.")
         );
         assert_eq!(disturbance(&[], &records), None);
         // 0.08 of two processors is 4% of the machine, which is less than the limit of 5%.
@@ -273,8 +275,8 @@ mod tests {
         let records = [Record { sample_launches: vec![0], ..Record::default() }];
         let said = disturbance(&[RoundLoad { stolen: 0.4, ..line(0, 0.01) }], &records).unwrap();
         assert!(
-            said.ends_with(
-                "kept 0.010 of 2 processors busy, and virtual machines on the same hardware used 0.40 more."
+            said.contains(
+                "kept 0.010 of 2 processors busy, and virtual machines on the same hardware used 0.40 more. This"
             ),
             "{said}"
         );

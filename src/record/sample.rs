@@ -3,7 +3,8 @@
 use crate::sensor::SensorReading;
 use serde::{Deserialize, Serialize};
 
-/// One timed frame, or the mean of a batch of frames. Times are in milliseconds.
+/// One timed frame, or the mean of a batch of frames. Times are in milliseconds. An optional value is null or absent
+/// if it was not measured.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// The point's key.

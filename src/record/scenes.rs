@@ -10,8 +10,8 @@ struct Names {
     /// Names from the scene's path: the file's name alone, then with one folder before it, with two
     /// folders, and so on.
     paths: Vec<String>,
-    /// Names for scenes with equal paths: with the file's extension, with the values changed in the
-    /// scene, and with the scene's hash.
+    /// Names for scenes whose paths are equal without the file's extension: a name with the
+    /// extension, one with the values changed in the scene, and one with the scene's hash.
     others: [String; 3],
 }
 

@@ -147,7 +147,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str(
-            "n=... not enough samples: a point with fewer than five samples in a launch has no rank\n",
+            "n=... not enough samples: a point with fewer than five samples in a launch has no rank; `timing.max_samples` must be at least five\n",
         );
     }
     let warned = rankings.iter().flat_map(Ranking::all).filter_map(|one| Some((one, to_mind(one)?)));

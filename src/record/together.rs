@@ -225,9 +225,9 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two of these records if their samples
-/// spread as usual. Each set of records that were measured together has its own value; the least and the greatest of
-/// these values are returned.
+/// Returns the smallest difference, as a fraction, that can be shown between two records whose samples have the typical
+/// spread of these records. Each set of records that were measured together has its own value; the least and the
+/// greatest of these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);

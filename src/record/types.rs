@@ -59,7 +59,8 @@ impl Outcome {
     }
 }
 
-/// The result of one point.
+/// The result of one point. An optional field is null or absent if its value is unknown, or if the field does not apply
+/// to the point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
     /// The key of the measurement: a hash of everything that can change its time or its picture.
@@ -175,8 +176,8 @@ pub struct Record {
     /// with the reference.
     #[serde(default)]
     pub check_ms: Option<f64>,
-    /// Device time for preparing records of triangles, if the strategy uses them. This time is spent once per scene and
-    /// is not part of a frame.
+    /// Device time for preparing, for each triangle, the data that a ray-triangle test reads. Only strategies with
+    /// `records=once` prepare this data, once per scene; the time is not part of a frame.
     #[serde(default)]
     pub records_ms: Option<f64>,
     /// Primary rays per second of the primary pass, or of the whole frame if passes are fused. Since the two rates are
@@ -210,7 +211,7 @@ pub struct Record {
     /// Bytes of private memory that all work-items of a work-group together need for their working vectors or their
     /// tiles' rays; 0 if these need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
-    /// The picture's path, relative to the folder of results.
+    /// The picture's path, relative to the folder of results. The fields with names in `_image` are such paths too.
     pub image: Option<String>,
     /// The hash of the picture's values. If a later launch casts another picture, that picture is compared with the
     /// reference too.
@@ -282,8 +283,8 @@ pub fn schema() -> serde_json::Value {
 }
 
 impl Record {
-    /// Returns the value of an axis in the record's strategy. All code reads `strategy` through
-    /// this function.
+    /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis. An axis
+    /// that is newer than the record has the value that [`axes`] gives it.
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }
@@ -330,11 +331,11 @@ fn positive(ms: Option<f64>) -> Option<f64> {
     ms.filter(|ms| *ms > 0.0)
 }
 
-/// Axes that strategies in old records do not name, and the values that these axes had when the records were written.
+/// Axes that are newer than some records. The value of each axis describes what raycl did before the axis existed.
 const BEFORE: [(&str, &str); 1] = [("records", "each-test")];
 
-/// Returns the axes in a strategy's text with their values. Axes that did not exist when the text was written follow,
-/// with the values that they had then. Returns none for a baseline.
+/// Returns the axes in a strategy's text with their values, and then the axes that are newer than the text. The value
+/// of a newer axis describes what raycl did before the axis existed. Returns no axis for a baseline.
 pub fn axes(strategy: &str) -> impl Iterator<Item = (&str, &str)> {
     let told = move || strategy.split_whitespace().filter_map(|part| part.split_once('='));
     let is_untold = move |(axis, _): &(&str, &str)| {

@@ -47,7 +47,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
+            .with_help("free up space on the file's disk, or choose another folder with --out DIR")
     })
 }
 
@@ -72,7 +72,7 @@ fn replace(
     };
     write().map_err(|error| {
         Error::run(format!("cannot write {}: {error}", path.display()))
-            .with_help("choose another folder with --out DIR, or free up space on this folder's disk")
+            .with_help("free up space on the file's disk, or choose another folder with --out DIR")
     })
 }
 

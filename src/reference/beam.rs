@@ -130,9 +130,9 @@ impl Beam {
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
     }
 
-    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. Every other
-    /// triangle must lie behind the first one by more than the fraction `rival` of the first one's distance. `None` if
-    /// the result is uncertain.
+    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. `None` if the
+    /// result is uncertain: for example, if another triangle does not lie behind the first one by more than twice the
+    /// fraction `rival` of the first one's distance.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {

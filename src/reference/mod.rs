@@ -75,7 +75,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Returns the number of pixels that depend on rounding.
+    /// Returns the number of uncertain pixels, without those that are nearly certain.
     pub fn uncertain_pixels(&self) -> usize {
         self.doubts.iter().filter(|doubt| !doubt.nearly_certain).count()
     }

@@ -4,9 +4,9 @@
 use crate::image::Radiance;
 use crate::manifest::SAMPLED_BLOCK;
 
-/// Returns the largest difference of neighbouring pixels in and around each block of an image;
-/// blocks are in order, row by row. Differences are computed with a gamma of 2, in 8-bit steps, so
-/// they nearly equal the displayed differences.
+/// Returns the largest difference of neighbouring pixels in each block and in the ring of pixels around the block;
+/// blocks are in order, row by row. `means` contains the mean of the first samples of each pixel. Differences are
+/// computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed differences.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));

@@ -138,9 +138,10 @@ impl Tree {
     }
 }
 
-/// An upper bound of the number of levels of a tree over any mesh. Nodes of the first levels are split where the cost
-/// is least; nodes of deeper levels are split into two parts with nearly equal numbers of triangles.
+/// An upper bound of the number of levels of a tree over any mesh.
 const DEPTH: usize = 72;
+/// Number of levels, from the root down, whose nodes are split where the cost is least. Nodes of deeper levels are
+/// split into two parts with nearly equal numbers of triangles.
 const LEVELS_BY_COST: usize = 36;
 /// Number of bins along an axis, at whose borders a node may be split.
 const BINS: usize = 16;

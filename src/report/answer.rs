@@ -34,7 +34,8 @@ pub struct Answer {
     pub sure: String,
     /// Points that could not run: their number and the reason.
     pub refused: Vec<Refused>,
-    /// The path of the best record's picture, relative to the folder of results.
+    /// The path of the best record's picture, relative to the folder of results; `None` if there is no winner or no
+    /// picture.
     pub image: Option<String>,
 }
 

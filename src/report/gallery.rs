@@ -41,7 +41,8 @@ pub struct Scene {
     pub pictures: Vec<Picture>,
 }
 
-/// Reads pictures, and leaves out the data of those with which the total size would exceed `PICTURE_BYTES`.
+/// Reads the pictures of a page. A picture has no data if this data would increase the total size beyond
+/// `PICTURE_BYTES`.
 #[derive(Debug)]
 pub struct Pictures<'a> {
     folders: &'a [Folder],

@@ -28,7 +28,7 @@ fn with_triangles(own: &[&Group<'_>], looks: &Looks, device: &str, place: usize)
         title: format!("Time against the number of triangles, at {}: {device}", by(size)),
         x: "triangles in the scene",
         file: numbered("triangles", place),
-        besides: " The scenes differ in more than the number of triangles; the fit ignores these other differences.",
+        besides: " The scenes differ in more than the number of triangles, and these other differences also affect the times.",
     };
     plot(&same, looks, labels, |group| {
         group.records.iter().find_map(|record| record.triangles).unwrap_or(0) as f64
@@ -295,7 +295,7 @@ mod tests {
         told(&plots[2], &["Time against the number of triangles, at 800 x 500: b", "triangles in the scene"]);
         told(&plots[3], &["Time against the number of pixels, terrain-1000: b", "pixels in the image"]);
         assert!(plots[2].caption.contains("naive 1.00 ± 0.00 (n = 3)"), "{}", plots[2].caption);
-        assert!(plots[2].caption.ends_with("the fit ignores these other differences."));
+        assert!(plots[2].caption.ends_with("these other differences also affect the times."));
         assert!(plots[3].caption.contains("too few different values for a fit"), "{}", plots[3].caption);
         assert!(plots[3].svg.contains("class=\"line\""), "without a fit, marks are joined");
     }

@@ -4,11 +4,11 @@ use crate::record::{Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
 
 /// Returns the records of all folders. If two folders measured the same point under different
-/// conditions (driver, machine, program or timing), the keys of the two records differ. Then the
-/// folders' labels are added to the name of this device (if the point is a baseline, to the names of
-/// all baselines), and the results are shown separately. The labels are also added to the names of
-/// scenes that have the same name but different content. If a point was measured twice under the same
-/// conditions, the later folder's record is used.
+/// conditions (driver, machine, program or timing), the keys of the two records differ. Then the name of
+/// the device that measured the point gets the folder's label in the records of each folder, so that the
+/// results are shown separately. If the point is a baseline, the names of all baselines get the labels
+/// instead. The labels are also added to the names of scenes that have the same name but different
+/// content. If a point was measured twice under the same conditions, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);

@@ -50,7 +50,7 @@ struct View {
 struct SourceLine {
     number: u32,
     text: String,
-    /// Number of the line's instructions; empty if there are none.
+    /// How many instructions the line has, as text; empty if it has none.
     instructions: String,
     memory: String,
     tip: String,
@@ -156,13 +156,13 @@ fn note(listing: &Listing) -> String {
             "An instruction belongs to the line that the compiler's line table names; an inlined function's instructions belong to the function's lines, wherever it is called."
         }
         RowsAre::Parts => {
-            "The compiler wrote no line table, so instructions are not counted by line but by part of the kernel, from one \
-             label to the next."
+            "The compiler wrote no line table, so instructions are not counted by line, but by part of the kernel. A \
+             part of PTX or SASS extends from one label to the next; on a CPU, a part is a function."
         }
     };
     let same = match listing.same_as_timed {
         Some(true) => {
-            " The timed program is compiled without a line table. It has the same instructions, apart from registers and addresses."
+            " The timed program is compiled without a line table. It has the same operations in the same order; registers, addresses and numbers are not compared."
         }
         Some(false) => {
             " The timed program is compiled without a line table. Its instructions differ from these."

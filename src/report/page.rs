@@ -47,8 +47,8 @@ pub struct Page {
 /// The plots and the table of one group.
 pub struct View {
     id: String,
-    /// True if this view is shown when the page opens. When the page opens, only the view of the largest scene is
-    /// shown.
+    /// True if this view is shown when the page opens. The page then shows only one view: that of a group whose scene
+    /// has the most triangles.
     first: bool,
     title: String,
     /// Notes from reading the group's scene.
@@ -213,7 +213,11 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
         (different(|group| group.device.to_owned()), "device", "devices"),
         (records.len(), "point", "points"),
         (samples, "sample", "samples"),
-        (infeasible, "point does not fit the device", "points do not fit the device"),
+        (
+            infeasible,
+            "point does not suit the device or the scene",
+            "points do not suit the device or the scene",
+        ),
         (
             other_kind,
             "point is meant for another kind of device",

@@ -142,7 +142,7 @@ fn caption(with_roofs: bool, left_out: usize) -> String {
     let roofs = if with_roofs {
         "Dashed lines are the device's rates as measured by `raycl peak`. A point above a memory's roof gets its data from caches or another memory."
     } else {
-        "The device's rates were not measured with these records, so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` measures these rates."
+        "The device's rates were not measured with these records, so the plot has no roofs. `raycl peak --out DIR/peak.json` or `raycl run CONFIG --peak` measures these rates; DIR is the folder of results."
     };
     let left_out = match left_out {
         0 => String::new(),

@@ -85,7 +85,7 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
         scenes and sizes that were measured on both devices.";
     plot(
         "losses-by-device",
-        "One device's best strategy on another: time relative to that device's best",
+        "Time of a device's best strategy on another device, relative to the other device's best time",
         devices,
         rows,
         caption,

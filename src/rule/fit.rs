@@ -5,7 +5,8 @@
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
 
-/// The assumed time of a strategy that a device refused, as a multiple of the best time.
+/// The largest ratio of a choice's time to the best time. Greater ratios, and choices that a device refused, count as
+/// this ratio.
 const REFUSED: f64 = 100.0;
 /// The smallest gain for which a constant is changed. Each choice has a ratio of its time to the
 /// best time; a gain is a decrease of the sum of the logarithms of these ratios.

@@ -49,8 +49,8 @@ pub struct Measured {
     /// The properties of the case that affect which strategy is fastest.
     #[serde(flatten)]
     pub task: Task,
-    /// The time of a frame in milliseconds, by the candidate's name: the shortest of all rounds.
-    /// Candidates that the device refused are missing.
+    /// The time of a frame in milliseconds, by the candidate's name: the shortest of all rounds. Candidates that the
+    /// device or the host refused are missing; in large scenes, exhaustive casting is missing too.
     pub least_ms: BTreeMap<String, f64>,
 }
 
@@ -59,7 +59,8 @@ pub struct Measured {
 pub struct Verdict {
     /// The chosen candidate.
     pub choice: Way,
-    /// The choice's time in milliseconds; `None` if the device refused the choice.
+    /// The choice's time in milliseconds; `None` if the choice was not measured, since the device or the host refused
+    /// it.
     pub choice_ms: Option<f64>,
     /// The fastest candidate, and its time in milliseconds.
     pub best: (String, f64),

@@ -28,8 +28,8 @@ pub(super) struct Assembled {
     pub scene: Scene,
     /// The axis about which the scene turns on a turntable.
     pub orbit: Orbit,
-    /// For each object, the index of its first triangle in the scene's mesh. A ground that raycl added counts as the
-    /// last object.
+    /// The index of the first triangle of each object or, for a glTF file without a scene file, of each node with a
+    /// mesh. A ground that raycl added counts as the last object.
     pub starts: Vec<u32>,
     /// True if raycl added soft light, a sky and, where it fits, a ground, because a mesh was given without a scene
     /// file.
@@ -129,7 +129,8 @@ fn background(wire: &SceneWire, studio: Option<&Studio>, display: Display) -> Ve
 pub(super) struct Joined {
     mesh: Arc<Mesh>,
     seen: Seen,
-    /// For each object, the index of its first triangle in the scene's mesh.
+    /// The index of the first triangle of each object or, for a glTF file without a scene file, of each node with a
+    /// mesh.
     starts: Vec<u32>,
 }
 
@@ -148,7 +149,10 @@ fn join(document: &Document, wire: &SceneWire, kept: &mut Kept, notes: &mut Vec<
         let file = objects::placed(document, object.get_ref(), file);
         let first = mesh.triangles.len();
         if first + file.mesh.triangles.len() > super::shapes::MAX_TRIANGLES as usize {
-            let message = format!("more than {} triangles in all", super::shapes::MAX_TRIANGLES);
+            let message = format!(
+                "the scene has more than {} triangles; use fewer objects, or objects with fewer triangles",
+                super::shapes::MAX_TRIANGLES
+            );
             return Err(document.error(object.span(), message, "this object exceeds the limit"));
         }
         check_positions(&file.mesh)

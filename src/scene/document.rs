@@ -23,7 +23,7 @@ const ANY_SCENE: &str = "give the path of a scene (.toml) or a mesh (.obj, .ply,
 pub(super) struct Document {
     /// The file's name in messages.
     pub name: String,
-    /// The TOML text, after all values that options or a config set have been set in it.
+    /// The TOML text, including all values from options or a config.
     pub text: String,
     /// The folder to which the document's paths are relative.
     pub folder: PathBuf,
@@ -89,8 +89,8 @@ impl Document {
         held.map_or_else(|| Opened::at(path), |(_, opened)| Ok(opened))
     }
 
-    /// Returns the error for a file that is not TOML and does not have the extension .toml: its format is probably
-    /// unsupported.
+    /// Returns the error for a file that is not TOML and does not have the extension .toml, so that its format is
+    /// probably unsupported; `None` for any other file.
     pub fn not_toml(&self, path: &Path, error: &toml::de::Error) -> Option<Error> {
         if path.extension().is_some_and(|ending| ending == "toml") || DeTable::parse(&self.text).is_ok() {
             return None;

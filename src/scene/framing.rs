@@ -13,7 +13,7 @@ const FILL: f64 = 0.92;
 /// The direction towards the camera: from the right, above and in front, for meshes with y up and their front
 /// towards +z.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
-/// Number of angles of a turntable at which the whole mesh must be visible.
+/// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
@@ -110,9 +110,9 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Four planes through the ball's centre are parallel to the sides of the view. The first four numbers say how far a
-    // corner is beyond the right, left, upper and lower plane. The last number says how much nearer to the eye the
-    // corner is than the centre.
+    // Four planes through the ball's centre are parallel to the sides of the view. `reach_after` returns five numbers.
+    // The first four say how far a corner is beyond the right, left, upper and lower plane. The last number says how
+    // much nearer to the eye the corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
         let offset = *turn * (corner.as_dvec3() - ball.centre);
         let (x, y, depth) = (offset.dot(right), offset.dot(up), offset.dot(towards_eye));
@@ -151,7 +151,7 @@ fn opening(mesh: &Mesh, up: DVec3) -> Option<DVec3> {
     (open.length() > 0.1 * total).then(|| open.try_normalize()).flatten()
 }
 
-/// Returns the key light's power, and its distance from the nearest surface.
+/// Returns the key light's power, and the light's distance from the nearest point of the ball.
 pub(super) fn key_at(ball: Ball) -> (f64, f64) {
     let distance = (LIGHT_RADII - 1.0) * ball.radius;
     (key_power(distance), distance)

@@ -54,10 +54,10 @@ impl Shot {
 }
 
 /// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents or, if they are
-/// unclear, the extension show which of the two the file is. A mesh without a scene file is framed as in experiments:
-/// it is seen from the right, above and in front (a room is seen through its open side), for images at least as wide as
-/// high. Its normals are turned to the viewer. A camera and lights in the mesh's own file are used; without such
-/// lights, the mesh gets a key light and a fill light.
+/// unclear, the extension show which of the two the file is. A mesh without a scene file has the camera and the lights
+/// of its own file. If the file has no camera, the mesh is seen from the right, above and in front (a room is seen
+/// through its open side), and is visible as a whole in images that are at least as wide as high. If the file has no
+/// lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
 ///
 /// # Errors
 ///

@@ -70,7 +70,7 @@ impl Mesh {
         self.triangles.par_iter().with_min_len(PARALLEL_TRIANGLES).filter_map(bounds).reduce_with(join)
     }
 
-    /// Assigns the first material to all triangles and drops the others.
+    /// Assigns the first material to all triangles, and removes all other materials.
     pub fn share_first_material(&mut self) {
         self.materials.truncate(1);
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);

@@ -92,7 +92,7 @@ impl Display {
         let radiance = |value| shown(value).powf(self.gamma.into()) / f64::from(self.exposure);
         let [red, green, blue] = colour.map(|value| radiance(value) as f32);
         let radiance = Vec3::new(red, green, blue);
-        // Without exposure everything is displayed as black.
+        // With an exposure of 0, everything is displayed as black.
         if radiance.is_finite() { radiance } else { Vec3::ZERO }
     }
 }
@@ -161,8 +161,8 @@ impl Scene {
             [a, b, c, d, e, f, t.material]
         });
         hash_words(&mut hasher, indices);
-        // A scene without textures, soft lights or a sky adds nothing to the hash here, so its hash is the same as in
-        // records of older versions, which had none of these features.
+        // A scene without textures, transparency, soft lights or a sky adds nothing to the hash here, so its hash is
+        // the same as in records of older versions, which had none of these features.
         for texture in &mesh.textures.list {
             let [across, down] = texture.wrap.map(|wrap| wrap as u32);
             hash_words(&mut hasher, texture.size.into_iter().chain([across, down]));

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Assigns to every corner a finite normal that is not zero, in linear time. Generated normals are
-/// smooth; if there is a crease angle (in degrees), edges stay sharp if their faces meet at a larger angle.
+/// Assigns to every corner a finite normal that is not zero. Generated normals are smooth; if there is a crease angle
+/// (in degrees), edges stay sharp if their faces meet at a larger angle.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)

@@ -49,7 +49,7 @@ fn moves_camera(key: &str) -> bool {
 pub(super) fn set(document: &mut Table, path: &str, value: &Value) -> std::result::Result<(), String> {
     let keys: Vec<&str> = path.split('.').collect();
     if keys.iter().any(|key| key.is_empty()) {
-        return Err("one of its names is empty".to_owned());
+        return Err("a name of the path is empty".to_owned());
     }
     set_in_table(document, &keys, value)
 }

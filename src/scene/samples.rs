@@ -46,7 +46,7 @@ pub enum SampleLight {
     /// As with `Own`, but in a half picture (half the width and height) for soft light. There, the points of lights and
     /// the directions of the sky repeat after `INTERLEAVED` pixels.
     Interleaved,
-    /// Light arrives from the lights' centres, and with the sky's mean radiance, even if surfaces are in between.
+    /// Light arrives from the lights' centres, and the sky's mean radiance arrives, even if surfaces are in between.
     Unoccluded,
 }
 
@@ -58,8 +58,8 @@ pub struct Sampling {
     /// The number of samples of each pixel in a rough block: a block of pixels in which neighbouring pixels differ
     /// after the first samples.
     pub most: u32,
-    /// If positive, soft light is cast for a picture of half the width and height, with this many samples per pixel,
-    /// and then filtered. If 1, lights are points.
+    /// The number of samples per pixel of the half picture in which soft light is cast. If this number is 1, lights are
+    /// points in the half picture. If it is 0, there is no half picture.
     pub half_light: u32,
 }
 
@@ -116,12 +116,12 @@ pub struct SampleCounts {
 }
 
 impl SampleCounts {
-    /// Makes the counts of a picture of `size` pixels, with its blocks row by row.
+    /// Makes the counts of a picture of `size` pixels. `of_block` has the number of samples of each block, row by row.
     pub fn new(size: [u32; 2], of_block: Vec<u32>) -> Self {
         Self { size, of_block }
     }
 
-    /// Returns the number of samples of a pixel; 0 outside the picture.
+    /// Returns the number of samples of a pixel, which must be in the picture.
     pub fn at(&self, [x, y]: [u32; 2]) -> u32 {
         let block = y / SAMPLED_BLOCK * self.size[0].div_ceil(SAMPLED_BLOCK) + x / SAMPLED_BLOCK;
         self.of_block.get(block as usize).copied().unwrap_or(0)

@@ -145,9 +145,10 @@ impl Brightness {
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
-                "a light with the power {} is {nearest:e} away from a surface with a reflectance of up to \
-                 {reflectance:e}, which gives the product {product:e}; expected at most {MAX_PRODUCT:e}, so that it \
-                 fits into single precision",
+                "a light with the power {} may be only {nearest:e} away from a surface with a reflectance of up to \
+                 {reflectance:e}: the light that the surface receives, multiplied by the reflectance and the number of \
+                 lights, may be {product:e}; expected at most {MAX_PRODUCT:e}, so that it fits into single precision; \
+                 reduce the power or move the light away",
                 light.power
             )
         })

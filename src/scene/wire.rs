@@ -74,7 +74,7 @@ pub(super) struct CameraWire {
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
     /// Hits are ignored if their depth along the view is at most this distance [default: 0].
     pub z_near: Option<Number<NonNegative>>,
-    /// See the whole scene from this direction: degrees to the right of its front.
+    /// See the whole scene from this direction: degrees to the right of its front, which is +z, or -y if z is up.
     pub azimuth_degrees: Option<Number<Finite>>,
     /// See the whole scene from this height: degrees above the horizon.
     pub elevation_degrees: Option<Number<Elevation>>,
@@ -184,7 +184,7 @@ pub(super) struct SkyWire {
 #[derive(Default, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct DisplayWire {
-    /// The factor before the exponent is applied [default: 15].
+    /// The factor by which radiance L is multiplied, before the exponent is applied [default: 15].
     pub exposure: Option<Number<NonNegative>>,
     /// The inverse of the exponent [default: 2.2].
     pub gamma: Option<Number<Positive>>,

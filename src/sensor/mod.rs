@@ -37,7 +37,8 @@ pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     nvml::used_memory(hardware)
 }
 
-/// The sensors' values while a sample was taken; a record has the means over its samples.
+/// The sensors' values while a sample was taken; a record has the means over its samples. A value is `None` if the
+/// device does not report it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SensorReading {

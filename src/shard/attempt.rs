@@ -1,5 +1,5 @@
-//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there.
-//! Attempts therefore need no lock, and a first attempt that is still running during a second does no harm.
+//! An attempt at a shard: one process, and the folder that it writes to. No other process writes there. Attempts
+//! therefore need no lock, and a first attempt that is still running cannot damage the files of a second attempt.
 
 use super::Shard;
 use crate::error::{Error, Result};

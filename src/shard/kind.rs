@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 /// The name of the folder in which each kind has its file.
 const FOLDER: &str = "kinds";
 
-/// A kind of device: all devices with the same platform, name and driver whose states do not differ in any way that
-/// affects times. The host's processors are a kind of device too.
+/// A kind of device: all devices that have the same platform, name and driver, and are equal in every other property
+/// that affects times. The host's processors are a kind of device too.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Kind {
     /// The kind's name in records.

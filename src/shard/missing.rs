@@ -117,7 +117,7 @@ fn divided(plan: &ShardPlan, all: &[Kind]) -> (Vec<usize>, Vec<usize>) {
     (0..plan.points.len()).partition(on_host)
 }
 
-/// Returns the names of all kinds that took part.
+/// Returns the names of all kinds of device that took part in the experiment: each name once, joined by commas.
 fn names(all: &[Kind]) -> String {
     let mut names: Vec<&str> = all.iter().map(|kind| kind.device.as_str()).collect();
     names.dedup();

@@ -69,7 +69,11 @@ impl FromStr for Asked {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wrong = || format!("'{text}' is not a shard; expected 3/16, auto or auto/16");
+        let wrong = || {
+            format!(
+                "'{text}' is not a shard; expected a shard's number and the number of shards, such as 3/16, or auto, or auto/16"
+            )
+        };
         let (number, of) = match text.split_once('/') {
             Some((number, of)) => (number, Some(of.parse().map_err(|_| wrong())?)),
             None => (text, None),

@@ -61,7 +61,7 @@ impl ShardPlan {
         // Another shard wrote its plan first. The written plan is used, since its blocks may be based on other expected
         // times.
         let first = Self::read(out)?
-            .ok_or_else(|| Error::run(format!("{FILE} was deleted from {}", out.display())))?;
+            .ok_or_else(|| Error::run(format!("{FILE} was deleted from {}; start again", out.display())))?;
         first.checked(header, out)
     }
 

@@ -75,8 +75,14 @@ impl fmt::Display for State {
         match self {
             Self::Begun => write!(f, "begun: the counter in its folder has not increased yet"),
             Self::Going => write!(f, "going"),
-            Self::Hung(seconds) => write!(f, "hung: no step for {seconds} s"),
-            Self::Lost => write!(f, "lost: the counter in its folder no longer increases"),
+            Self::Hung(seconds) => write!(
+                f,
+                "hung: for {seconds} s, no build, check or frame has begun, and no launch or point has ended"
+            ),
+            Self::Lost => write!(
+                f,
+                "lost: the counter in its folder no longer increases, so the attempt was killed or its machine failed"
+            ),
             Self::Ended(End::Done) => write!(f, "done"),
             Self::Ended(End::Interrupted) => write!(f, "interrupted"),
             Self::Ended(End::LauncherLost(why)) => write!(f, "launcher lost: {why}"),
@@ -162,8 +168,14 @@ mod tests {
         for (state, words) in [
             (State::Begun, "begun: the counter in its folder has not increased yet"),
             (State::Going, "going"),
-            (State::Hung(42), "hung: no step for 42 s"),
-            (State::Lost, "lost: the counter in its folder no longer increases"),
+            (
+                State::Hung(42),
+                "hung: for 42 s, no build, check or frame has begun, and no launch or point has ended",
+            ),
+            (
+                State::Lost,
+                "lost: the counter in its folder no longer increases, so the attempt was killed or its machine failed",
+            ),
             (State::Ended(End::Done), "done"),
             (State::Ended(End::Interrupted), "interrupted"),
             (State::Ended(End::LauncherLost("sh has ended".into())), "launcher lost: sh has ended"),

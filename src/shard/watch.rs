@@ -44,7 +44,9 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
             if let Some(lost) = chain.lost() {
                 // If the folder cannot be written to, only the message below reports the loss.
                 let _ = attempt.ended(&End::LauncherLost(lost.clone()));
-                eprintln_if_heard(&format!("launcher lost: {lost}"));
+                eprintln_if_heard(&format!(
+                    "launcher lost: {lost}, so raycl ends; start this shard again if the scheduler does not"
+                ));
                 std::process::exit(1);
             }
         }

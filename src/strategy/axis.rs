@@ -164,10 +164,10 @@ file_axis! {
     }
 }
 axis! {
-    /// The number of kernels per frame.
+    /// Whether one kernel does a whole frame, or each pass has its own.
     Passes "passes" "whether one kernel does the whole frame, or each pass has its own" {
-        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays (afterwards, another kernel shades tiles that work-items share)",
-        Separate "separate" "one kernel finds the nearest hits, another shades them; they are timed separately",
+        Fused "fused" "one kernel casts primary rays, shades and casts shadow rays; if work-items share tiles, a second kernel shades",
+        Separate "separate" "one kernel finds the nearest hits, another shades them; the kernels are timed separately",
     }
 }
 file_axis! {

@@ -1,7 +1,7 @@
-//! Properties of values that are files, as described in their headers.
+//! Properties of values that are files, as described in their headers, and properties of whole strategies.
 
 use super::{
-    Intersector, Layout, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
+    Intersector, Layout, Passes, Records, Shading, Strategy, Traversal, Triangles, Vectors, Width, Workload,
 };
 use crate::manifest::{BVH, EXHAUSTIVE, Fact, Family, RASTER, TILE_CPU, TILE_GPU};
 
@@ -117,7 +117,8 @@ impl Intersector {
         self.header().word("exact_signs") == "yes"
     }
 
-    /// Returns how many operations a test takes to show that a ray misses, if the header of its file says so.
+    /// Returns how many operations a test takes to show that a ray misses; `None` if the header of its file does not
+    /// state this number.
     pub fn operations(self) -> Option<u32> {
         self.header().number("operations")
     }
@@ -135,7 +136,16 @@ impl Strategy {
         }
     }
 
-    /// Returns whether the strategy has a property that the manifest names, such as [`Fact::Tree`].
+    /// Returns whether the kernel for primary rays also does as much of the rest of a frame as it can. If work-items
+    /// share tiles, this kernel can only cast shadow rays in addition. A scene without lights and sky has no shadow
+    /// rays, so the passes are then separate even with `passes = fused`.
+    pub fn fuses(&self, workload: &Workload) -> bool {
+        let casts_shadows = workload.lights > 0 || workload.sky;
+        self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
+    }
+
+    /// Returns whether the strategy has a property that the manifest names, such as [`Fact::Tree`]. Assumes a scene
+    /// with lights but without textures or soft light, one sample per pixel, and no rays that the caller provides.
     pub fn holds(&self, fact: Fact) -> bool {
         match fact {
             Fact::Always => true,
@@ -147,12 +157,15 @@ impl Strategy {
             Fact::Records => self.records == Records::Once,
             Fact::Scratch => self.vectors.memory() == WorkingMemory::Scratch,
             Fact::Heap => self.vectors.memory() == WorkingMemory::Heap,
+            Fact::Fused => self.passes == Passes::Fused,
+            Fact::Separate | Fact::LeftOver => self.passes == Passes::Separate,
             Fact::Textured
             | Fact::Soft
             | Fact::Sampled
             | Fact::CutOut
             | Fact::Environment
-            | Fact::HalfLight => false,
+            | Fact::HalfLight
+            | Fact::GivenRays => false,
         }
     }
 
@@ -165,6 +178,11 @@ impl Strategy {
             Fact::Soft => workload.is_soft() && self.family().takes(Fact::Soft),
             Fact::Sampled => workload.many_samples,
             Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
+            Fact::Fused => self.fuses(workload),
+            Fact::Separate => !self.fuses(workload),
+            // The shading kernel casts leftover shadow rays only with fused passes and one ray from the eye per pixel.
+            Fact::LeftOver => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
+            Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),
         }
     }
@@ -187,5 +205,35 @@ mod tests {
             assert_eq!(found, [false, true, true], "{name}");
         }
         assert!(!is_soft("raster", true, true));
+    }
+
+    #[test]
+    fn tiles_that_work_items_share_have_separate_passes_in_the_dark() {
+        let fuses = |name: &str, lights, sky| {
+            let strategy = preset(name).unwrap().strategy;
+            let workload = Workload { lights, sky, ..Workload::CUBE };
+            let facts = [Fact::Fused, Fact::Separate].map(|fact| strategy.holds_of(fact, &workload));
+            assert_ne!(facts[0], facts[1]);
+            facts[0]
+        };
+        for (name, in_the_dark) in [("naive", true), ("tile", true), ("tile-group", false)] {
+            assert_eq!(fuses(name, 0, false), in_the_dark, "{name}");
+            assert!(fuses(name, 1, false) && fuses(name, 0, true), "{name}");
+        }
+        assert!(!fuses("bvh", 1, true) && !fuses("tile-group-watertight", 1, true));
+    }
+
+    #[test]
+    fn leftover_shadow_rays_have_a_kernel_of_their_own_if_the_shading_kernel_casts_none() {
+        let has_kernel = |name: &str, lights, sky, many_samples| {
+            let workload = Workload { lights, sky, many_samples, ..Workload::CUBE };
+            preset(name).unwrap().strategy.holds_of(Fact::LeftOver, &workload)
+        };
+        assert!(!has_kernel("tile-group", 1, false, false), "one ray per pixel");
+        assert!(has_kernel("tile-group", 1, false, true), "several rays per pixel at a time");
+        assert!(!has_kernel("tile-group", 1, true, true), "soft light is cast for one sample at a time");
+        assert!(
+            has_kernel("tile-group", 0, false, false) && has_kernel("tile-group-watertight", 1, true, false)
+        );
     }
 }

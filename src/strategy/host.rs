@@ -127,6 +127,7 @@ mod tests {
             sky: false,
             many_samples: false,
             half_light: false,
+            given_rays: false,
             sky_texels: 0,
             stack_size: 0,
             image_size: [side, side],

@@ -74,7 +74,7 @@ strategy! {
     layout: Layout,
     /// When hits are shaded.
     shading: Shading,
-    /// The number of kernels per frame.
+    /// Whether one kernel does a whole frame, or each pass has its own.
     passes: Passes,
     /// The ray-triangle test.
     intersector: Intersector,
@@ -154,7 +154,7 @@ impl Strategy {
         self.traversal == Traversal::Tile && self.width == Width::W1
     }
 
-    /// Returns the rays across and down in a tile that 32 work-items share.
+    /// Returns the rays across and down in a tile that 32 work-items share; `None` if they share no tiles.
     pub fn shared_tile(&self) -> Option<[usize; 2]> {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }

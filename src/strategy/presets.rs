@@ -156,7 +156,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "watertight",
-        about: "deferred, with the test that leaks no ray at edges and vertices",
+        about: "deferred, with the watertight test: no ray slips through a shared edge or vertex",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, ..MODERN },
         meant_for: None,
     },
@@ -231,7 +231,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tile-watertight",
-        about: "tile, with the test that leaks no ray at edges and vertices",
+        about: "tile, with the watertight test: no ray slips through a shared edge or vertex",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, ..TILE },
         meant_for: Some(DeviceKind::Cpu),
     },
@@ -243,7 +243,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tile-group-watertight",
-        about: "tile-group with the test that leaks no ray at edges and vertices",
+        about: "tile-group, with the watertight test: no ray slips through a shared edge or vertex",
         strategy: Strategy { intersector: Intersector::WATERTIGHT, passes: Passes::Separate, ..TILE_GROUP },
         meant_for: Some(DeviceKind::Gpu),
     },

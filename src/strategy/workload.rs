@@ -1,4 +1,4 @@
-//! The sizes of a scene, an image and a work-group.
+//! The sizes and features of a scene, an image and a work-group.
 
 use super::{Strategy, Traversal};
 use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
@@ -14,7 +14,8 @@ pub const MOST_SUBPIXEL_BITS: u32 = 2;
 /// samples of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
-/// The sizes on which a strategy's needs depend.
+/// The properties of a scene, an image and a work-group that determine a strategy's program and the memory that it
+/// needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Workload {
     /// Number of triangles in the scene.
@@ -42,6 +43,9 @@ pub struct Workload {
     /// True if soft light is cast at half resolution.
     #[serde(default)]
     pub half_light: bool,
+    /// True if the program can also cast rays that the caller provides, not only a camera's.
+    #[serde(default)]
+    pub given_rays: bool,
     /// Number of texels of the sky's picture; 0 if the sky has no picture.
     pub sky_texels: usize,
     /// Number of entries of a traversal's stack; 0 without a tree, or before the tree is built.
@@ -68,6 +72,7 @@ impl Workload {
         sky: false,
         many_samples: false,
         half_light: false,
+        given_rays: false,
         sky_texels: 0,
         stack_size: 32,
         image_size: [64, 64],
@@ -123,9 +128,9 @@ impl Workload {
         ]
     }
 
-    /// Returns the number of values that one pass stores for the next if passes are separate: one per ray from the
-    /// eye if work-items share tiles, otherwise one per pixel. For tiles with vectors of rays, the number of pixels is
-    /// rounded up to whole work-groups.
+    /// Returns the number of values that the kernel for primary rays stores for a separate shading kernel: one per ray
+    /// from the eye if work-items share tiles, otherwise one per pixel. For tiles with vectors of rays, the number of
+    /// pixels is rounded up to whole work-groups.
     pub fn nearest_count(&self, strategy: &Strategy) -> usize {
         if strategy.shares_tiles() {
             self.shared_rays(strategy)

@@ -33,7 +33,7 @@ pub struct Verdict {
     pub wrong_pixels: usize,
     /// True if the image is correct.
     pub ok: bool,
-    /// The reason why the image is not correct, in a sentence.
+    /// The reason why the image is not correct, in a sentence; `None` if it is correct.
     pub reason: Option<String>,
 }
 

@@ -8,7 +8,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// The least angle between the view direction and the vertical, in radians: in a vertical view,
 /// left and right would have no meaning.
 const POLE: f64 = 0.02;
-/// The least and the greatest distance, as factors of the distance of the scene's own camera.
+/// The least and the greatest distance of the eye from the point around which it orbits, as factors of the distance of
+/// the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
 
 /// A position of the eye relative to the scene's own camera.

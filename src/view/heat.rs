@@ -51,7 +51,7 @@ impl Heat {
     }
 
     /// Returns the next finer map; `None` if the finest map was returned before. If the strategy casts exhaustively,
-    /// the map counts tests against every triangle; otherwise it counts the tests in a tree.
+    /// the map counts the tests of an exhaustive search; otherwise it counts the tests in a tree.
     pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;

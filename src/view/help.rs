@@ -20,7 +20,9 @@ pub fn panel() -> Result<RgbImage> {
         svg.text("", [84.0, y], Anchor::Start, row.about);
     }
     let drawn = image::load_from_memory(&png(&svg.finish(SIZE, "", ""))?);
-    drawn.map(|panel| panel.to_rgb8()).map_err(|error| Error::fault(format!("the keys: {error}")))
+    drawn
+        .map(|panel| panel.to_rgb8())
+        .map_err(|error| Error::fault(format!("cannot draw the list of keys: {error}")))
 }
 
 /// Draws a panel over a picture's corner, if there is room for it. Returns whether there is room.

@@ -38,9 +38,10 @@ const REST: Duration = Duration::from_millis(8);
 /// The limits after which the view ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Until {
-    /// The number of frames; the view ends sooner if nothing is left to cast.
+    /// The number of frames; `None` if frames are not limited. With this limit, the view also ends if nothing is left
+    /// to cast.
     pub frames: Option<u32>,
-    /// The time in seconds.
+    /// The time in seconds; `None` if the time is not limited.
     pub seconds: Option<f64>,
 }
 
@@ -93,7 +94,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Shows the scene until the user or a limit ends it. Before each frame, the function calls `changed`, which
+    /// Shows the scene until the user or a limit ends the view. Before each frame, the function calls `changed`, which
     /// returns whether files have changed.
     pub fn run(mut self, until: Until, mut changed: impl FnMut() -> bool) -> Result<(Live, Total)> {
         let start = Instant::now();
@@ -134,7 +135,8 @@ impl<S: Screen> Viewer<S> {
         Ok(true)
     }
 
-    /// Returns the next picture or heat map; `None` if nothing has changed and all samples are cast.
+    /// Returns the next picture or heat map; `None` if all samples are cast, or if the finest heat map was returned
+    /// before, and nothing has changed since.
     fn next_picture(&mut self) -> Result<Option<RgbImage>> {
         if let Some(heat) = &mut self.heat {
             let camera = self.live.camera(&self.pose);

@@ -93,6 +93,13 @@ impl Stand {
         fits(strategy, prepared)
     }
 
+    /// Returns a strategy that is built for rays which the caller provides.
+    pub fn build_for_rays(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Prepared, String> {
+        let local_size = strategy.local_size(&self.device.info.limits, local_size);
+        let prepared = self.session.borrow_mut().prepare_for_rays(strategy, self.size, local_size);
+        fits(strategy, prepared)
+    }
+
     /// Returns the image of a strategy.
     pub fn cast(&self, strategy: &Strategy, local_size: [u32; 2]) -> Result<Radiance, String> {
         Ok(self.cast_and_count(strategy, local_size)?.0)

@@ -38,9 +38,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // The bounds of each weight are extended by its rounding error, so that a ray along an edge does not fall through
 // between two triangles. The error grows with the distance to the corner, and with the length of the edge in the cross
 // product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
-// digit of the determinant `a` is correct after rounding. With PAPER_EPSILONS, the two bounds of the weights and
-// the bound of `a` are the paper's constants. Otherwise, all three are proportional to the triangle's size, because
-// rounding errors are also proportional to this size.
+// digit of the determinant `a` is correct after rounding. With PAPER_EPSILONS, the two slacks of the weights and
+// the bound of `a` are the paper's constants. Otherwise, each slack is proportional to the length of one edge, and the
+// bound of `a` to the product of two edges' lengths, because the rounding errors are proportional to them, too.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;

@@ -1,6 +1,7 @@
-// Woop, Benthin and Wald's test for a tile. The rays of a vector are sheared along a common axis, so that a corner
-// costs two products; the corners relative to the origin are the same for all rays. Vectors whose rays have no common
-// axis are tested like single rays.
+// The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. For each ray of a vector, a
+// triangle's corners are sheared along an axis that all rays of the vector share, which takes two products per corner.
+// Relative to the origin, the corners are the same for all rays. Vectors whose rays have no common axis are tested
+// like single rays.
 
 #define NO_AXIS 3
 
@@ -78,6 +79,7 @@ typedef struct {
     float a[3], b[3], c[3];
 } Prepared;
 
+// Prepares the triangle `first`. Returns bit 0, since the preparation excludes no triangle.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
     if (any) { // rays are tested from the light: swapping two corners swaps front and back faces

@@ -76,7 +76,9 @@ __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
         origin ? LOAD3(lights + LIGHT_FLOATS * (first_light + origin - 1)) : uniform3(eye.x, eye.y, eye.z);
     Tree tree;
     tree.leaves = leaves;
-    // A shadow ray is tested in reverse, from its light, so the sides that face away from the light are front faces.
+    // A shadow ray runs towards its light, but is tested from the light. The ray meets the side of a triangle that
+    // faces away from the light. If this side is the front, the sign that planes_of expects is positive; for the eye,
+    // it is negative.
     const Row row = planes_of(leaf_corners(&tree, place), from, origin ? 1.0f : -1.0f);
     __global float4 *quads = prepared + 3 * (size_t)origin * count + place;
     quads[0] = (float4)(row.a.x, row.b.x, row.c.x, row.u);

@@ -2,9 +2,9 @@
 // along the ray, and edge functions are differences of two products, each rounded separately. The pass's axis is used
 // instead of each ray's dominant axis. The test stays watertight, since a ray has the same axis for all triangles, so
 // that a shared corner is sheared in the same way. A prepared triangle contains the corners along the pass's axes,
-// relative to the origin. The fourth component of `a` is the sign of det for front faces. This sign is reversed for
-// rays that run against the axis, since their coordinates are mirrored, and for shadow rays, since they are tested from
-// their light:
+// relative to the origin. The fourth component of `a` is the sign that the sum of the three edge functions (`det`) has
+// for front faces. This sign is reversed for rays that run against the axis, since their coordinates are mirrored, and
+// for shadow rays, since they are tested from their light:
 //
 //     a: | x y z sign |     b: | x y z 0 |     c: | x y z 0 |
 

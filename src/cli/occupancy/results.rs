@@ -24,7 +24,7 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
         .collect();
     if points.is_empty() {
         return Err(Error::run(format!("{} has no point whose occupancy is known", path.display())).with_help(
-            "raycl predicts the occupancy from the kernel's number of registers, which raycl knows only if the compiler prints it to the build log, and from the device's compute capability, which --compute-capability can replace",
+            "a prediction needs the kernel's number of registers, which only some compilers print, and the device's compute capability; if the device has none, choose one: --compute-capability 9.0",
         ));
     }
     if as_json {

@@ -14,12 +14,15 @@ use image::RgbImage;
 
 /// An image, in the form in which it is saved.
 pub enum Picture {
+    /// Radiance, as the device computed it.
     Radiance(Radiance),
+    /// Colours in 8 bits, which the host converted.
     Shown(RgbImage),
+    /// Colours in 8 bits, which the device converted and sent in bands of rows.
     Incoming(Incoming),
 }
 
-/// How an image is converted to 8 bits.
+/// How an image is converted to 8 bits, and where it is saved.
 pub struct Shows<'a> {
     pub display: Display,
     pub target: &'a Target,
@@ -37,7 +40,7 @@ pub struct Cast {
     pub read_ms: f64,
     /// Number of samples per pixel.
     pub sampling: Sampling,
-    /// For each number of samples, how many pixels got this number; `None` if all pixels got the same number.
+    /// How many samples the pixels of each block got; `None` if sampling was not adaptive.
     pub counts: Option<SampleCounts>,
     /// The pictures from which the filter of soft light makes the final picture. They are only kept if the picture is
     /// verified and its soft light is cast at half resolution.
@@ -45,8 +48,8 @@ pub struct Cast {
 }
 
 impl Cast {
-    /// Returns the requested number of samples per pixel. If pixels got different numbers, also returns how many pixels
-    /// got each number.
+    /// Returns how many samples per pixel were requested. If sampling was adaptive, also returns how many samples the
+    /// pixels of each block got.
     pub fn sampled(&self) -> (Sampling, Option<&SampleCounts>) {
         (self.sampling, self.counts.as_ref())
     }
@@ -155,7 +158,8 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Returns the median of each time.
+/// Returns the median of each of a frame's times, over these frames. The processor time is left out, because frames
+/// have one only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
         let times: Vec<f64> = frames.iter().filter_map(time).collect();

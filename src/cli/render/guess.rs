@@ -93,7 +93,8 @@ fn last_time(cache: &Cache, args: &Args, device: &DeviceInfo) -> Option<(Strateg
     Some((strategy, workload))
 }
 
-/// Returns the strategy for an OBJ file, whose number of triangles is estimated from the file's size.
+/// Returns the strategy and the workload for an OBJ file. The number of triangles is estimated from the file's size.
+/// Returns `None` for other files.
 fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     if args.subject.scene.extension()? != "obj" {
         return None;
@@ -109,6 +110,8 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     let many_samples = sampling.most > 1;
     let (soft_lights, half_light) = (sky && many_samples, sky && sampling.half_light > 0);
     let known = Workload {
+        // A bare mesh has lights; their number matters only if it is 0.
+        lights: 1,
         local_size,
         stack_size,
         soft_lights,

@@ -48,7 +48,9 @@ pub(super) fn check(
         let message = format!(
             "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
         );
-        return Err(Error::run(message).with_help("this is a bug in raycl or in the driver"));
+        return Err(Error::run(message).with_help(
+            "this is a bug in raycl or in the driver: update the driver, or report the bug with the command",
+        ));
     }
     let compare =
         |scene: &Scene, image: &Radiance, hits, samples: &[Sample], counts: Option<&SampleCounts>| {

@@ -27,7 +27,8 @@ struct Order {
     /// The device's identity.
     device: String,
     /// The lane operations (such as ballots among work-items that execute together) for which the program was made.
-    /// They are assumed from the device's extensions if raycl has not tested them yet.
+    /// If raycl has not tested yet which lane operations work on the device, these are the fastest ones that the
+    /// device's extensions suggest.
     lanes: LaneOperations,
     /// The program to compile and store; `None` if the process only lists the devices.
     program: Option<Source>,

@@ -32,12 +32,12 @@ const HEADING: &str = "Moving pictures";
 /// Options for moving pictures.
 #[derive(Debug, clap::Args)]
 pub struct Motion {
-    /// Move the camera once around the scene in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`) a
-    /// y4m stream for an encoder
+    /// Move the camera once around the scene in FRAMES frames. The output is numbered PNGs, an .apng, or (with `-o -`)
+    /// a y4m stream for a video encoder
     #[arg(long, help_heading = HEADING, value_name = "FRAMES", group = MOVING, conflicts_with_all = STILL, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     turntable: Option<u32>,
     /// Render the frames of the animation that the table [animation] of the scene's file describes. The output is
-    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for an encoder
+    /// numbered PNGs, an .apng, or (with `-o -`) a y4m stream for a video encoder
     #[arg(long, help_heading = HEADING, group = MOVING, conflicts_with_all = STILL)]
     animate: bool,
     /// Render only frames A to B, both included; the first frame has the number 1
@@ -202,8 +202,8 @@ fn tell(args: &Args, report: &Report) -> Result<()> {
     }
 }
 
-/// Casts frames; each is encoded while the next one is cast. Returns the frames' device times in milliseconds. Only
-/// this thread uses the driver.
+/// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds.
+/// Only the calling thread uses the driver.
 fn cast_into(
     mut stage: Stage<'_>,
     sink: Sink,

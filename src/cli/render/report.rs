@@ -77,7 +77,7 @@ pub struct Report {
     /// Primary rays x triangles divided by the time of the primary pass, or of the frame if passes are fused;
     /// null if not every triangle is tested.
     pub tests_per_s: Option<f64>,
-    /// Number of timed frames; each time is the median of these frames.
+    /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     pub frames: u32,
     /// Largest use of the host's memory, predicted.
     pub host_bytes: u64,
@@ -94,7 +94,7 @@ pub struct Report {
     pub notes: Vec<String>,
 }
 
-/// The result of verifying a correct picture.
+/// The result of `--verify` if the picture agrees with the reference. If it does not, the command ends with an error.
 #[derive(Debug, Serialize)]
 pub struct Verified {
     /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
@@ -102,8 +102,8 @@ pub struct Verified {
     /// compared with the reference, over their certain pixels. The final picture is compared with the result of the
     /// same filter on the host, over all pixels.
     pub max_difference: f64,
-    /// Number of uncertain pixels: those whose radiance changes if their rays are moved slightly. Uncertain pixels of
-    /// half pictures are not counted.
+    /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
+    /// not counted.
     pub uncertain_pixels: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,

@@ -40,7 +40,7 @@ struct Report {
     devices: Vec<Row>,
     /// Devices that were not used, because they would have slowed the frame down.
     left_out: Vec<LeftOut>,
-    /// Number of timed frames; each time is the median of these frames.
+    /// Number of timed frames; the times of the frame and of its passes are medians over these frames.
     frames: u32,
     /// Time of the whole command.
     total_ms: f64,

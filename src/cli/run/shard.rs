@@ -56,12 +56,12 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
             .with_help("choose another folder with --out")),
         false => refuse_other_folders(out, Choice { force, elsewhere: "--out DIR" }, false),
     };
-    // A folder with a plan of shards is accepted even if the checks above refused it. The plan is looked for last, since
-    // another shard's process may have written it during these checks.
+    // A folder with a plan of shards is accepted even if the checks above refused it. The plan is looked for last,
+    // since another shard's process may have written it during these checks.
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns the part of the plan that must be the same for all shards.
+/// Returns this process's header of the plan. The header must be the same for all shards, except for the config's path.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
     let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
     Ok(Header {
@@ -147,8 +147,8 @@ impl Part<'_> {
         super::measuring::execute(self.args, run, &attempt.folder, &mut results, observer, interrupted)
     }
 
-    /// Writes a file with the points' keys for each kind of device that this shard measures on, unless another
-    /// shard has written it. `own` contains this shard's points, as indices into the plan.
+    /// Writes one file for each kind of device on which this shard measures; the file contains the keys of the points.
+    /// Writes nothing if all these files exist already. `own` contains this shard's points, as indices into the plan.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let has_host = own.iter().any(|place| self.run.is_on_host(*place));
         let kinds = self

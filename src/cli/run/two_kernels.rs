@@ -30,7 +30,9 @@ pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Resu
 fn regressed(comparison: &Comparison, worse: &[String], folder: &Folder) -> Error {
     let [first, second] = &comparison.labels;
     let help = match comparison.broken.is_empty() {
-        true => format!("some points take longer with the kernels of {second} than with those of {first}"),
+        true => format!(
+            "change the kernels of {second}, which are slower than those of {first}, or allow a larger slowdown with --fail-on-regression"
+        ),
         false => {
             let images = folder.path.join("images");
             format!(

@@ -46,7 +46,7 @@ const READING_EVERY: Duration = Duration::from_millis(20);
 pub(super) struct Latency {
     /// The last reading and its time; `None` if nothing is measured.
     last: Option<(Instant, Option<f64>)>,
-    /// How long the launch has waited for near processors.
+    /// How long the launch has waited for near processors (processors at their usual distance).
     waited: Duration,
 }
 
@@ -97,8 +97,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         (self.start.elapsed().as_secs_f64() * 1e6).round() * 1e-3
     }
 
-    /// Waits for a limited time if the host has moved this virtual machine's processors, since the next sample would not
-    /// count.
+    /// Waits for a limited time if the host has moved this virtual machine's processors, since the next sample would
+    /// not count.
     fn wait_for_near_processors(&mut self) {
         let (near_ns, interrupted) = (self.sink.near_ns(), self.supervisor.interrupted());
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));

@@ -178,7 +178,8 @@ fn a_points_failure_says_how_its_worker_was_lost() {
     let twice = [Wait::Dead(death("first")), Wait::Dead(death("oh"))];
     let both = "on both attempts its process was killed by SIGSEGV; its last message: oh";
     assert_eq!(reason(&twice, LIMIT), (Outcome::Crashed, both.to_owned()));
-    let hung = "its process did not answer within 0 s and was ended; see `raycl run --hang-limit`";
+    let hung = "its process did not answer within 0 s and was ended; if the point needs more time, \
+                raise `raycl run --hang-limit`";
     assert_eq!(reason(&[Wait::Silence], Duration::ZERO), (Outcome::TimedOut, hung.to_owned()));
     // After three points have crashed twice, no other point is tried twice.
     let (noting, never) = (Noting::default(), AtomicBool::new(false));

@@ -20,9 +20,9 @@ impl BetweenRuns {
     /// experiment was run several times on quiet virtual machines of two cores (docs/log.md, 2026-11-23 and
     /// 2026-11-25).
     pub const ON_PROCESSORS: Self = Self { shared: 0.027, own: 0.011 };
-    /// How much times on all other devices differ from run to run. The values were measured with one experiment, which
-    /// was run several times on GPUs in each of four sessions (docs/log.md, 2026-11-23 and 2026-11-25). Records of
-    /// earlier runs, which were made on three different days, were also used.
+    /// How much times on all other devices differ from run to run. The values were measured with one experiment, in
+    /// four series of runs on GPUs (docs/log.md, 2026-11-23 and 2026-11-25). Records of earlier runs, which were made
+    /// on three different days, were also used.
     pub const ON_OTHER_DEVICES: Self = Self { shared: 0.005, own: 0.004 };
 
     /// Returns the error that the differences between runs add to the mean time of `points` points.

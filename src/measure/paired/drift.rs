@@ -13,9 +13,10 @@ const MOST_NEIGHBOURS: usize = 6;
 /// sample.
 ///
 /// The method is a median polish (Tukey 1977) of the model log time = level of the point + drift at that
-/// time. The drift is the running median over neighbours in time, not one value per round, so that it follows
-/// a change of speed within a round, too. Every sample is thus compared with samples taken just
-/// before and after it, and a change that slows all points equally cancels.
+/// time. The drift at a sample is the median of (log time - level) over this sample and its neighbours in time, which
+/// may belong to any point. The drift is not one value per round, so it also follows a change of speed within a round.
+/// Every sample is thus compared with samples taken just before and after it, and a change that slows all points
+/// equally cancels.
 pub(super) fn without_drift(samples: &[PairedSample], points: usize) -> Vec<f64> {
     let logs: Vec<f64> = samples.iter().map(|sample| sample.ms.ln()).collect();
     let present = (0..points).filter(|point| samples.iter().any(|sample| sample.point == *point)).count();

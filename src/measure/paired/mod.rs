@@ -17,9 +17,9 @@
 //!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
 //!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
-//!    plus those that other groups of the same run add. Each group has a table of its own. The spread between launches
-//!    in the tables with the same number of launches is averaged with the point's own spread. Together, these other
-//!    tables add at most six degrees of freedom.
+//!    plus those that other groups of the same run add. Each group has a table of its own. The point's own spread is
+//!    averaged with the spread between launches in the tables of those other groups that have the same number of
+//!    launches. Together, these tables add at most six degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -191,7 +191,8 @@ impl Paired {
     }
 
     /// Improves the estimates of several tables of one run on one machine; a table has the points that were measured
-    /// together. Each table also uses the spread between launches in the other tables.
+    /// together. Each table also uses the spread between launches in the other tables that have the same number of
+    /// launches.
     pub fn borrow_from_each_other(all: &mut [Self]) {
         let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
         for (place, one) in all.iter_mut().enumerate() {

@@ -110,10 +110,10 @@ fn variance(values: &[f64]) -> f64 {
     mean_and_sigma(values).1.powi(2)
 }
 
-/// Returns the variances of the rows' residuals in a two-way table after subtracting the effects of rows and columns; 0
-/// for a single row or column. For each row, the effect of a column is the median over all steady rows except the row
-/// itself. Unsteady rows therefore do not disturb the residuals of others, even if more than half of the rows are
-/// unsteady.
+/// Returns the distribution of the variances of the rows' residuals in a two-way table after subtracting the effects of
+/// rows and columns. For a single row or column, the variances are 0. For each row, the effect of a column is the
+/// median over all steady rows except the row itself. Unsteady rows therefore do not disturb the residuals of others,
+/// even if more than half of the rows are unsteady.
 fn interaction(table: &[&[f64]]) -> Prior {
     let (rows, columns) = (table.len(), table.first().map_or(0, |row| row.len()));
     if rows < 2 || columns < 2 {
@@ -143,7 +143,8 @@ fn interaction(table: &[&[f64]]) -> Prior {
 }
 
 /// Returns the third of the rows, but at least [`LEAST_STEADY`], that change most alike from column to column. Each row
-/// forms a set with its nearest rows; the set with the smallest distance to its farthest row is returned.
+/// forms a set with its nearest rows. The returned set is the one whose farthest row is nearest to the row that formed
+/// the set.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The compiler's macros that raycl knows, and the unknown macros that conditions use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Compiler {
-    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key is a macro's name, or a whole text such as
-    /// `__has_builtin(f)`.
+    /// The values of the compiler's macros and of `__has_builtin(NAME)`. A key is a macro's name, or a whole text such
+    /// as `__has_builtin(f)`.
     pub given: BTreeMap<String, i64>,
     /// Names that conditions use, but that neither the text nor `given` defines; they count as undefined.
     pub asked: BTreeSet<String>,
@@ -103,7 +103,9 @@ impl Parser<'_> {
     /// Calls `parse` one level deeper.
     fn nested(&mut self, parse: impl FnOnce(&mut Self) -> Result<i64, String>) -> Result<i64, String> {
         if self.depth == MOST_NESTED {
-            return Err(format!("the condition is nested in more than {MOST_NESTED} levels"));
+            return Err(format!(
+                "the condition has brackets, unary operators or ?: nested more than {MOST_NESTED} levels deep"
+            ));
         }
         self.depth += 1;
         let value = parse(self);

@@ -148,7 +148,8 @@ impl Preprocessor {
         self.branches.last().is_none_or(|branch| branch.live)
     }
 
-    /// Returns the place of a line of the whole text, if this line belongs to the current file.
+    /// Returns the place, in the current file, of a line with this number in the whole text. The line must belong to
+    /// the current file.
     fn place_of(&self, line: u32) -> Place {
         Place { file: Rc::clone(&self.file), line: i64::from(line) + self.offset }
     }

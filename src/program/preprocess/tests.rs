@@ -386,7 +386,8 @@ fn conditions_nested_too_deeply_are_refused_with_their_line() {
     let inside = |before: &str, after: &str, levels| {
         format!("\n#if {}1{}\nyes\n#endif\n", before.repeat(levels), after.repeat(levels))
     };
-    let expected = "line 2: the condition is nested in more than 100 levels";
+    let expected =
+        "line 2: the condition has brackets, unary operators or ?: nested more than 100 levels deep";
     for (before, after) in [("(", ")"), ("!!", ""), ("1 ? 1 : ", ""), ("-(0 + ", ")")] {
         assert_eq!(text(&inside(before, after, 30)).trim(), "yes", "{before}");
         let said = mistake(&inside(before, after, 50_000));

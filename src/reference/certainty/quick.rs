@@ -24,7 +24,8 @@ struct Hits {
     centre: Met,
     /// The hits of the nudged rays.
     nudged: [(Reach, Met); NUDGES],
-    /// The hit of the ray itself on the triangle that rounding has made larger.
+    /// The hit of the ray itself on the triangle that [`larger_hit`] enlarges by the largest rounding error of a
+    /// device.
     leaning: Met,
 }
 

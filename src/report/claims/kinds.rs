@@ -78,7 +78,7 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         .filter(own)
         .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
         .collect();
-    let Some(ratio) = Ratio::of_parts(&ratios, record.median_ms.unwrap_or(0.0)) else {
+    let Some(ratio) = Ratio::of_parts(&ratios) else {
         let text = format!("no sample of {point} with separate times of its passes");
         return Line::cannot(text, "the file samples.jsonl next to the records".to_owned());
     };
@@ -111,6 +111,7 @@ fn fits_in(preset: &Preset, size: LocalSize, triangles: usize, local_bytes: u64,
         sky: false,
         many_samples: false,
         half_light: false,
+        given_rays: false,
         sky_texels: 0,
         stack_size: 0,
         image_size: crate::report::view::PAPER_SIZE,

@@ -11,30 +11,30 @@ pub struct Ratio {
     /// The ratio with its 95% interval; `None` if either record has too few samples.
     sure: Option<(f64, [f64; 2])>,
     /// The number of samples of the record that has fewer. If there are too few samples for an interval, the smallest
-    /// number of samples in a single launch (worker process) of either record.
+    /// number of samples in a single launch (worker process) of either record. For two passes of the same frames, the
+    /// number of samples in all launches.
     n: usize,
-    /// The longer of the two median times in milliseconds, from which [`more_samples`] computes a time limit.
-    frame_ms: f64,
 }
 
 impl Ratio {
     /// Returns the ratio of two measured records' times. All claims compute ratios with this
     /// function.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
-        let frame_ms = median(slow)?.max(median(fast)?);
+        median(slow)?;
+        median(fast)?;
         let sure = ratio(slow, fast).map(|ratio| (ratio.middle, [ratio.low, ratio.high]));
         let count = |record: &Record| if sure.is_some() { record.samples_ms.len() } else { fewest(record) };
-        Some(Self { sure, n: count(slow).min(count(fast)), frame_ms })
+        Some(Self { sure, n: count(slow).min(count(fast)) })
     }
 
     /// Returns the ratio of the times of two passes of the same frames. `ratios` contains each
     /// sample's launch number and ratio.
-    pub(super) fn of_parts(ratios: &[(u32, f64)], frame_ms: f64) -> Option<Self> {
+    pub(super) fn of_parts(ratios: &[(u32, f64)]) -> Option<Self> {
         let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
         let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
         let found = Paired::of(&samples, 1).median_ms(0);
         let sure = found.map(|found| (found.middle, [found.low, found.high]));
-        (!ratios.is_empty()).then_some(Self { sure, n: ratios.len(), frame_ms })
+        (!ratios.is_empty()).then_some(Self { sure, n: ratios.len() })
     }
 
     /// Returns the ratio; infinite if there are too few samples.
@@ -79,7 +79,7 @@ impl Ratio {
     }
 
     fn decides(&self, held: &RangeInclusive<f64>) -> String {
-        let Some((_, [low, high])) = self.sure else { return more_samples(self.frame_ms) };
+        let Some((_, [low, high])) = self.sure else { return more_samples() };
         let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
         let bound = bound.map_or(String::new(), |bound| format!(", which contains the bound {bound}"));
         let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
@@ -89,12 +89,11 @@ impl Ratio {
     }
 }
 
-/// Returns a text with the number of samples that a verdict needs in each launch, and with the option for a time limit
-/// that is long enough for this number of samples in one launch, if a frame takes `frame_ms`.
-fn more_samples(frame_ms: f64) -> String {
-    // The factor 1.5 allows for warm-up frames, which take additional time.
-    let limit = (1.5 * MIN_SAMPLES as f64 * frame_ms / 1000.0).ceil() * 1000.0;
-    format!("{MIN_SAMPLES} samples of each point per launch, with `--set timing.time_limit_ms={limit}`")
+/// Returns a text that says how many samples a verdict needs. A launch takes fewer only if the config's limit is lower.
+fn more_samples() -> String {
+    format!(
+        "{MIN_SAMPLES} samples of each point per launch; `timing.max_samples` must be at least {MIN_SAMPLES}"
+    )
 }
 
 /// Formats bounds as "at least 2", "at most 2" or "0.95 to 1.05".
@@ -145,7 +144,7 @@ mod tests {
         let line = far(4).line("a".into(), LONGER);
         assert_eq!(
             line.decides,
-            "5 samples of each point per launch, with `--set timing.time_limit_ms=1000`"
+            "5 samples of each point per launch; `timing.max_samples` must be at least 5"
         );
         let near = ratio([1.05, 1.2], [1.0, 1.1], 5).line("a".into(), LONGER);
         assert!(
@@ -169,18 +168,18 @@ mod tests {
     #[test]
     fn parts_of_the_same_frames_have_a_ratio_of_their_own() {
         let parts = |ratios: &[f64]| ratios.iter().map(|ratio| (0, *ratio)).collect::<Vec<_>>();
-        let ratio = Ratio::of_parts(&parts(&[2.0, 2.1, 1.9, 2.0, 2.05]), 10.0).expect("it is finite");
+        let ratio = Ratio::of_parts(&parts(&[2.0, 2.1, 1.9, 2.0, 2.05])).expect("it is finite");
         assert_eq!(ratio.verdict(&LONGER), Verdict::Held);
         assert_eq!(
-            Ratio::of_parts(&parts(&[2.0; 4]), 10.0).map(|few| few.verdict(&LONGER)),
+            Ratio::of_parts(&parts(&[2.0; 4])).map(|few| few.verdict(&LONGER)),
             Some(Verdict::Unclear)
         );
-        assert!(Ratio::of_parts(&[], 10.0).is_none());
+        assert!(Ratio::of_parts(&[]).is_none());
     }
 
     #[test]
     fn an_interval_that_ends_at_a_bound_is_unclear() {
-        let of = |low: f64, high: f64| Ratio { sure: Some((2.0, [low, high])), n: 10, frame_ms: 1.0 };
+        let of = |low: f64, high: f64| Ratio { sure: Some((2.0, [low, high])), n: 10 };
         let within = 1.0..=3.0;
         for (low, high) in [(1.0, 2.5), (1.5, 3.0), (3.0, 4.0), (0.5, 1.0)] {
             assert_eq!(of(low, high).verdict(&within), Verdict::Unclear, "{low} to {high}");
@@ -194,7 +193,7 @@ mod tests {
 
     #[test]
     fn a_comparison_without_enough_samples_has_no_ratio() {
-        let of = |sure| Ratio { sure, n: 3, frame_ms: 1.0 };
+        let of = |sure| Ratio { sure, n: 3 };
         assert_eq!(
             of(Some((2.0, [1.9, 2.1]))).between("a", "b"),
             "a takes 2.00 times (1.90 to 2.10, n = 3) as long as b"
@@ -203,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_limit_that_would_do_is_that_of_the_longer_frame_and_n_is_that_of_the_fewer_samples() {
+    fn n_is_that_of_the_record_with_fewer_samples() {
         let of = |name: &str, ms: f64, n: u32| sampled(name, (0..n).map(move |_| (0, ms)));
         let records = judged([of("naive", 2000.0, 4), of("wide", 1.0, 9)]);
         for [slow, fast] in [[0, 1], [1, 0]] {
@@ -212,7 +211,7 @@ mod tests {
             let line = ratio.line("a".into(), LONGER);
             assert_eq!(
                 line.decides,
-                "5 samples of each point per launch, with `--set timing.time_limit_ms=15000`"
+                "5 samples of each point per launch; `timing.max_samples` must be at least 5"
             );
         }
         let records = judged([of("naive", 2000.0, 7), of("wide", 1.0, 9)]);

@@ -149,8 +149,9 @@ pub(super) fn read(name: &str, text: &str) -> Result<Vec<Row>> {
     let file: File = toml::from_str(text).map_err(|error| {
         toml_error(name, text, &error, "the first lines of claims.toml explain every key and kind")
     })?;
-    match file.claim.iter().find_map(Row::mistake) {
-        Some(mistake) => Err(Error::input(format!("{name}: {mistake}"))
+    let mut rows = (1_usize..).zip(&file.claim);
+    match rows.find_map(|(number, row)| Some((number, row.mistake()?))) {
+        Some((number, mistake)) => Err(Error::input(format!("{name}: in claim {number}, {mistake}"))
             .with_help("the first lines of claims.toml explain every key and kind")),
         None => Ok(file.claim),
     }
@@ -168,8 +169,8 @@ impl Row {
         let configs = crate::report::paper::CONFIGS.map(|(name, _)| name);
         let empty = empty.into_iter().find(|(_, text)| text.trim().is_empty());
         empty
-            .map(|(key, _)| format!("`{key}` is empty in the claim '{}'", self.sentence))
-            .or_else(|| self.test.is_empty().then(|| format!("the claim '{}' has no test", self.sentence)))
+            .map(|(key, _)| format!("`{key}` is empty"))
+            .or_else(|| self.test.is_empty().then(|| "there is no test".to_owned()))
             .or_else(|| self.configs.iter().find_map(|config| known("config", config, &configs).err()))
     }
 }

@@ -45,7 +45,7 @@ pub struct Comparison {
     pub others: Vec<String>,
     /// The lines of `others` for points that were measured before and fail now.
     pub broken: Vec<String>,
-    /// The notes of the folders, each with its folder's name.
+    /// The notes of the folders, and notes on how the folders were compared.
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
     pub threshold: f64,

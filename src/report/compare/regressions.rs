@@ -73,8 +73,8 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
 }
 
 /// Returns the mean change of some points. Points that were measured together are averaged first.
-/// Returns `None` if the change of any point cannot be computed, or is relative to neither an anchor
-/// nor the same rounds.
+/// Returns `None` if the change of any point is unknown, or if it is neither relative to an anchor nor
+/// a comparison of two times from the same rounds.
 fn change_of(pairs: &[&Pair]) -> Option<Interval> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
     for &pair in pairs {

@@ -30,14 +30,14 @@ fn what_does_not_fit_or_is_not_meant_for_the_device_has_not_failed() {
         [
             "5 points",
             "10 samples",
-            "2 points do not fit the device",
+            "2 points do not suit the device or the scene",
             "1 point is meant for another kind of device",
             "1 point failed",
         ]
     );
     assert_eq!(
         said(&records[..4])[4..],
-        ["2 points do not fit the device", "1 point is meant for another kind of device"]
+        ["2 points do not suit the device or the scene", "1 point is meant for another kind of device"]
     );
 }
 

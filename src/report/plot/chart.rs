@@ -14,7 +14,7 @@ pub use series::{Mark, Series};
 pub enum Across {
     /// Names at equal distances; a mark's x is the index of a name.
     Names(Vec<String>),
-    /// Numbers.
+    /// Numbers, on a scale of this kind.
     Numbers(Kind),
 }
 
@@ -33,7 +33,7 @@ pub struct Chart {
     pub up: Kind,
     /// True if the line y = x is drawn.
     pub diagonal: bool,
-    /// The curves.
+    /// The series of marks.
     pub series: Vec<Series>,
 }
 

@@ -20,7 +20,8 @@ pub(super) fn is_numeric(value: &Value) -> bool {
     }
 }
 
-/// Returns whether two numeric values have the same number of elements.
+/// Returns whether two numeric values have the same structure: both are numbers, or both are lists of the same length
+/// whose elements also have the same structure.
 pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Array(a), Value::Array(b)) => {

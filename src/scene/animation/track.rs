@@ -59,7 +59,8 @@ impl Track {
             Some("") => Err(refused(format!("a second track for `{path}`"), "this path has a track already")),
             Some(rest) if rest.starts_with('.') => {
                 let message = format!("`{path}` replaces the value of the track `{other}`");
-                Err(refused(message, "this path").with_help("put this track before the tracks of its parts"))
+                let help = "put this track before all tracks that set a part of its value";
+                Err(refused(message, "this path").with_help(help))
             }
             _ => Ok(()),
         }

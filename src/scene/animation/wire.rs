@@ -32,7 +32,8 @@ pub(in crate::scene) struct TrackWire {
     /// The value's path, as in --set: camera.position, light.0.power, object.2.rotation.
     #[schemars(with = "String")]
     pub path: Spanned<String>,
-    /// The frames of `values`, ascending [default: evenly spaced from the first to the last].
+    /// The frames of `values`, ascending [default: evenly spaced from the first frame to the last frame of the
+    /// animation].
     #[schemars(with = "Option<Vec<u32>>")]
     pub at: Option<Spanned<Vec<Spanned<u32>>>>,
     /// The values at the frames of `at`.

@@ -48,7 +48,9 @@ pub(super) fn base_camera(
     framing::camera(mesh, ball, &view)
 }
 
-/// Returns the camera. If the file has no key for a value, the base camera's value is used.
+/// Returns the camera: the base camera with the values that the scene file sets. If the file sets `position` but not
+/// `look_at`, the camera looks at the centre of the `ball` or, without a `ball`, in the base camera's direction. If the
+/// file sets `position` or `look_at` but not `up`, the y axis points up.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,

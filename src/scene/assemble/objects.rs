@@ -210,7 +210,7 @@ fn room_for(shape: &Shape) -> Result<()> {
     Available::read().hold(bytes * triangles, "this shape", &sum)
 }
 
-/// Faces as lists of vertex numbers from 0, optionally with lists of normal numbers.
+/// For each face, a list of the numbers of its vertices or of its normals, from 0.
 type Faces = Spanned<Vec<Spanned<Vec<u32>>>>;
 
 /// Returns inline triangles.
@@ -260,7 +260,10 @@ fn push_face(
     }
     let outline: Vec<_> = corners.iter().map(|&i| mesh.positions[i as usize].as_dvec3()).collect();
     let triangles = obj::triangulate(&outline).ok_or_else(|| {
-        let message = format!("a concave face of over {} corners", obj::MAX_CONCAVE_CORNERS);
+        let message = format!(
+            "a concave face of more than {} corners; divide it into smaller faces",
+            obj::MAX_CONCAVE_CORNERS
+        );
         document.error(face.span(), message, "here")
     })?;
     mesh.triangles.extend(triangles.into_iter().map(|triangle| Triangle {

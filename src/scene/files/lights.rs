@@ -10,11 +10,11 @@ const DIRECTIONAL_RADII: f64 = 50.0;
 /// brightness at the centre. A nearer light counts as if it were at this distance.
 const NEAREST_RADII: f64 = 0.25;
 
-/// The position or the direction from which the light comes.
+/// The origin of a light: a point, or infinity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Source {
     Point(DVec3),
-    /// From infinity, along this direction of length 1.
+    /// The light comes from infinity and shines in this direction, of length 1.
     Direction(DVec3),
 }
 

@@ -37,13 +37,14 @@ pub(in crate::scene) struct MeshFile {
     pub mesh: Mesh,
     /// How the file's positions were changed, in double precision, before they were rounded to single precision.
     pub placement: Placement,
-    /// The first triangle of each part after the first, if the file has separate parts.
+    /// The index of the first triangle of each part after the first; empty unless the file is glTF. The parts of a glTF
+    /// file are its nodes with a mesh.
     pub more_starts: Vec<u32>,
-    /// The first camera of the file, placed as the mesh is.
+    /// The first camera of the file, moved and scaled like the mesh; `None` if the file has none.
     pub camera: Option<Camera>,
     /// A note for the user that is shown only if the file's camera is used.
     pub camera_note: Option<String>,
-    /// The file's lights, placed as the mesh is.
+    /// The file's lights, moved and scaled like the mesh.
     pub lights: Vec<FileLight>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -121,8 +122,8 @@ fn invisible(mesh: &Mesh) -> Option<String> {
 /// quote the file.
 fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
     let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
-    let outside =
-        "the file's text is not shown, since the file is outside the folder of the file that names it";
+    let outside = "the file's text is not shown, since the file is outside the folder of the file that names it; \
+         `raycl render FILE` shows the mistake";
     let mistake = || {
         Error::input(format!("{name}: the file is damaged, or it is not {}", format.name()))
             .with_help(outside)
@@ -130,7 +131,8 @@ fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<Me
     file.map(told).map_err(|_| mistake())
 }
 
-/// Returns an error without a line number, for a mistake in a mesh.
+/// Returns the error for a mistake in a mesh, without an excerpt of the file. `name` is the name of the file, followed
+/// by the number of the line if it is known.
 fn mistake(name: &str, what: impl std::fmt::Display) -> Error {
     Error::input(format!("{name}: {what}"))
         .with_help("the file may be cut off or damaged; export it again, or convert it to OBJ")

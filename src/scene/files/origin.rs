@@ -144,7 +144,7 @@ pub(super) fn settle_if(
     Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), placement))
 }
 
-/// Returns the placement of a mesh with these positions, without those that are not valid.
+/// Returns the placement of a mesh with these positions. Positions that are not valid are ignored.
 pub(super) fn placement_of(positions: &[DVec3]) -> Placement {
     let valid = || positions.iter().copied().filter(is_valid);
     let low = valid().fold(DVec3::INFINITY, DVec3::min);

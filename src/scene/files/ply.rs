@@ -32,7 +32,8 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the error without the file's text. If the reader reports the error's line, the message contains the line.
+/// Returns the error without the file's text. If the reader reports the number of the line, the message contains this
+/// number.
 fn misread(name: &str, error: &ParseError) -> Error {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
@@ -107,7 +108,10 @@ impl Parts {
                     let triangles = triangulate(&outline).ok_or_else(|| {
                         mistake(
                             name,
-                            format!("face {number} is concave and has over {MAX_CONCAVE_CORNERS} corners"),
+                            format!(
+                                "face {number} is concave and has over {MAX_CONCAVE_CORNERS} corners; divide \
+                                 it into smaller faces"
+                            ),
                         )
                     })?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));

@@ -20,7 +20,7 @@ const TRIANGLE_BYTES: usize = 50;
 /// Number of bytes at the start of a file that are searched for a zero byte and for `vertex`. A file is not
 /// text if these bytes contain a zero byte and no `vertex`.
 const HEAD_BYTES: usize = 1 << 10;
-/// The key of a colour for all facets in the header of a binary file, as Materialise Magics writes it.
+/// Materialise Magics writes this key before a colour for all facets, in the header of a binary file.
 const COLOUR: &[u8] = b"COLOR=";
 
 /// Reads an STL file from its bytes. Errors name the file as `name`.

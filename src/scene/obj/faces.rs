@@ -59,7 +59,8 @@ impl FaceContext<'_> {
 #[derive(Default)]
 pub(super) struct FaceChunk {
     pub triangles: Vec<Triangle>,
-    /// The indices of each triangle's texture coordinates, or [`MISSING`]; empty if none were read.
+    /// For each triangle, the indices of its corners' texture coordinates. The index of a corner without a texture
+    /// coordinate is [`MISSING`]. The list is empty if no texture coordinates were read.
     pub places: Vec<[u32; 3]>,
     unknown_materials: BTreeSet<String>,
     /// The byte offset of the first face that has normals at some corners only; `None` if there is no such face.
@@ -93,7 +94,8 @@ pub(super) fn read(context: &FaceContext, chunk: &Chunk, start: &Start) -> Resul
     Ok(faces)
 }
 
-/// One corner of a face: a position and, if present, a normal and a texture coordinate.
+/// One corner of a face: the indices of its position, its normal and its texture coordinate. A missing normal or
+/// texture coordinate is [`MISSING`].
 type Corner = (u32, u32, u32);
 
 /// Stored in a [`Corner`] instead of a normal's index if the file has no normal with this index.
@@ -155,7 +157,11 @@ impl FaceChunk {
         }
         let outline: Vec<_> = corners.iter().map(|c| context.positions[c.0 as usize].as_dvec3()).collect();
         let triangles = triangulate(&outline).ok_or_else(|| {
-            format!("a concave face of {} corners; expected at most {MAX_CONCAVE_CORNERS}", corners.len())
+            format!(
+                "a concave face of {} corners; expected at most {MAX_CONCAVE_CORNERS}: divide it into smaller \
+                 faces",
+                corners.len()
+            )
         })?;
         triangles.into_iter().for_each(&mut push);
         Ok(())
@@ -228,8 +234,8 @@ fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     (1..=total).contains(&(value as usize)).then(|| value - 1)
 }
 
-/// Returns the zero-based index that the text `part` means. Its number counts from 1; a negative number counts
-/// backwards from -1, the last element before the face.
+/// Returns the zero-based index that the text `part` means. The number in `part` counts from 1; a negative number
+/// counts backwards from -1, the last element before the face.
 fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> Result<u32, String> {
     let value = integer(part).ok_or_else(|| not_an_index(part, token))?;
     let index = if value < 0 { seen as i64 + value } else { value - 1 };

@@ -1,6 +1,6 @@
 //! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for
-//! points that were not measured, and leave behind other such vertices that no face uses. A vertex that is not valid
-//! is a mistake only if a face uses the vertex. A normal that is not valid counts as missing.
+//! points that were not measured. Some write other vertices that are not valid, but use them in no face. A vertex that
+//! is not valid is a mistake only if a face uses the vertex. A normal that is not valid counts as missing.
 
 use super::faces::Start;
 use super::points::{PointChunk, is_large, mistake_in_normal, mistake_in_vertex};

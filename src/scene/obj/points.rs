@@ -1,5 +1,5 @@
 //! The first pass over an OBJ file: reads vertices and normals, the names of materials, and unsupported statements.
-//! Vertices and normals that are not valid are only recorded here, since the file may not use them ([`super::odd`]).
+//! Vertices and normals that are not valid are only recorded here, since perhaps no face uses them ([`super::odd`]).
 
 use super::asked::Asked;
 use super::odd::Odd;
@@ -254,7 +254,7 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     Err(Mistake::new(offset, message))
 }
 
-/// Returns whether a vertex that is not valid has three valid coordinates in a mesh that may be scaled.
+/// Returns whether a vertex that is not valid would be valid in a mesh that may be scaled.
 pub(super) fn is_large(rest: &[u8]) -> bool {
     Reading::LARGE.exact(&mut tokens(rest)).is_some()
 }

@@ -59,8 +59,8 @@ impl Source<'_> {
         1 + self.text[..offset.min(self.text.len())].iter().filter(|&&byte| byte == b'\n').count()
     }
 
-    /// Returns a mistake's line and message for a note. If the text may not be quoted, the form that the line should
-    /// have replaces the message.
+    /// Returns a mistake's line and message for a note. If the text may not be quoted, the message is replaced by the
+    /// form that the line should have.
     pub fn told(&self, mistake: &Mistake) -> String {
         let line = self.line(mistake.offset);
         match self.quotes {

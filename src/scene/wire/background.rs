@@ -5,7 +5,7 @@ use serde::de::{Deserialize, Deserializer, SeqAccess, Visitor};
 use std::fmt;
 use std::marker::PhantomData;
 
-/// Radiance, or a displayed colour.
+/// Radiance, a displayed colour, or no background.
 #[derive(Clone, Copy)]
 pub(in crate::scene) enum BackgroundWire {
     Radiance([f32; 3]),

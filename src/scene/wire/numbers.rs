@@ -52,14 +52,14 @@ ranges! {
     /// For scales.
     NonZero: "a finite number other than 0", |value| value != 0.0, { "not": { "const": 0 } };
     /// For the angle of a camera above the horizon.
-    Elevation: "degrees from -90 to 90", |value| (-90.0..=90.0).contains(&value),
+    Elevation: "an angle from -90 to 90 degrees", |value| (-90.0..=90.0).contains(&value),
         { "minimum": -90, "maximum": 90 };
     /// For angles between faces.
-    Crease: "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value),
+    Crease: "an angle from 0 to 180 degrees", |value| (0.0..=180.0).contains(&value),
         { "minimum": 0, "maximum": 180 };
     /// For fields of view. Angles of at most 0.001 degrees or at least 179.99 degrees are refused too, since the
     /// tangent of half the angle is almost 0 or very large.
-    Angle: "degrees between 0.001 and 179.99", |value| value > 1e-3 && value < 179.99,
+    Angle: "an angle between 0.001 and 179.99 degrees", |value| value > 1e-3 && value < 179.99,
         { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
 }
 

@@ -36,7 +36,7 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     }
     if y > 1 && limits.lane_operations == LaneOperations::Barriers {
         let reason = format!(
-            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: 32 x 1"
+            "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: use 32 x 1"
         );
         return Err(Infeasible::work_group(reason));
     }
@@ -81,7 +81,8 @@ pub fn textures(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasib
         return Ok(());
     }
     let label = family.label;
-    let reason =
-        format!("{label} does not support textures, which the scene has: textures = false leaves them out");
+    let reason = format!(
+        "{label} does not support textures, which the scene has: textures = false in the scene leaves them out"
+    );
     Err(Infeasible::lacking(reason))
 }

@@ -33,6 +33,7 @@ pub(super) fn workload(triangles: usize, local: u32) -> Workload {
         sky: false,
         many_samples: false,
         half_light: false,
+        given_rays: false,
         sky_texels: 0,
         stack_size: 0,
         image_size: [800, 500],

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 const REMEDY: &str = "--terminal shows the scene in this terminal instead; `raycl render` writes a picture to a \
-    file; on another machine, `ssh -X` forwards the window";
+    file; if you have logged in to this machine with ssh, `ssh -X` shows the window on your own screen";
 
 /// The number of pixels that a thread copies at a time.
 const TOGETHER: usize = 1 << 14;
@@ -36,7 +36,10 @@ impl Window {
     /// Returns a user error if there is no display or the window's libraries are missing.
     pub fn open(title: &str, size: [u32; 2]) -> Result<Self> {
         if needs_display() && std::env::var_os("DISPLAY").is_none_or(|display| display.is_empty()) {
-            return Err(Error::input("there is no display: DISPLAY is not set").with_help(REMEDY));
+            return Err(Error::input(
+                "there is no display: the environment variable DISPLAY is not set or is empty",
+            )
+            .with_help(REMEDY));
         }
         let options = WindowOptions { scale_mode: ScaleMode::UpperLeft, ..WindowOptions::default() };
         let [width, height] = size.map(|side| side as usize);

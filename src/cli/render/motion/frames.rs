@@ -64,7 +64,7 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    /// Makes the names from a target, whose folder must exist.
+    /// Returns the numbered files whose names follow from the path of `target`. The folder of this path must exist.
     pub fn new(target: &Target, force: bool, wanted: Frames, count: u32) -> Result<Self> {
         let digits = count.to_string().len().max(4);
         let choice = Choice { force, elsewhere: "-o FILE" };

@@ -15,7 +15,7 @@ pub(super) struct Materials {
 }
 
 pub(super) fn read(root: &Root) -> Materials {
-    // A primitive without a material is white in glTF. Here it gets a k_L of 0.8, so that highlights can still be seen.
+    // A primitive without a material is white in glTF. Here it gets a k_L of 0.8, the default of all formats.
     let mut materials = Materials { list: vec![Material::default()], asked: vec![Asked::default()] };
     for wire in &root.materials {
         materials.list.push(Material::lambertian(base_colour(wire)));
@@ -58,8 +58,8 @@ fn is_hidden(wire: &Wire) -> bool {
     !(factor(wire) > 0.0 && factor(wire) >= cutoff(wire))
 }
 
-/// Returns the base colour in linear light. Files with the older extension KHR_materials_pbrSpecularGlossiness store
-/// this colour as `diffuseFactor`.
+/// Returns the base colour in linear light. A material with the older extension KHR_materials_pbrSpecularGlossiness
+/// stores this colour as `diffuseFactor`.
 fn base_colour(wire: &Wire) -> Vec3 {
     let older = extension(wire, "KHR_materials_pbrSpecularGlossiness").map(|older| {
         let channel = |at| older["diffuseFactor"][at].as_f64().unwrap_or(1.0) as f32;

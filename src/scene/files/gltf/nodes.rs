@@ -135,7 +135,9 @@ impl<'a> Walk<'a> {
         let first = self.positions.len() as u32;
         let first_normal = self.normals.len() as u32;
         if self.triangles.len() + part.triangles.len() > MAX_TRIANGLES as usize {
-            return Err(format!("more than {MAX_TRIANGLES} triangles in all"));
+            return Err(format!(
+                "the file has more than {MAX_TRIANGLES} triangles; export it with fewer triangles"
+            ));
         }
         self.positions.extend(part.positions.iter().map(|position| place.transform_point3(*position)));
         let linear = DMat3::from_mat4(place);

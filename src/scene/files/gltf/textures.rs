@@ -16,7 +16,7 @@ use std::borrow::Cow;
 /// The texture of a material's colour.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ColourMap {
-    /// The texture's number.
+    /// The texture's index in `Pictures::list`, not in the glTF file.
     texture: u32,
     usage: Usage,
     /// The index of the set of texture coordinates in a primitive.
