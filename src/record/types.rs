@@ -284,7 +284,7 @@ pub fn schema() -> serde_json::Value {
 
 impl Record {
     /// Returns the value of an axis in the record's strategy; `None` if the strategy does not have the axis. An axis
-    /// that is newer than the record has the value that [`axes`] gives it.
+    /// that is newer than the record has the value that `axes` gives it.
     pub fn axis(&self, axis: &str) -> Option<&str> {
         axes(&self.strategy).find(|(name, _)| *name == axis).map(|(_, value)| value)
     }

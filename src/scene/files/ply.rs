@@ -105,15 +105,7 @@ impl Parts {
                 _ => {
                     let outline: Vec<DVec3> =
                         corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
-                    let triangles = triangulate(&outline).ok_or_else(|| {
-                        mistake(
-                            name,
-                            format!(
-                                "face {number} is concave and has over {MAX_CONCAVE_CORNERS} corners; divide \
-                                 it into smaller faces"
-                            ),
-                        )
-                    })?;
+                    let triangles = triangulate(&outline).ok_or_else(|| too_large(name, number))?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
                 }
             }
@@ -208,6 +200,15 @@ impl PropertyAccess for Vertex {
         }
         PropertyAccessResult::Set
     }
+}
+
+/// Returns the error about a face that is too large to be divided into triangles.
+fn too_large(name: &str, number: usize) -> Error {
+    let most = MAX_CONCAVE_CORNERS;
+    mistake(
+        name,
+        format!("face {number} is concave and has over {most} corners; divide it into smaller faces"),
+    )
 }
 
 /// Returns the channel value of full intensity. Files with `short`, `int` or `uint` channels store values from 0
