@@ -150,8 +150,7 @@ impl Session {
         local_size: [u32; 2],
     ) -> std::result::Result<Prepared, Refused> {
         let workload = self.workload(strategy, image_size, local_size)?;
-        let spec = self.spec(strategy, &workload)?;
-        self.build(strategy, &workload, spec)
+        self.prepare_workload(strategy, &workload)
     }
 
     /// Prepares a strategy like [`Self::prepare`], and also for rays that the caller provides
@@ -163,9 +162,17 @@ impl Session {
         local_size: [u32; 2],
     ) -> std::result::Result<Prepared, Refused> {
         let workload = self.workload(strategy, image_size, local_size)?;
-        let workload = Workload { given_rays: true, ..workload };
-        let spec = self.spec(strategy, &workload)?;
-        self.build(strategy, &workload, spec)
+        self.prepare_workload(strategy, &Workload { given_rays: true, ..workload })
+    }
+
+    /// Does the second and the last step of [`Self::prepare`].
+    fn prepare_workload(
+        &mut self,
+        strategy: &Strategy,
+        workload: &Workload,
+    ) -> std::result::Result<Prepared, Refused> {
+        let spec = self.spec(strategy, workload)?;
+        self.build(strategy, workload, spec)
     }
 
     /// Does the first step: determines the workload. The workload contains the stack size, which depends on the
