@@ -1,10 +1,12 @@
-//! Runs an experiment and prints its fastest points: `cargo run --example experiment -- configs/quick.toml results/first cpu`.
+//! Runs an experiment and prints its fastest points:
+//! `cargo run --example experiment -- configs/quick.toml results/first cpu`.
 
 use miette::{Result, bail};
 use raycl::{run_experiment, serve_if_worker};
 
 fn main() -> Result<()> {
-    // Points are measured by separate processes, which run this program.
+    // Separate processes, which also run this program, measure the points. In these processes, the next call does the
+    // work and does not return.
     serve_if_worker();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let [config, out, devices @ ..] = &words[..] else { bail!("usage: experiment CONFIG OUT [DEVICE]...") };

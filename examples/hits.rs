@@ -16,7 +16,7 @@ fn main() -> Result<()> {
         (*pixels, *nearest) = (*pixels + 1, nearest.min(*depth));
     }
     for (object, (pixels, nearest)) in objects {
-        println!("object {object}: {pixels} pixels, the nearest at {nearest:.3}");
+        println!("object {object}: {pixels} pixels, the nearest at depth {nearest:.3}");
     }
     Ok(())
 }

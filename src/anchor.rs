@@ -113,7 +113,7 @@ fn failed(error: impl Into<LaunchError>) -> Error {
 
 fn failed_because(reason: &str) -> Error {
     Error::run(format!("the anchor, a kernel that is timed with the points, failed: {reason}")).with_help(
-        "results without the anchor are correct; `raycl compare` then compares times relative to those of baselines or, without baselines, of other points",
+        "the points' times are correct without the anchor; instead of the anchor's time, `raycl compare` uses the times of baselines or, if there are none, those of other points",
     )
 }
 

@@ -47,7 +47,8 @@ pub enum Error {
 }
 
 /// The default remedy for a user error.
-const GENERAL: &str = "`raycl help COMMAND` explains a command's arguments, and docs/ explains its files";
+const GENERAL: &str =
+    "`raycl help COMMAND` explains its arguments; docs/ in raycl's repository explains its files";
 /// The default remedy for a run that failed.
 const AGAIN: &str = "run the command again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.
@@ -57,7 +58,7 @@ const ELSEWHERE: &str = "free up space on its disk, or choose a writable folder 
 /// The remedy for a compressed file (.gz) that cannot be decompressed.
 const AFRESH: &str = "the file may be cut off or damaged; pack it or download it again";
 /// The remedy for a bug in raycl.
-const FAULT: &str = "this is a bug in raycl: please report it, with the command";
+const FAULT: &str = "this is a bug in raycl: please report it, together with the command that you ran";
 
 /// A mistake in the user's input: a file, a line of a file, or an argument.
 #[derive(Debug, Error, Diagnostic)]
@@ -168,8 +169,8 @@ impl Error {
         self
     }
 
-    /// Returns an error for a file whose text is not UTF-8, with the first such line; `None` if `error` has another
-    /// cause.
+    /// Returns an error for a file whose text is not UTF-8. The message gives the first line that is not UTF-8. Returns
+    /// `None` if `error` has another cause.
     pub fn not_utf8(path: &Path, error: &std::io::Error) -> Option<Self> {
         let line = NotUtf8::line_of(error)?;
         let message = format!("{}:{line}: not UTF-8 text", path.display());

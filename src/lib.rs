@@ -35,8 +35,8 @@
 //!
 //! [`printer`] keeps control characters from terminals. `reader` opens the files that users name, and `filetype`
 //! recognises their formats. `memory` measures the host's free memory, and `load` measures the processor time that
-//! other processes take. [`record`] stores the results. [`image`] turns radiance into pictures; `output` writes files
-//! for the user, and replaces a file that raycl did not make only with `--force`. [`shard`] splits an experiment among
+//! other processes take. [`record`] stores the results. [`image`] turns radiance into pictures. `output` writes files
+//! for the user; without `--force`, it replaces no file that raycl did not make. [`shard`] splits an experiment among
 //! machines and merges their results. [`cli`] holds one file per subcommand; [`documents`] computes the numbers in
 //! this repository's documents from stored records. `cache` stores data that raycl can recompute, so that later runs
 //! need not do so.

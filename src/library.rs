@@ -110,7 +110,7 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 ///
 /// # Errors
 ///
-/// Fails if the config has a mistake (the message names its line), if the folder contains files that are not
+/// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that are not
 /// results, or if the run is interrupted. A point that fails is not an error: its record states the reason.
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();

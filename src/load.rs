@@ -1,4 +1,4 @@
-//! Measures how much processor time other processes take while raycl measures (from `/proc`), and the core-to-core
+//! Reads from `/proc` how much processor time other processes take while raycl measures. Also measures the core-to-core
 //! latency. Both are known only on Linux.
 
 #[cfg(target_os = "linux")]

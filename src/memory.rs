@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 pub struct Available {
     /// Available bytes; `u64::MAX` if the system does not report available memory.
     pub bytes: u64,
-    /// The file from which the number of bytes was read.
+    /// The file that contains this number of bytes, or the limit from which it was computed; "nothing" if there is no
+    /// such file.
     pub source: String,
 }
 
@@ -39,7 +40,8 @@ impl Available {
             self.bytes,
             self.source
         );
-        Err(Error::input(message).with_help("use fewer triangles or pixels, or end other programs"))
+        Err(Error::input(message)
+            .with_help("use fewer triangles or pixels, end other programs, or raise the memory limit"))
     }
 }
 

@@ -7,8 +7,9 @@ use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::Write as _;
 
-/// Returns whether a character could control a terminal or mislead a reader: whether it is a control character (other
-/// than a line break or a tab), breaks lines, changes the direction of text, or is invisible.
+/// Returns whether a character could control a terminal or mislead a reader. Such characters are control characters
+/// other than line breaks and tabs, Unicode's separators of lines and paragraphs, characters that change the direction
+/// of text, and invisible characters.
 pub fn steers(c: char) -> bool {
     c.is_control() && c != '\n' && c != '\t' || formats(c)
 }
@@ -47,12 +48,12 @@ fn escaped(text: &str, refused: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Escapes control characters in a single line: line breaks and tabs are replaced too.
+/// Escapes text for a single line: like [`plain`], but line breaks and tabs are replaced too.
 pub fn line(text: &str) -> Cow<'_, str> {
     escaped(text, |c| steers(c) || c == '\n' || c == '\t')
 }
 
-/// Escapes all control characters except colour codes (`ESC [ 1 ; 31 m`), in text that raycl itself has coloured. Text
+/// Escapes text that raycl itself has coloured: like [`plain`], but colour codes (`ESC [ 1 ; 31 m`) stay. Text
 /// of files, drivers or users must go through [`plain`] before raycl adds colours to it.
 pub fn coloured(text: &str) -> Cow<'_, str> {
     if !text.contains(steers) {

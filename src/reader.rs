@@ -107,7 +107,7 @@ pub struct NotUtf8 {
 }
 
 impl NotUtf8 {
-    /// Returns the line if text that is not UTF-8 caused an error.
+    /// Returns the first line that is not UTF-8, if such a line caused `error`.
     pub fn line_of(error: &Error) -> Option<usize> {
         error.get_ref()?.downcast_ref::<Self>().map(|error| error.line)
     }
@@ -131,7 +131,8 @@ pub fn rest(file: File, head: Vec<u8>, kind: Kind) -> Result<Vec<u8>> {
     if length > limit {
         return Err(too_large());
     }
-    // Files in /proc report a length of 0, and other files may grow while they are read.
+    // Files in /proc report a length of 0, and other files may grow while they are read. Therefore the number of bytes
+    // that were read is checked too.
     let bytes = read_on(file, head, limit + 1)?;
     if bytes.len() as u64 > limit { Err(too_large()) } else { Ok(bytes) }
 }

@@ -92,7 +92,7 @@ fn user() -> &'static Settings {
     USER.get().unwrap_or_else(|| NONE.get_or_init(Settings::default))
 }
 
-/// Returns an environment variable's value; `None` if it is not set or blank.
+/// Returns an environment variable's value; `None` if the variable is not set, or if the value is blank.
 fn variable(name: &str) -> Option<String> {
     filled(std::env::var(name).ok())
 }
@@ -113,7 +113,8 @@ pub fn results() -> PathBuf {
     xdg::expanded(Path::new(&variable(RESULTS).or_else(set).unwrap_or_else(|| "results".to_owned())))
 }
 
-/// Returns the name that the user gave for the default device, which applies if the command names no device.
+/// Returns the name of the default device, from the environment or the settings file. The default device applies if the
+/// command names no device.
 pub fn device() -> Option<String> {
     variable(DEVICE).or_else(|| user().wire.device.as_ref().map(|word| word.get_ref().clone()))
 }

@@ -3,8 +3,8 @@
 use crate::error::{Error, nearest};
 use std::ops::Range;
 
-/// Returns the part of serde's message that states which value was expected. This part contains no text of the
-/// document. `None` if the message has no such part.
+/// Returns the part of serde's message that states which value was expected; `None` if the message has no such part.
+/// This part contains no text of the document, so a message that must not quote the document may contain it.
 pub fn expectation(error: &toml::de::Error) -> Option<&str> {
     let message = error.message();
     let told = ["invalid type: ", "invalid value: ", "invalid length ", "unknown field ", "unknown variant "];

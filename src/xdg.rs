@@ -21,7 +21,7 @@ fn home() -> Option<PathBuf> {
     named("HOME")
 }
 
-/// Returns the path in an environment variable; `None` if it is relative or not set.
+/// Returns the path in an environment variable; `None` if the variable is not set or the path is relative.
 fn named(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).map(PathBuf::from).filter(|path| path.is_absolute())
 }

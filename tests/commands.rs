@@ -213,7 +213,7 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
     let times = case["least_ms"].as_object().expect("times");
     assert!(times.contains_key("exhaustive") && times.contains_key("single"), "{times:?}");
     assert!(times.values().all(|ms| ms.as_f64().is_some_and(|ms| ms > 0.0)), "{times:?}");
-    assert!(table.contains("least of 2 rounds") && table.contains("little one"), "{table}");
+    assert!(table.contains("shortest times of 2 rounds") && table.contains("little one"), "{table}");
     assert_eq!(place.output(&["rule", "--show", "sweep.json"]), table);
     let none = place.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
     assert!(none.contains("none of the 2 cases of 'cases.toml'") && none.contains("'great'"), "{none}");

@@ -39,7 +39,7 @@ fn one_casts_a_picture() {
 fn one_reads_hits() {
     let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))]);
     let told = said(run(&place, "hits", &["scene.toml"]));
-    has(&told, &["object 0: ", "the nearest at 2.000", "object 1: "]);
+    has(&told, &["object 0: ", "the nearest at depth 2.000", "object 1: "]);
     assert_eq!(told.lines().count(), 2, "{told}");
 }
 

@@ -137,7 +137,7 @@ fn a_mistake_in_a_folder_has_its_place_and_remedy() {
         &[
             "no file includes it",
             "did you mean cast/exhaustive.cl?",
-            "lies in cast/vectors/, cast/triangles/",
+            "lies in one of the folders cast/vectors/, cast/triangles/",
         ],
     );
 

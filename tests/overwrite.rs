@@ -102,14 +102,14 @@ impl Watching {
         Self(child, receiver)
     }
 
-    /// Waits for a round (one rendering) whose output, up to the line "waiting for a change", fulfils a condition. One
-    /// change of a file may cause two rounds.
+    /// Waits for a round (one rendering) whose output, up to the line "waiting until a file changes", fulfils a
+    /// condition. One change of a file may cause two rounds.
     fn until(&self, holds: impl Fn(&str) -> bool) {
         let mut said = String::new();
         loop {
             let line = self.1.recv_timeout(LIMIT).unwrap_or_else(|_| panic!("it hangs, and said: {said}"));
             said += &(line + "\n");
-            if said.ends_with("waiting for a change (Ctrl-C ends)\n") {
+            if said.ends_with("waiting until a file changes (Ctrl-C ends raycl)\n") {
                 match holds(&said) {
                     true => return,
                     false => said.clear(),

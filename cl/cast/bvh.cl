@@ -2,8 +2,9 @@
 // included twice, like exhaustive.cl: it defines any_hit if ANY_HIT is 1, and closest_hit if ANY_HIT is 0.
 
 #if ANY_HIT
-// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray starts at the distance `bias` from
-// the hit P, in the direction w_i to the light, so that the triangle that was just hit does not shadow itself.
+// Returns the lanes of `wanted` whose ray hits anything nearer than t_max. The ray runs from the hit (the working
+// vector POINT) in the direction TO_LIGHT. It starts at the distance `bias` from the hit, so that the triangle that was
+// hit does not shadow itself.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     const Vec3 along_ray = working_get(working, TO_LIGHT);
     const Vec3 from = along(working_get(working, POINT), (varying)(scene->bias), along_ray);

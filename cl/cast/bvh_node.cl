@@ -1,7 +1,8 @@
 // Tests which children of a node are hit by rays. Because of rounding, the tests may report a child that no ray hits,
 // but they never miss a child that a ray hits.
 
-// Returns the reciprocal of a component. Replaces a component that is nearly zero by a small number.
+// Returns the reciprocal of a direction's component. A component that is nearly zero is replaced by 1e-20, so that its
+// reciprocal is finite.
 varying safe_reciprocal(varying d) {
     return 1.0f / SELECT(fabs(d) < 1e-20f, (varying)(1e-20f), d);
 }
@@ -24,8 +25,8 @@ typedef struct {
     float entry; // the t at which the first of the rays enters it
 } Waiting;
 
-// Puts a child onto the stack. The node's children that are already on the stack lie above the height `below`. Children
-// that the rays enter earlier than the new child stay above it. Returns the new height of the stack.
+// Puts a child of a node onto the stack. `waiting` is the height of the stack, `below` its height before the first
+// child of this node. Returns the new height.
 int push_child(Waiting *stack, int below, int waiting, uint word, float entry) {
     int place = waiting;
     // Insertion sort: children that the rays enter earlier than the new child move up, so that the nearest is on top.
@@ -59,8 +60,8 @@ BoxLanes pass_sides(const __global float *sides, float origin, float per_directi
     return (*(const __global BoxLanes *)sides - origin) * per_direction;
 }
 
-// Pushes a node's children onto the stack if the ray enters them before `reach`. The nearest child is on top. Returns
-// the new height of the stack.
+// Pushes those children of a node onto the stack whose boxes the ray enters before `reach`. The nearest child is on
+// top. Returns the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, float reach, Waiting *stack, int waiting) {
     const Vec3 o = probe->origin, per = probe->per_direction;
     const int below = waiting;
@@ -107,8 +108,8 @@ float least_of(varying values, Mask mask) {
     return least;
 }
 
-// Pushes a node's children onto the stack if at least one ray enters them before that ray's `reach`. The nearest child
-// is on top. Returns the new height of the stack.
+// Pushes those children of a node onto the stack whose boxes at least one ray enters before that ray's `reach`. The
+// nearest child is on top. Returns the new height of the stack.
 int push_met_children(const BoxProbe *probe, const __global float *node, varying reach, Waiting *stack, int waiting) {
     const int below = waiting;
     for (int child = 0; child < NODE_WIDTH; child++) {

@@ -1,11 +1,12 @@
-// The kernels for rays that are cast one by one, or together in the lanes of a vector. The kernels declare the arrays
-// in __local memory, and call the functions that the files of the axes provide.
+// The kernels for rays that are cast one by one, or together in the lanes of a vector. They call functions from the
+// files of the strategy's axes (see cast/parts.cl). They also declare the arrays of these files in __local memory,
+// because OpenCL C allows such arrays only in kernels.
 
 #ifndef FUSED
 #error "FUSED: 0 or 1: whether one kernel casts a whole frame"
 #endif
 #ifndef GIVEN_RAYS
-#error "GIVEN_RAYS: 0 or 1: whether there is a kernel for rays from a buffer, which no frame needs"
+#error "GIVEN_RAYS: 0 or 1: whether there is a kernel that casts rays from a buffer (frames do not need this kernel)"
 #endif
 #include "cast/parts.cl"
 
@@ -17,12 +18,13 @@ __kernel GROUP_SHAPE void cast_frame(CAST_FRAME_PARAMETERS) {
     const varying t_min = begin_rays(&working, search_ray(eye, corner, step_x, step_y, &pixels));
     Nearest nearest;
     closest_hit(&working, &scene, t_min, pixels.inside, &nearest);
-// During the search, ray directions are in pixel coordinates. Shading needs unit directions, so that t is a distance.
+// With LINEAR_IN_PIXEL, ray directions are in pixel coordinates during the search. Shading needs unit directions, so
+// that t is a distance.
 #if LINEAR_IN_PIXEL
     begin_rays(&working, camera_ray(eye, corner, step_x, step_y, &pixels));
 #endif
-    // Lanes outside the image take part up to here, because all work-items must reach the barriers. From here on, lanes
-    // outside the image count as misses.
+    // Lanes outside the image take part up to here, because all work-items must reach the barriers in closest_hit. From
+    // here on, lanes outside the image count as misses.
     const Mask hits = pixels.inside & (nearest.triangle != NO_HIT);
     after_closest_hit(&working, &scene, &nearest, hits);
     store_radiance(EARLIER_ARGUMENT image, image_size, background, working_get(&working, RADIANCE), pixels, hits);

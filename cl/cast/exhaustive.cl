@@ -12,9 +12,9 @@
 
 #if ANY_HIT
 // Returns the lanes of `wanted` whose ray hits anything nearer than t_max. Without PLANES_OF_ORIGIN, the ray starts at
-// the distance `bias` from the hit P, in the direction w_i to the light, so that the triangle that was just hit does
-// not shadow itself. `open` contains the lanes that have hit nothing yet: a lane is finished at its first hit on any
-// triangle.
+// the distance `bias` from the hit (the working vector POINT) in the direction TO_LIGHT, so that the triangle that was
+// hit does not shadow itself. `open` contains the lanes that have hit nothing yet: a lane is finished at its first hit
+// on any triangle.
 Mask any_hit(const Working *working, const Scene *scene, int origin, varying t_max, Mask wanted) {
     Probe probe = prepare_probe((varying)(0.0f), working_get(working, TO_LIGHT));
     Mask open = wanted;
@@ -36,7 +36,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
         stage_tile(scene, origin, first);
         int end = min(TILE_STEP(scene), scene->geometry.count - first);
 #if ANY_HIT
-        // Nothing is left to find, but the loop over tiles continues: all work-items must reach stage_tile's barriers.
+        // If no lane is open, nothing is left to find. The loop over tiles continues nevertheless, because all
+        // work-items must reach stage_tile's barriers.
         if (!ANY(open)) end = 0;
 #endif
 #if STREAM_TILES && PLANES_OF_ORIGIN
@@ -50,7 +51,8 @@ void closest_hit(Working *working, const Scene *scene, varying t_min, Mask wante
 #if ANY_HIT
             const Vec3 to_light = working_get(working, TO_LIGHT);
 #if PLANES_OF_ORIGIN
-            // The planes were prepared for the reverse ray, from the light. They contain its origin: `from` is unused.
+            // The planes were prepared for the reverse ray, which starts at the light. They contain the light, so the
+            // test does not use `from`.
             const Vec3 direction = negate(to_light);
             const Vec3 from = direction;
 #else

@@ -2,7 +2,7 @@
 // material per triangle. Indices have INDEX_BITS bits.
 
 #if !defined(INDEX_BITS) || !defined(POSITIONS) || !defined(NORMALS) || !defined(MATERIALS)
-#error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: number of entries of a set that is staged, else 0"
+#error "INDEX_BITS: 16 or 32; POSITIONS, NORMALS, MATERIALS: number of entries of a set that a work-group copies to __local memory, else 0"
 #endif
 #if INDEX_BITS == 16
 typedef ushort Index;
@@ -76,7 +76,7 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // Two loads, one after the other: the index, then the position. Other triangles may have the same position.
+    // Two loads, one after the other: the index, then the position, which several triangles may share.
     VERTEX_SPACE const Index *index = geometry->position_indices + 3 * triangle;
     Corners corners;
     corners.a = LOAD3(geometry->positions + 3 * index[0]);

@@ -9,7 +9,7 @@
 #error "TREE: 0 or 1: whether rays walk a tree"
 #endif
 #if !defined(PLANES_OF_ORIGIN) || !defined(LINEAR_IN_PIXEL)
-#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether a row per triangle and origin is prepared; whether the eye's rows are functions of the pixel"
+#error "PLANES_OF_ORIGIN, LINEAR_IN_PIXEL: 0 or 1: whether the data that a test reads is prepared for each triangle and each origin of rays; whether the data for the eye consists of functions of the pixel"
 #endif
 #ifndef RECORDS_ONCE
 #error "RECORDS_ONCE: 0 or 1: whether the data that a test reads is prepared for each triangle once per scene"
@@ -144,7 +144,7 @@
 #define search_ray camera_ray
 #endif
 
-// Returns the same pixels, but only the pixels that get another sample count as inside the image.
+// Returns `pixels`, but only those that get another sample count as inside the image.
 #if SAMPLED
 Pixels wanted_pixels(Pixels pixels, int2 image_size, const __global uint *wanted, uint earlier) {
     IntLanes x, y, inside;

@@ -10,9 +10,10 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
     corners.c = LOAD3(at + 6);
-    // A shadow ray runs towards its light, but is tested from the light. The ray meets the side of a triangle that
-    // faces away from the light. If this side is the front, the sign that planes_of expects is positive; for the eye,
-    // it is negative.
+    // The last argument of planes_of is the sign of n . (A - from) if rays meet the front (n is the normal, A a
+    // corner). A ray from the eye meets the side that faces the eye: the sign is negative. A shadow ray runs towards
+    // its light, although it is tested from the light, so it meets the side that faces away from the light: the sign is
+    // positive.
     Row row = planes_of(corners, from, origin ? 1.0f : -1.0f);
 #if LINEAR_IN_PIXEL
     // Only rays from the eye form a grid of pixels.

@@ -1,4 +1,5 @@
-// The scene's buffers, and the source of the rows that a traversal tests.
+// The scene's buffers, and the source of the rows that a traversal tests. A row has the data that a test reads of one
+// triangle (common/rows.cl).
 
 typedef struct {
     Geometry geometry;

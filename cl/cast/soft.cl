@@ -21,7 +21,8 @@ Mask any_hit_apart(const Working *working, const Scene *scene, varying t_max, Ma
 
 #if SKY
 // Adds the sky's light to RADIANCE of `active` lanes. Each lane casts one ray, in a direction whose probability is
-// proportional to its cosine with the normal. The estimate is therefore the sky's radiance in this direction times k_L.
+// proportional to its cosine with the normal. The estimate is therefore the sky's radiance in this direction times k_L
+// (surface->lambertian).
 void add_sky(Working *working, const Scene *scene, const Surface *surface, Mask active) {
     const Pixels pixels = own_pixels((int2)(0, 0));
     const Vec3 normal = working_get(working, NORMAL);

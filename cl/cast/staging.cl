@@ -1,4 +1,4 @@
-// The address space of each part of a triangle, and the copy of staged parts into __local memory.
+// The address space of each part of the triangles' data, and a macro that copies (stages) a part into __local memory.
 
 #if STAGE_VERTICES
 #define VERTEX_SPACE __local

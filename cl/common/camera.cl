@@ -8,7 +8,7 @@
 
 typedef struct {
     varying_int x, y;
-    Mask inside; // in the image: the last work-items of a row may extend beyond it
+    Mask inside; // in the image: blocks at its right and lower border may extend beyond it
 #ifdef SUBPIXELS
     // The ray's place in the pixel: 0.5 at the centre. If a filter is wider than the pixel, a place may lie below 0 or
     // above 1.

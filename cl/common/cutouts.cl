@@ -5,8 +5,8 @@
 #error "LEAST_ALPHA_UNIT: units of a mask's least alpha per step of an 8-bit channel"
 #endif
 
-// Points of a texture with less than its least alpha are holes. In the texture's head, the word with the wrap modes
-// (textures.cl) also holds the least alpha, from bit 16 on:
+// A mask's least alpha is a threshold: points with less alpha are holes. In the head of the mask's texture, the word
+// with the wrap modes (textures.cl) also holds the least alpha, from bit 16 on:
 //
 //     31 ........ 16 | 15 ... 12  | 11 .. 8 | 7 ... 0
 //     least alpha    | last level | wrap v  | wrap u

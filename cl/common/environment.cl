@@ -1,7 +1,8 @@
 // A sky that is a picture of all directions (equirectangular). src/reference/environment.rs does the same in f64.
 
-// Other skies store the radiance of zenith and horizon. In the same floats, a sky that is a picture stores the position
-// and size of the picture, and the direction of its middle. The picture's texels follow the lights' radii:
+// In the array `numbers` (Soft in soft.cl), other skies store the radiance of zenith and horizon first. In place of
+// this radiance, a sky that is a picture stores the picture's first texel, its size, and the direction of its middle.
+// The texels follow the lights' radii:
 //
 //     | first texel | width | height | middle (3) | up (3) | reach | radius of light 0 | ... | red green blue | ...
 //
@@ -59,12 +60,14 @@ Vec3 turned_to(Vec3 normal, Vec3 vector) {
 }
 
 // Returns the picture's light that the highlight of a surface reflects to the eye. Surfaces that block this light are
-// ignored. A half vector h is chosen with a probability proportional to (n . h)^s, so that the estimate is k_G times
-// the radiance from the mirrored direction, times two cosines and (s + 8) / (s + 1).
+// ignored. A half vector h is chosen with a probability proportional to (n . h)^s, where n is the normal and s the
+// shininess. The estimate is then k_G (surface->glossy), times the radiance from the mirrored direction w_i, times the
+// cosines w_o . h and w_i . n, times (s + 8) / (s + 1). w_o is the direction to the eye.
 Vec3 mirrored_sky(const Soft *soft, int source, varying_int x, varying_int y, const Surface *surface, Vec3 normal,
                   Vec3 to_eye) {
     const Vec3 u = numbers_of(soft, source, x, y);
-    // cos^2 = u^(2 / (s + 1)). expm1 computes 1 - cos^2 and keeps the digits that a power would lose.
+    // The cosine of the angle between h and n is u.x^(1 / (s + 1)). expm1 computes 1 minus the square of this cosine,
+    // and keeps the digits that a power would lose.
     const varying squared_sine = -expm1(2.0f / (surface->shininess + 1.0f) * log(u.x));
     const varying sine = sqrt(squared_sine);
     const Vec3 half_way = turned_to(normal, vec3(sine * sinpi(2.0f * u.y), sine * cospi(2.0f * u.y), sqrt(1.0f - squared_sine)));

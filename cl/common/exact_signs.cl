@@ -5,6 +5,6 @@
 #error "FAST_MATH: 0 or 1: whether math = fast"
 #endif
 #if FAST_MATH
-#error "the watertight test needs exact signs, which fast math does not keep"
+#error "a test that includes exact_signs.cl needs exact signs, which math = fast does not preserve: use math = strict"
 #endif
 #pragma OPENCL FP_CONTRACT OFF

@@ -85,8 +85,8 @@ INLINED_ROWS PixelRow half_pixels(const __global float4 *image, int2 half_size, 
 }
 
 // Multiplies the picture's unoccluded light by the ratio. The ratio is interpolated between the four nearest pixels of
-// the half picture. Such a pixel has a large weight if it is near, and if its unoccluded light is similar to that of
-// the whole picture's pixel.
+// the half picture. Each of the four has a large weight if it is near, and if its unoccluded light is similar to that
+// of the whole picture's pixel.
 __kernel void apply_half_light(APPLY_HALF_LIGHT_PARAMETERS) {
     const int x = WIDTH * (int)get_global_id(0), y = get_global_id(1);
     if (x >= image_size.x || y >= image_size.y) return;

@@ -1,17 +1,18 @@
 // The result of a test, and the nearest hit of a traversal.
 
 #ifndef NO_HIT
-#error "NO_HIT: the triangle of a ray that hits nothing"
+#error "NO_HIT: the number that is stored in place of a triangle's number if a ray hits nothing"
 #endif
 #define FAR MAXFLOAT // not infinity, since fast math may assume that no value is infinite
 
 // The error of a few operations in single precision, relative to the largest term.
 #define ROUNDING 1.2e-7f
 // The largest error that rounding causes in a determinant of a direction and two edges, relative to the product of
-// their sizes. This error is the sum of half a unit in the last place for each of these: the subtraction for each of
-// the two edges, the three operations for a component of their cross product, the three operations for the dot product,
-// and the direction. A triangle whose determinant is smaller than this error counts as seen edge-on, and is not hit. A
-// larger bound would miss long, thin triangles that are seen at a grazing angle, like a road from a driver's seat.
+// their sizes. This error is the sum of half a unit in the last place for each of nine roundings, rounded up to five
+// units: one rounding for each of the two edges (a subtraction), three for a component of their cross product, three
+// for the dot product, and one for the direction. A triangle whose determinant is smaller than this error counts as
+// seen edge-on, and is not hit. A larger bound would miss long, thin triangles that are seen at a grazing angle, like a
+// road from a driver's seat.
 #define EDGE_ON_ROUNDING (5.0f * ROUNDING)
 // The largest overlap of neighbouring triangles, in tests that use one plane for the edge that two triangles share. The
 // overlap is relative to the product of the triangle's distance from the rays' origin and the size of its edges. Only

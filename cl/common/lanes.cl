@@ -5,7 +5,7 @@
 #error "GROUP_LANES: work-items of a group"
 #endif
 
-// The implementations; src/device/lanes.rs finds out which of them works on a device.
+// The implementations of these operations; src/device/lanes.rs finds out which of them work on a device.
 #define LANES_BY_BARRIERS 0     // __local memory and barriers; one group per work-group
 #define LANES_BY_SUB_GROUPS 1   // OpenCL's sub-groups, of 32 work-items
 #define LANES_BY_PTX_SHUFFLES 2 // inline PTX: votes and shuffles
@@ -15,7 +15,8 @@
 #endif
 
 // If functions are inlined, their arguments stay in registers, even arguments that are passed by pointer. With
-// barriers, the compiler decides whether to inline, since Oclgrind's compiler cannot inline these functions.
+// LANES_BY_BARRIERS, the compiler decides whether to inline. The simulator Oclgrind uses barriers, and its compiler
+// cannot inline these functions.
 #if LANE_OPERATIONS == LANES_BY_BARRIERS
 #define INLINED
 #else

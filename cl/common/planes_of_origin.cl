@@ -22,8 +22,8 @@ Row row_of_nothing() {
 }
 
 // Returns the row of a triangle for rays from an origin. A triangle that is edge-on or culled gets a row that is never
-// hit. `front` has the sign that the dot product of the normal and the corner A (relative to the origin) has for a
-// front face. Edges are computed from the stored corners, because corners relative to a distant origin have lost their
+// hit. For a front face, the dot product of the normal and the corner A (relative to the origin) has the sign of
+// `front`. Edges are computed from the stored corners, because corners relative to a distant origin have lost their
 // last digits.
 //
 // The planes are divided by a bound of the rounding error of edges, so that the overlap of neighbouring triangles,

@@ -3,7 +3,7 @@
 
 // Returns base to the power of exponent, both not negative, as x^y = 2^(y log2 x). The logarithm of zero is infinite,
 // so that a base of zero is a special case: 0^0 is 1, other powers of 0 are 0. The built-in pow handles more cases, and
-// is less precise.
+// is slower.
 varying power_of(varying base, varying exponent) {
     const varying at_zero = SELECT(exponent > 0.0f, (varying)(0.0f), (varying)(1.0f));
     return SELECT(base > 0.0f, exp2(exponent * log2(base)), at_zero);

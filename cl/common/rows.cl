@@ -8,7 +8,7 @@ typedef struct {
 // they are planes prepared for a common origin. The test's file defines the number of floats; in memory, a row consists
 // of ROW_UNITS values of type ROW_UNIT.
 #ifndef RECORD_FLOATS
-#error "RECORD_FLOATS: floats of a triangle that is prepared for the test, as the test's file says"
+#error "RECORD_FLOATS: number of floats in a row, as record_floats in the header of the test's file says"
 #endif
 #if RECORD_FLOATS == 12
 typedef struct {

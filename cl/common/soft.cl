@@ -3,7 +3,7 @@
 // the samples of a pixel and of its neighbours are evenly distributed (Ahmed and Wonka, "Screen-Space Blue-Noise
 // Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels", ACM TOG 39(6), 2020). Owen's scrambling
 // makes the sequences of different lights independent. src/reference/soft.rs computes the same numbers (numbers_of) bit
-// for bit, and the rays from them in f64.
+// for bit. From these numbers, it computes the rays in f64.
 
 #ifndef SOFT_HEAD_FLOATS
 #error "SOFT_HEAD_FLOATS: floats of the sky before the lights' radii"
@@ -21,7 +21,8 @@ typedef struct {
     // The sky: radiance at the zenith (3) and the horizon (3), up (3), reach; then a radius per light.
     const __global float *numbers;
     // The number of the first sample that this frame casts for each pixel, and the number of samples per pixel in this
-    // sample's round (see src/scene/samples.rs; for 0, see below).
+    // sample's round (see src/scene/samples.rs). If the number of samples is 0, the picture is unoccluded: see
+    // IS_UNOCCLUDED.
     uint2 sample;
 #ifdef SUBPIXELS
     varying_uint lane_sample; // the number of each lane's sample, minus sample.x
@@ -34,7 +35,7 @@ typedef struct {
 #endif
 
 // If soft light is cast at half resolution (half_light.cl), some pictures contain the unoccluded light. For these
-// pictures, the number of samples is set to 0. Lights are then points, and the sky has its mean radiance.
+// pictures, the number of samples (sample.y) is set to 0. Lights are then points, and the sky has its mean radiance.
 #if HALF_LIGHT
 #ifndef INTERLEAVED
 #error "INTERLEAVED: number of pixels across and down after which the points of lights repeat, a power of two"
@@ -92,8 +93,8 @@ varying unit_of(varying_uint bits) { return (TO_FLOAT(bits >> 9) + 0.5f) * 1.192
 uint seed_of(int source, int which) { return (uint)(8 * source + which + 1) * 0x9e3779b9u; }
 
 // Returns three numbers from 0 to 1 for a light or the sky. `source` is the index of the light; indices greater than
-// that of the last light belong to the sky. The first two numbers form a point, and these points are evenly distributed
-// over the unit square.
+// that of the last light belong to the sky. The first two numbers are the coordinates of a point. The points of a
+// pixel's samples are evenly distributed over the unit square.
 Vec3 numbers_of(const Soft *soft, int source, varying_int x, varying_int y) {
     // A pixel's samples have consecutive numbers, and pixels that are close on the curve have close numbers.
     varying_uint curve = spread_bits(AS_UINT(x) & 0xffffu) | spread_bits(AS_UINT(y) & 0xffffu) << 1;
@@ -126,9 +127,10 @@ Vec3 off_middle(const Soft *soft, int light, varying_int x, varying_int y) {
 }
 
 #if SKY
-// Returns a unit vector around a normal, with a probability proportional to the cosine of the angle between them. The
-// vector points to a uniformly distributed point of the unit sphere that touches the surface. This method needs no axes
-// perpendicular to the normal. No choice of such axes changes continuously with the normal everywhere.
+// Returns a random unit vector on the normal's side of a surface. The vector's probability density is proportional to
+// the cosine of the angle between the vector and the normal. The vector points to a uniformly distributed point of the
+// unit sphere that touches the surface. This method needs no axes perpendicular to the normal. No choice of such axes
+// changes continuously with the normal everywhere.
 Vec3 way_to_sky(const Soft *soft, int source, varying_int x, varying_int y, Vec3 normal) {
     const Vec3 u = numbers_of(soft, source, x, y);
     const varying ring = 2.0f * sqrt(u.x * (1.0f - u.x));
@@ -150,10 +152,10 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
 }
 #endif
 
-// Returns the mean of the sky's radiance around a normal, weighted by the cosine. The mean height of directions around
-// the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is the angle between the normal and up. The code uses a
-// parabola in cos a, which differs from the exact mean height by at most 0.006. (No frame needs the mean of a picture
-// of the sky, since such a sky is not cast at half resolution.)
+// Returns the mean of the sky's radiance around a normal, weighted by the cosine. A direction's height is its dot
+// product with up, but at least 0. The mean height around the normal is 2 / (3 pi) (sin a + (pi - a) cos a), where a is
+// the angle between the normal and up. The code uses a parabola in cos a, which differs from the exact mean height by
+// at most 0.006. (No frame needs the mean of a picture of the sky, since such a sky is not cast at half resolution.)
 Vec3 mean_of_sky(const Soft *soft, Vec3 normal) {
 #if ENVIRONMENT
     return radiance_of_sky(soft, normal);

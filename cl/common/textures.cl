@@ -130,8 +130,9 @@ Level next_level(Level level) {
 }
 
 // Returns, for each lane, the mip level whose texels are as large as a pixel. The result may lie between two levels,
-// and is less than 0 if the texels of level 0 are larger than a pixel. Rays from the eye meet the triangles at distance
-// t (Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems, 2019).
+// and is less than 0 if the texels of level 0 are larger than a pixel. `t` is the distance along the ray from the eye.
+// The method is that of Akenine-Moeller et al., "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray
+// Tracing Gems, 2019.
 varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, varying t) {
     IntLanes id;
     Lanes x, y, z;
@@ -145,7 +146,8 @@ varying levels_for(const Textures *textures, varying_int triangle, Vec3 way, var
     }
     const float4 cone = textures->cone;
     const varying width = t * (way.x * cone.x + way.y * cone.y + way.z * cone.z);
-    // On a surface that is seen at an angle, the cone covers an ellipse, which is longer than wide: by 1 / cosine.
+    // On a surface that is seen at an angle, the cone covers an ellipse, whose length is its width divided by the
+    // cosine of the angle to the normal.
     const varying across = fabs(dot3(vec3(x.all, y.all, z.all), way));
     return log2(width / across);
 }

@@ -1,7 +1,7 @@
 // A tree in the layout of src/accel/wide.rs, and its triangles in leaf order, as in src/accel/triangles.rs.
 
 #if !defined(NODE_WIDTH) || !defined(NODE_STRIDE) || !defined(STACK_SIZE)
-#error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: its words; STACK_SIZE: entries that the deepest path down the tree can need"
+#error "NODE_WIDTH: children of a node, 2 to 32; NODE_STRIDE: words of a node; STACK_SIZE: entries of the stack that the deepest path down the tree can need"
 #endif
 #if !defined(ROW_FLOATS) || ROW_FLOATS != 12
 #error "ROW_FLOATS: floats of a leaf's triangle, of which leaf_corners reads 12"

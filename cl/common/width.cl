@@ -55,7 +55,8 @@ typedef union {
 
 #define SELECT(mask, yes, no) ((mask) ? (yes) : (no))
 
-// ANY(mask): whether any lane is set. any() compiles to tens of scalar instructions with some compilers for CPUs.
+// ANY(mask): whether any lane is set. OpenCL's any() is not used: some compilers for CPUs turn it into tens of scalar
+// instructions.
 #ifdef __has_builtin
 #if REDUCE_BUILTIN && __has_builtin(__builtin_reduce_or)
 #define HAS_REDUCE_OR

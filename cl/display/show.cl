@@ -19,8 +19,8 @@
 
 // Returns the displayed value of a channel. Radiance that is not positive, or not a number, is black. smallest: for
 // each value, the smallest radiance that is displayed with a larger value. at_least: for the upper bits of a radiance,
-// a lower bound of its value. Both tables are in global memory: work-items read different addresses, which __constant
-// memory would serve one after the other.
+// a lower bound of its displayed value. Both tables are in global memory: work-items read different addresses, which
+// __constant memory would serve one after the other.
 uchar shown(const float radiance, __global const float *smallest, __global const uchar *at_least) {
     if (!(radiance > 0.0f)) return 0;
     uint value = at_least[as_uint(radiance) >> PLACE_SHIFT];

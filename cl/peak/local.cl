@@ -1,5 +1,6 @@
-// Measures the rate of reads from __local memory: SLOTS vectors per loop, neighbouring work-items at neighbouring
-// addresses. The pointer is volatile, since compilers would otherwise read the memory only once.
+// Measures the rate of reads from __local memory. In each iteration, a work-item reads SLOTS vectors; neighbouring
+// work-items read neighbouring addresses. The pointer `own` is volatile, since compilers would otherwise read the
+// memory only once.
 
 #include "peak/vector.cl"
 

@@ -1,4 +1,4 @@
-// The vectors of `raycl peak`: WIDTH floats each, as wide as the device prefers.
+// The vectors of `raycl peak`. They have WIDTH floats each, a number that the host chooses for the device.
 
 #ifndef WIDTH
 #error "WIDTH: floats of a vector: 1, 2, 4, 8 or 16"

@@ -1,6 +1,6 @@
 // Tests whether a device supports a set of lane operations. Each lane computes results that the host knows. A wrong
 // result means that the operation does not work on this device. Lane i of group g uses the number (7 i + g) mod 32,
-// which is different in every lane.
+// which is different in every lane of a group.
 
 #if !defined(LOCAL_X) || !defined(LOCAL_Y)
 #error "LOCAL_X, LOCAL_Y: lanes of a group, and groups of the work-group"

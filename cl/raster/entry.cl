@@ -1,18 +1,18 @@
 // The book's rasteriser, with one work-item per triangle. Unlike the book's version, this rasteriser clips at the near
-// plane. It interpolates 1/z. Edge functions of homogeneous coordinates (Olano and Greer, "Triangle Scan Conversion
-// using 2D Homogeneous Coordinates", 1997) need no division by a vertex's depth, so triangles may extend behind the
-// eye.
+// plane. It interpolates 1 / depth, which is linear in the pixel. Its edge functions are computed from homogeneous
+// coordinates without a division by a vertex's depth, so triangles may extend behind the eye (Olano and Greer,
+// "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997).
 //
 // The first kernel finds each pixel's smallest depth by an atomic minimum over the bits of depths (positive floats are
 // ordered like integers). The second kernel finds the triangle with this depth; if there are several, the first of
-// them. shade_nearest shades it.
+// them. The kernel shade_nearest then shades this triangle.
 
 #include "cast/parts.cl"
 #include "cast/shade_nearest.cl"
 
 // As in the watertight test, an edge function is the difference of two products, each rounded separately. Each factor
 // depends only on one corner and the pixel. The function's sign is therefore exactly opposite in the neighbouring
-// triangle, and all triangles at a vertex are consistent. A pixel on an edge belongs to both triangles.
+// triangle, and triangles at a vertex leave no gap. A pixel on an edge belongs to both triangles.
 #pragma OPENCL FP_CONTRACT OFF
 
 // Returns a dot product that is not contracted. The compiler may contract functions that are defined before the pragma,
@@ -36,7 +36,7 @@ Linear along_pixels(Uniform3 plane, float4 corner, float4 step_x, float4 step_y)
 float linear_at(Linear f, float x, float y) { return f.c + x * f.dx + y * f.dy; }
 
 // A triangle's corner as seen from the eye: `across` and `down` are its distances from the image's corner in pixels,
-// multiplied by its depth. Directions through pixels have a depth of 1.
+// multiplied by its depth. Depths are measured so that the directions through pixels have a depth of 1.
 typedef struct {
     float across, down, depth;
 } Projected;
@@ -67,11 +67,13 @@ typedef struct {
 // Returns whether a triangle covers the point (x, y) of the image.
 int covers(const Coverage *coverage, float x, float y) {
     const Projected *p = coverage->at;
-    // Corners relative to the pixel, times their depth: without a division, corners behind the eye do no harm.
+    // The corners' positions relative to the pixel, multiplied by the corners' depths. No position is divided by a
+    // depth, so corners behind the eye do no harm.
     const float ax = p[0].across - x * p[0].depth, ay = p[0].down - y * p[0].depth;
     const float bx = p[1].across - x * p[1].depth, by = p[1].down - y * p[1].depth;
     const float cx = p[2].across - x * p[2].depth, cy = p[2].down - y * p[2].depth;
-    // Edge functions: twice the signed areas of the triangles between the pixel and each edge.
+    // An edge function is twice the signed area of the triangle between the pixel and the edge, multiplied by the
+    // depths of the edge's two corners.
     const float u = cx * by - cy * bx;
     const float v = ax * cy - ay * cx;
     const float w = bx * ay - by * ax;
@@ -135,7 +137,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     coverage.drawn = det != 0.0f;
 #endif
     for (int i = 0; i < 3; i++) coverage.at[i] = project(p[i], corner, step_x, step_y);
-    // 1 / depth = direction . n / (a . n), linear in the pixel: interpolated without perspective division.
+    // 1 / depth = direction . n / (p[0] . n). The direction is linear in the pixel, so 1 / depth is linear too.
     const float per_det = 1.0f / det;
     coverage.per_depth =
         along_pixels(uniform3(n.x * per_det, n.y * per_det, n.z * per_det), corner, step_x, step_y);
@@ -143,7 +145,7 @@ Coverage cover(Corners at, CAMERA_PARAMETERS, int2 image_size) {
     return coverage;
 }
 
-// Returns the bits of the triangle's depth at a pixel, or NO_HIT if the triangle does not cover it.
+// Returns the bits of the triangle's depth at a pixel, or NO_HIT if it does not cover the pixel beyond the near plane.
 int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const float px = x + 0.5f, py = y + 0.5f;
     if (!covers(coverage, px, py)) return NO_HIT;
@@ -158,7 +160,8 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     const int triangle = get_global_id(0);   \
     const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
 
-// A loop over the pixels that a triangle may cover. The host first fills the buffers of both kernels with NO_HIT.
+// A loop over the pixels that a triangle may cover. Before the first kernel, the host fills the buffers `depth` and
+// `nearest_triangle` with NO_HIT, the largest int.
 #define FOR_COVERED_PIXELS(coverage)                                              \
     for (int y = coverage.low.y; coverage.drawn && y < coverage.high.y; y++) \
         for (int x = coverage.low.x; x < coverage.high.x; x++)

@@ -38,7 +38,7 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     rays.across = (BLOCK_X >> bits) - 1;
     rays.down = (BLOCK_Y >> bits) - 1;
 #if SAMPLED
-    // The samples of a pixel are spread over the filter's width.
+    // A pixel's samples may lie anywhere within the width of the pixel filter, so they extend the block.
     rays.x = least_lane(samples->x), rays.y = least_lane(samples->y);
     rays.across += most_lane(samples->x) - rays.x;
     rays.down += most_lane(samples->y) - rays.y;
@@ -46,8 +46,8 @@ BlockRays block_rays(CAST_PARAMETERS int bits) {
     return rays;
 }
 
-// Computes the interval of corner + x step_x + y step_y over the rays of each vector, extended by its rounding error.
-// `x` and `y` are the coordinates of each vector's first ray.
+// Computes, for each vector of rays, the interval of one component of the directions corner + x step_x + y step_y. The
+// interval is extended by the rounding error. The arguments `x` and `y` are the coordinates of each vector's first ray.
 void slice_axis(float corner, float step_x, float step_y, const BlockRays *rays, float16 x, float16 y, float16 *low,
                 float16 *high) {
     // A direction is linear in x and y, so its smallest and largest values lie at corners of the block.
@@ -83,7 +83,7 @@ float slice_camera(CAST_PARAMETERS CAMERA_PARAMETERS, int2 image_size, Slices *s
             slices->high[axis][part] = SELECT(vector < VECTORS, slices->high[axis][part], (float16)(-FAR));
         }
 #endif
-        // Blocks completely outside the image get a reach of less than zero.
+        // Blocks completely outside the image get a reach of less than zero, so that they meet no box.
         slices->reach[part] = SELECT((px < image_size.x) & (py < image_size.y), (float16)(FAR), (float16)(-1.0f));
     }
     return most_lane(longest);

@@ -49,9 +49,9 @@
 #define FETCH(pointer) (void)0
 #endif
 
-// The shears of a vector's rays along their common axis k, for the watertight test.
+// For each vector, the shears of its rays along their common axis k, for the watertight test. d is a ray's direction.
 typedef struct {
-    // -d_(k+1) / d_k, with the opposite sign if rays run against the axis, and -d_(k+2) / d_k.
+    // x is -d_(k+1) / d_k, with the opposite sign if rays run against the axis; y is -d_(k+2) / d_k.
     varying x[VECTORS], y[VECTORS];
     int axis[VECTORS];      // k, or NO_AXIS
     float forward[VECTORS]; // 1, or -1 if the rays run against their axis

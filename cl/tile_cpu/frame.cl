@@ -103,7 +103,7 @@ __kernel GROUP_SHAPE void tile_frame(TILE_FRAME_PARAMETERS) {
 // since only the next pass reads `nearest`.
 size_t tile_start(void) { return (get_global_id(1) * get_global_size(0) + get_global_id(0)) * (TILE_X * TILE_Y); }
 
-// Stores the index in leaf order of every pixel's nearest triangle, or NO_HIT.
+// For every ray from the eye, stores the nearest triangle's index in leaf order, or NO_HIT.
 __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
     BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)
@@ -117,7 +117,7 @@ __kernel GROUP_SHAPE void tile_primary(TILE_PRIMARY_PARAMETERS) {
         vstore16(found ? bundle.place[vector] : (varying_int)(NO_HIT), vector, nearest + tile_start());
 }
 
-// Shades the nearest triangle of every pixel.
+// Shades the nearest triangle of every ray from the eye.
 __kernel GROUP_SHAPE void tile_shade(TILE_SHADE_PARAMETERS) {
     BIND_SAMPLES
     LEAVE_OUTSIDE(image_size)

@@ -55,8 +55,8 @@ uint test_prepared(Bundle *bundle, const SurfaceTree *tree, int first, int count
 uint test_leaf(Bundle *bundle, const SurfaceTree *tree, uint word, uint live, const int any) {
     const int end = LEAF_FIRST(word) + LEAF_COUNT(word);
     uint changed = 0;
-    // The loop prepares PREPARED triangles at a time. Each triangle is tested against all live vectors while its planes
-    // are in registers.
+    // The loop prepares PREPARED triangles at a time. Each triangle is tested against all live vectors while its
+    // prepared numbers are in registers.
     for (int first = LEAF_FIRST(word); first < end; first += PREPARED) {
         const uint now = test_prepared(bundle, tree, first, min(PREPARED, end - first), live, any);
         changed |= now;

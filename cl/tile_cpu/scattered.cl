@@ -1,5 +1,5 @@
 // Scattered vectors: vectors of shadow rays whose hits lie far apart, as at the edge between two surfaces. The interval
-// of such a vector's directions contains nearly all directions, so each ray of the vector is tested against boxes.
+// of such a vector's directions is too wide to exclude many boxes, so each ray of the vector is tested against boxes.
 
 // Hits are far apart if their distance from each other exceeds this multiple of a block's width at their distance
 // from the eye.
@@ -11,8 +11,9 @@ float pixel_side(float4 step_x, float4 step_y) {
     return max(max(longer.x, longer.y), longer.z);
 }
 
-// Returns the vectors whose hits lie far apart, one bit each. The function compares the intervals of the directions
-// from a light to the hits. `block_side` is the width of a vector's block of pixels at a depth of 1.
+// Returns the vectors whose hits lie far apart, one bit each. `directions` contains the intervals of the directions
+// from a light to the hits, which show the hits' positions. `block_side` is the width of a vector's block of pixels at
+// a depth of 1.
 uint scattered_vectors(const Slices *directions, Uniform3 eye_to_light, float block_side) {
     const float offset[3] = {eye_to_light.x, eye_to_light.y, eye_to_light.z};
     uint scattered = 0;
@@ -50,7 +51,8 @@ void set_scattered(Bundle *bundle, uint vectors) {
     }
 }
 
-// Returns the vectors with an unfinished ray that enters a child's box before t = 1. All `vectors` must be scattered.
+// Returns the vectors with an unfinished ray that enters a child's box before t = 1, the hit. All `vectors` must be
+// scattered.
 uint rays_meet(const Bundle *bundle, const Boxes *boxes, int child, uint vectors) {
     uint met = 0;
     for (; vectors; vectors &= vectors - 1) {

@@ -1,6 +1,6 @@
 // Shades a tile's nearest hits.
 
-// Without inlining, columns of values would go through memory.
+// Functions that take arrays of vectors are inlined, so that the arrays stay in registers.
 #define INLINED static __attribute__((always_inline))
 
 // Loads a row of three float4, and returns it as 12 columns with the same value in all lanes.
@@ -84,7 +84,8 @@ typedef struct {
     Surface surface;
 } Shaded;
 
-// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns of rows.
+// Computes a vector's hits from its rays and the triangles that they hit. `corner` and `normal` are columns
+// of the triangles' rows: see gather_rows.
 INLINED void meet_rows(const Lighting *lighting, Vec3 origin, Vec3 direction, const varying *corner,
                        const varying *normal, Mask hits, Shaded *shaded) {
     const Vec3 v0 = vec3(corner[0], corner[1], corner[2]);
@@ -206,7 +207,7 @@ uint make_light_rays(CAST_PARAMETERS Bundle *bundle, Slices *slices, const Surfa
 #define STREAM16(value, to) vstore16(value, 0, (__global float *)(to))
 #endif
 
-// Stores a row of a block, which consists of four lanes, for example s0123. `row` is its first pixel.
+// Stores one row of a block: the four pixels of `lanes`, for example s0123. `row` points to the row's first pixel.
 #define STORE_PIXELS(lanes, row)                                          \
     STREAM16(MEAN_WITH(vload16(0, (__global float *)(row)),               \
                        interleave(red.lanes, green.lanes, blue.lanes, hit.lanes)), row)

@@ -42,7 +42,7 @@ uint single_ray_meets(const SingleRay *ray, const __global float *node) {
 // Returns 16 lanes that contain the vectors of eight triangles twice.
 Vec3 in_both_halves(Lanes3 v) { return vec3((float16)(v.x, v.x), (float16)(v.y, v.y), (float16)(v.z, v.z)); }
 
-// Returns which of the eight triangles from `first` on stop the ray, one bit each.
+// Returns which of the eight triangles from `first` on stop the ray, one bit each. Bits 8 to 15 repeat bits 0 to 7.
 uint triangles_stopping(const SingleRay *ray, const Tree *tree, int first) {
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 a = load_corners(rows);

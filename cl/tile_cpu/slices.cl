@@ -74,7 +74,7 @@ void whole_tile(const float16 *low, const float16 *high, float *least, float *mo
     *most = most_lane(h);
 }
 
-// Completes slices that contain intervals of directions, and computes the cone around them.
+// Converts slices from intervals of directions to intervals of reciprocals, and computes the cone around them.
 Cone finish_slices(Slices *slices) {
     Cone cone;
     for (int axis = 0; axis < 3; axis++) {
@@ -124,7 +124,7 @@ uint children_meet(const Cone *cone, Uniform3 origin, const __global float *node
 uint slices_meet(const Slices *slices, const Cone *cone, const Boxes *boxes, int child) {
     uint met = 0;
     for (int part = 0; part < PARTS; part++) {
-        // The same slab test for a single child: each lane tests the interval of one vector of rays.
+        // The slab test of children_meet for a single child: each lane tests the interval of one vector of rays.
         float16 entry = (float16)(0.0f), leave = (float16)(FAR);
         for (int axis = 0; axis < 3; axis++) {
             const float16 low = slices->low[axis][part], high = slices->high[axis][part];

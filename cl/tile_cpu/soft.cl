@@ -27,8 +27,8 @@ uint packet_meets(const PacketBounds *bounds, const __global float *node, float 
     for (int axis = 0; axis < 3; axis++) {
         if (bounds->mixed[axis]) continue;
         const int negative = bounds->negative[axis];
-        // The ray that enters earliest begins at the end of the origins' interval that is nearest to the box's near
-        // side. The ray that leaves latest begins at the other end.
+        // Of the origins' interval, the end that is nearest to the box's near side gives the earliest entry. The other
+        // end gives the latest exit.
         const float first = negative ? bounds->low[axis] : bounds->high[axis];
         const float last = negative ? bounds->high[axis] : bounds->low[axis];
         const Children near = LOAD_CHILDREN(node + (2 * axis + negative) * NODE_WIDTH) - first;

@@ -7,9 +7,9 @@ typedef struct {
     uint live;
 } WaitingTile;
 
-// Prefetches the first four cache lines of a child: a node with eight children (or the first rows of a node with 16),
-// or the first triangles of a leaf. The child will be visited soon, and the lines are loaded while other children are
-// tested.
+// Prefetches the first four cache lines of a child. They hold a whole node of eight children, the first rows of a node
+// of 16 children, or the first triangles of a leaf. The child will be visited soon, and the lines are loaded while
+// other children are tested.
 void fetch_child(const Tree *tree, uint word) {
     const __global float *at = IS_LEAF(word) ? tree->leaves + LEAF_ROW * (size_t)LEAF_FIRST(word)
                                              : tree->nodes + NODE_STRIDE * (size_t)word;

@@ -111,7 +111,8 @@ INLINED uint begin_pass(Group *group, const Tree *tree, Origin origin, const Way
     // closest to the other rays.
     const uint lanes = lane_ballot(group, todo != 0);
     const int leader = HAS(lanes, MIDDLE_LANE) ? MIDDLE_LANE : LOWEST_BIT(lanes);
-    // The bit of the first ray in the leader's lane. Each other lane uses its own ray with the same bit.
+    // The bit of the leader: the first remaining ray of the leader's lane. In each other lane, `own` is the lane's own
+    // ray with the same bit.
     const uint first = lane_get(group, todo & (0u - todo), leader);
     Uniform3 way = uniform3(0.0f, 0.0f, 0.0f);
     EACH_RAY(ray) if (HAS(first, ray)) way = uniform3(ways->x[ray], ways->y[ray], ways->z[ray]);

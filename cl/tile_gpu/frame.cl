@@ -1,5 +1,5 @@
-// Casts rays from the eye in tiles, each owned by a group, and finds their nearest hits. shadow.cl casts the shadow
-// rays of a round of lights; shade.cl casts leftover shadow rays, and shades.
+// Casts rays from the eye in tiles, each owned by a group, and finds their nearest hits. shadow.cl casts shadow
+// rays, for a limited number of lights at a time (a round of lights). shade.cl casts leftover shadow rays, and shades.
 
 // The tiles of a work-group form a square if possible, so that they read the same part of the tree.
 #ifndef TILES_ACROSS
@@ -42,7 +42,7 @@ INLINED int2 tile_in_row(Group *group, int row) {
 
 #if SAMPLED
 // Packs the first column and row of a tile into one register. Tiles begin at multiples of 8 x 4 rays. An image of at
-// most 65,536 pixels across and down has at most 262,144 rays across and down.
+// most 65,536 pixels across and down has at most 262,144 rays across and down, so each quotient fits into 16 bits.
 //
 //     31 ... 16 | 15 ... 0
 //     row / 4   | column / 8
@@ -52,7 +52,8 @@ INLINED int2 unpacked_tile(uint tile) { return (int2)((int)(tile & 0xffffu) * 8,
 
 // Returns the packed position of the group's own tile. If `rough_count` is not 0, tiles cover only that many blocks of
 // pixels, and no tile is larger than a block. The number of work-groups is then only as large as these blocks need, and
-// tiles are numbered block by block. Here each block has 16 x 16 rays, which are four tiles:
+// tiles are numbered block by block. For example, a block of 16 x 16 rays has four
+// tiles of 8 x 8:
 //
 //     rough[0]: 0 1    rough[1]: 4 5
 //               2 3              6 7

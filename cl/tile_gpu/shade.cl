@@ -1,4 +1,5 @@
-// The end of a round of lights, after tiles have cast their shadow rays: leftover shadow rays, and shading.
+// The end of a round of lights (see shadow.cl). After tiles have cast their shadow rays, the kernels in this file cast
+// the leftover shadow rays, and shade.
 
 // Casts a pixel's leftover shadow rays, one at a time, each by the whole group. Returns which of these rays' lights
 // reach the pixel, as bits of the pixel's word (see shadow.cl).
@@ -42,8 +43,8 @@ INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
 }
 
 #if LEFT_OVER_KERNEL
-// Casts the leftover shadow rays. Each ray from the eye is in the queue at most once, and one group casts all of its
-// leftover shadow rays.
+// Casts the leftover shadow rays. The queue contains each ray from the eye that has leftover shadow rays, once. One
+// group casts all leftover shadow rays of an entry of the queue.
 __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETERS) {
     STACK_LOCALS
     TREE_OF_TILES
@@ -60,8 +61,8 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
 }
 #endif
 
-// HAS_LIGHT is true if a pixel receives any light in a round, either from lights that reach the pixel or from the
-// picture of the sky, which shiny surfaces mirror in the round that includes the sky.
+// HAS_LIGHT is true if a pixel receives light in a round: from lights that reach the pixel, or from the picture of the
+// sky. Shiny surfaces mirror this picture in the round that includes the sky.
 #if ENVIRONMENT
 #define SHOWS_SKY(sources) ((sources)->light_count < (sources)->first_light + LIGHTS_OF_ROUND)
 #define HAS_LIGHT(reached, place) ((reached) || ((place) != NO_HIT && SHOWS_SKY(sources)))

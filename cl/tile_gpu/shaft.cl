@@ -114,7 +114,7 @@ INLINED Uniform3 seen(const Shaft *shaft, Uniform3 corner) {
 
 INLINED float4 quad(Uniform3 v, float word) { return (float4)(v.x, v.y, v.z, word); }
 
-// A leaf's triangle that a group's rays have to test, as prepared by the test.
+// A leaf's triangle that a group's rays have to test, in the form in which the intersector's `prepare` stores it.
 typedef struct {
     float4 a, b, c;
 } Candidate;

@@ -2,8 +2,8 @@
 // shadow rays: a group casts them one at a time, and each lane tests one child of a node or one triangle of a leaf.
 
 // The sources of light: the scene's lights and, after the last light, the sky. `light_count` is the number of the
-// scene's lights, and `first_light` is the first light of the round. In functions, `light` is counted from the first
-// light of the round, and `source` from the first light of the scene.
+// scene's lights, and `first_light` is the first light of the round (see shadow.cl). In functions, `light` is counted
+// from the first light of the round, and `source` from the first light of the scene.
 typedef struct {
     Soft soft;
     int light_count, first_light;

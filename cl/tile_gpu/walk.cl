@@ -1,4 +1,4 @@
-// The traversal of the tree by a group, with a beam or with a single ray.
+// The traversal of the tree by a group, with a beam (the rays of a pass: see entry.cl) or with a single ray.
 
 // The result of testing the shaft against this lane's child of a node.
 typedef struct {
@@ -22,9 +22,9 @@ INLINED Child meet_child(Group *group, const Tree *tree, const Shaft *shaft, uin
     Child result;
     result.word = as_uint(tree->nodes[at + CHILD_ROW + group->lane]);
     result.entry = near;
-    // At each z, a side of the shaft lies at the side's slope times z. The side's extreme positions are therefore those
-    // at z = near and at z = far. The box of the child must overlap the range between the outermost positions of the
-    // two sides.
+    // Along x, the shaft lies between a low and a high side. At each z, a side lies at its slope times z, so its extreme
+    // positions within the child's box are those at z = near and at z = far. The shaft can meet the box only if the box
+    // overlaps the range from the low side's least position to the high side's greatest. The same holds along y.
     result.met = (far >= near) & (near < reach) & (right >= fmin(shaft->low_x * near, shaft->low_x * far)) &
                  (left <= fmax(shaft->high_x * near, shaft->high_x * far)) &
                  (bottom >= fmin(shaft->low_y * near, shaft->low_y * far)) &
@@ -97,7 +97,7 @@ INLINED int visit_leaf(Group *group, const Tree *tree, const Shaft *shaft, Beam 
     // Each lane prepares one triangle for the whole tile, and finds out whether the shaft meets it at all.
     if (group->lane < LEAF_COUNT(word)) wanted = prepare(shaft, tree, first + group->lane, worst, any, &own);
     const uint tested = lane_ballot(group, wanted);
-    lane_sync(group); // the last leaf's triangles have been tested
+    lane_sync(group); // all lanes have tested the previous leaf's triangles, which are now overwritten
     if (wanted) {
         // Compaction by ballot: a lane's triangle is stored after the triangles of lower lanes, without gaps.
         const int at = BITS_BEFORE(group, tested);

@@ -1,5 +1,6 @@
-//! Binned surface-area heuristic: a node is cut into slices along three axes. Each slice stores the number of its
-//! primitives and their common box.
+//! Chooses where to cut a node in two, by the binned surface-area heuristic. A node is divided into slices along each
+//! of the three axes, and a cut lies between two slices. The cost of a cut is a sum over its two sides: half the
+//! surface area of the side's box, times the number of primitives (triangles with their boxes) on this side.
 //!
 //! Wald, "On fast construction of SAH-based bounding volume hierarchies", 2007.
 
@@ -13,8 +14,8 @@ pub(super) struct Slicer<const N: usize> {
     scale: Vec4,
 }
 
-/// Adding this number to a float in `0..2^22` leaves the nearest integer in the float's low bits. The addition is
-/// cheaper than a saturating conversion to an integer.
+/// The sum of this number and a float in `0..2^22` has the integer nearest to the float in its low bits. The addition
+/// is cheaper than a saturating conversion to an integer.
 const ROUND: f32 = 8_388_608.0;
 
 impl<const N: usize> Slicer<N> {
@@ -62,7 +63,7 @@ pub(super) struct Cut {
     pub left_count: usize,
     /// The children's boxes.
     pub bounds: [Bounds; 2],
-    /// Boxes that contain the children's doubled centres, up to rounding.
+    /// For each child, a box that contains the doubled centres of the child's primitives, up to rounding.
     pub regions: [Bounds; 2],
 }
 
@@ -115,8 +116,8 @@ impl<const N: usize> Bins<N> {
         (cost < f32::INFINITY).then(|| self.cut(axis, slice, slicer, region))
     }
 
-    /// Returns the better of `best` and the best cut along one axis. A cut with an empty side has the cost infinity
-    /// times zero. This cost is NaN, which is not less than any other cost.
+    /// Returns the better of `best` and the best cut along one axis. An empty side has an infinite
+    /// area and no primitives, so the cost of its cut is NaN, which is not less than any other cost.
     #[inline(always)]
     fn best_on_axis(&self, axis: usize, mut best: (f32, usize, usize)) -> (f32, usize, usize) {
         let (bounds, counts) = (&self.bounds[axis], &self.counts[axis]);

@@ -2,8 +2,8 @@
 
 use glam::{Vec3, Vec4};
 
-/// An axis-aligned box. A corner needs only three of the four lanes of its vector, which fills one register; the fourth
-/// lane is unused.
+/// An axis-aligned box. The vector of a corner has four lanes, so that it fills one register. A box uses only three of
+/// them; in a [`Primitive`], the fourth lane of `low` holds the triangle's number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     /// Smallest corner.

@@ -79,14 +79,15 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// A good leaf size for most purposes; Embree's medium build quality uses it too.
+    /// A good leaf size for most purposes; the ray tracing library Embree uses it too, at medium build quality.
     pub const LEAF_SIZE: usize = 4;
 
     /// Builds a tree over a mesh's triangles on all of rayon's threads.
     ///
     /// `leaf_size` is the largest number of triangles in a leaf. Degenerate and coincident triangles need no
-    /// special case: triangles that no plane separates are halved by count, so the depth is at most 64 plus
-    /// the logarithm of their number. Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
+    /// special case: triangles that no plane separates are halved by count. All nodes from depth 64 on are halved by
+    /// count too, so the depth is at most 64 plus the binary logarithm of the number of triangles, rounded up.
+    /// Positions must be finite, as a [`Scene`](crate::scene::Scene)'s are.
     pub fn build(mesh: &Mesh, leaf_size: usize) -> Self {
         build::build(mesh, leaf_size)
     }

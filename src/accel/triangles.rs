@@ -6,16 +6,16 @@ use rayon::prelude::*;
 /// Words per triangle in [`write_triangle_rows`]: three float4, or 48 bytes.
 pub const TRIANGLE_WORDS: usize = 12;
 
-/// Rows of zeros after the last triangle, for kernels that load several triangles at once (PREPARED in
-/// cl/tile_cpu/intersect/edge_planes.cl).
+/// Number of rows of zeros after the last triangle. Kernels that load several triangles at once (TOGETHER in
+/// cl/tile_cpu/triangles_of_leaf.cl) may read these rows.
 pub const PADDING_ROWS: usize = 8;
 
-/// Writes the triangles of `order` into `rows`, 12 words each, without changing a bit of the corners, because
-/// watertight tests need the mesh's exact corners. The remaining words of `rows` become zero.
+/// Writes the triangles of `order` into `rows`, 12 words each. No bit of a corner changes, because watertight tests
+/// need the mesh's exact corners. The remaining words of `rows` become zero.
 ///
 /// | words | content |
 /// |---|---|
-/// | 0, 1, 2 | v0 |
+/// | 0, 1, 2 | v0, the first corner |
 /// | 3 | the triangle's number in the mesh, as bits |
 /// | 4, 5, 6 and 8, 9, 10 | v1 and v2 |
 /// | 7, 11 | the number of its material, as bits, and 0 |
@@ -29,7 +29,7 @@ pub fn write_triangle_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
 }
 
 /// Writes the corner normals n0, n1 and n2 of each triangle of `order` into `rows`, as three float4. The fourth
-/// component after n0 is the material's number, as bits; after n1 and n2 it is 0.
+/// component of n0's float4 is the material's number, as bits; that of the other two is 0.
 pub fn write_surface_rows(mesh: &Mesh, order: &[u32], rows: &mut [f32]) {
     write_rows(order, rows, |number| {
         let triangle = &mesh.triangles[number as usize];

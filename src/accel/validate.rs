@@ -16,7 +16,11 @@ impl Bvh {
     pub fn validate(&self, mesh: &Mesh) -> Verdict {
         is_permutation(&self.order, mesh.triangles.len())?;
         if self.nodes.is_empty() != self.order.is_empty() {
-            return Err(format!("{} nodes over {} triangles", self.nodes.len(), self.order.len()));
+            return Err(format!(
+                "{} nodes over {} triangles; expected both or neither to be 0",
+                self.nodes.len(),
+                self.order.len()
+            ));
         }
         let (mut reached, mut depth) = (0, 0);
         let mut waiting = Vec::new();
@@ -25,8 +29,8 @@ impl Bvh {
             waiting.push((0, 0, 0));
         }
         while let Some((number, first, level)) = waiting.pop() {
-            // In depth-first order, nodes occur in the order of their numbers. So each node occurs once, and there is
-            // no cycle.
+            // A depth-first walk must reach the nodes in the order of their numbers. If it does, it reaches each node
+            // once, and there is no cycle.
             expect_equal("the next node in depth-first order", number, reached)?;
             reached += 1;
             depth = depth.max(level);

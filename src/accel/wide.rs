@@ -32,13 +32,15 @@ use rayon::prelude::*;
 /// | 25 .. 31 | 0 | number of triangles, 0 to 63 |
 /// | 0 .. 25 | its node number | index of its first triangle in leaf order |
 ///
-/// Children come first, unused slots last. An unused slot is a leaf without triangles ([`WideBvh::UNUSED`]). The box of
-/// an unused slot is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and a traversal that visits the slot does no harm.
+/// A node has W slots for children. Children come first, unused slots last. An unused slot is a leaf without triangles
+/// ([`WideBvh::UNUSED`]). The box of an unused slot is the point (`f32::MAX`, `f32::MAX`, `f32::MAX`), and a traversal
+/// that visits the slot does no harm.
 ///
 /// # Order
 ///
-/// The inner children of a node are contiguous, and subtrees are stored depth first. A node's triangles are contiguous
-/// in leaf order; `order` maps an index in leaf order to the triangle's number in the mesh.
+/// The inner children of a node are contiguous. They are followed by all nodes below the first of them, then by all
+/// nodes below the second, and so on. A node's triangles are contiguous in leaf order; `order` maps an index in leaf
+/// order to the triangle's number in the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WideBvh {
     /// Children per node: 2, 4, 8, 16 or 32.
@@ -115,11 +117,12 @@ impl WideBvh {
         Self::new(Bvh::build(mesh, leaf_size.min(own)), width, leaf_size)
     }
 
-    /// Collapses a binary tree. To find a node's children, the subtree of largest surface area is repeatedly replaced
-    /// by its two children, until all slots are used. Subtrees with more than `leaf_size` triangles are replaced first.
-    /// If unused slots remain, smaller subtrees are replaced too, since testing an unused slot costs as much as testing
-    /// a used one. Leaves therefore become as small as the slots allow, but never smaller than the leaves of the binary
-    /// tree. The binary tree should therefore be built with the leaf size that is fastest.
+    /// Collapses a binary tree. To find a node's children, the function starts with the node's binary subtree as the
+    /// only child. It then repeatedly replaces the child of largest surface area by that child's own two children,
+    /// until all slots are used. Children with more than `leaf_size` triangles are replaced first. If unused slots
+    /// remain, smaller children are replaced too, since testing an unused slot costs as much as testing a used one.
+    /// Leaves therefore become as small as the slots allow, but never smaller than the leaves of the binary tree. The
+    /// binary tree should therefore be built with the leaf size that is fastest.
     ///
     /// # Errors
     ///
@@ -142,7 +145,9 @@ impl WideBvh {
             return Err(Error::run(
                 "the tree has more than 33,554,432 nodes; references to child nodes cannot index more",
             )
-            .with_help("choose a larger leaf size, or more children per node"));
+            .with_help(
+                "choose a larger leaf size (axis leaf_size), or more children per node (axis node_width)",
+            ));
         }
         Ok(wide)
     }
@@ -169,8 +174,8 @@ impl WideBvh {
         wide
     }
 
-    /// Writes a node, and appends a node for each of its inner children, with slots that are still unused. Returns the
-    /// subtrees of these children.
+    /// Writes a node. For each of its inner children, appends a node whose slots are still unused. Returns the subtrees
+    /// of these children.
     fn collapse_node(&mut self, bvh: &Bvh, node: usize, subtree: Subtree, leaf_size: usize) -> Vec<Subtree> {
         let mut children = Vec::with_capacity(self.width);
         children.push(subtree);

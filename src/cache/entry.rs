@@ -1,4 +1,4 @@
-//! The bytes of a cache entry: a signature, a hash of the rest, the key, and the content.
+//! The bytes of a cache entry: a signature, a hash of all later bytes, the length of the key, the key, and the content.
 
 /// The signature; its number is the version of the layout.
 const MARK: &[u8] = b"raycl's cache 1\n";

@@ -65,7 +65,8 @@ impl Cache {
         self.folder.is_some()
     }
 
-    /// Returns the content of the entry with this `kind` and key; `None` if there is no valid entry.
+    /// Returns the content of the entry with this kind (the sort of data, such as `program`) and this key; `None` if
+    /// there is no valid entry.
     pub fn get(&self, kind: &str, key: &str) -> Option<Vec<u8>> {
         let path = folder::trusted(self.folder()?)?.join(file_name(kind, key));
         let content = opened(folder::read_own(&path)?, key)?;

@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. Each combination of source code, compiler options, device, driver and values of the driver's environment variables has its own compiled program. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -61,7 +61,8 @@ fn folder(cache: &Cache) -> Result<String> {
 fn why_none(cache: &Cache) -> String {
     match cache.limit_bytes() {
         0 => format!("the environment variable {LIMIT} is 0; unset it to get a cache of at most 512 MiB"),
-        _ => "set XDG_CACHE_HOME or HOME to an absolute path".to_owned(),
+        _ => "neither XDG_CACHE_HOME nor HOME is an absolute path; set one of these environment variables"
+            .to_owned(),
     }
 }
 

@@ -55,8 +55,8 @@ struct Report {
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
-    /// The largest difference of a channel, divided by the brightest channel of the expected pixel, or by 1/255 if that
-    /// is greater. Null if the result is not finite.
+    /// The largest difference of a channel, divided by the brightest channel of the expected pixel, but at least by
+    /// 1/255. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
 }
@@ -116,7 +116,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
         }
     }
     // The peak of the signal-to-noise ratio is white (1) for 8-bit pictures. For radiance, the peak is the brightest
-    // channel of the expected picture, or 1 if that is greater.
+    // channel of the expected picture, but at least 1.
     let peak = peak.max(1.0);
     let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
     let equal = different == 0;

@@ -22,7 +22,7 @@ use std::sync::Arc;
   raycl compile scenes/teapot.toml --device nvidia --strategy naive --strategy local-vectors --out made
   raycl compile scenes/teapot.toml --strategy deferred,width=4 --local-size 64x1 --json
 
-Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions, with the numbers of instructions by kind and by memory. No ray is cast.
+Each strategy gets a folder inside the folder of --out, with these files: source.cl (the whole source as one text), options.txt (the compiler's options), build.log (the compiler's messages), binary.ptx (the program's binary if it is PTX text) or binary.bin (any other binary), made.json and microscope.html. For each kernel, made.json contains the numbers of registers, bytes of memory and memory instructions, and the predicted occupancy; for each source line, it contains the numbers of instructions. The page microscope.html shows each source line beside its instructions. It also counts the instructions of each kind, such as loads from global memory. No ray is cast.
 
 The compiler's line table assigns instructions to source lines. If there is no line table, instructions are counted for each part of the kernel: in PTX and SASS from one label to the next, on a CPU for each function. The instructions are PTX, or the CPU's instructions as objdump (package binutils) prints them. If NVIDIA's assembler ptxas and disassembler nvdisasm are on PATH, microscope.html also shows the machine code (SASS) that ptxas generates; the driver may generate other machine code. Only some compilers print the number of registers; for the others, the table that `raycl compile` prints does not show it. This table counts memory instructions only in PTX.")]
 pub struct Args {
@@ -103,7 +103,8 @@ pub fn run(args: Args) -> Result<()> {
 const FILES: [&str; 7] =
     [MICROSCOPE, "source.cl", "options.txt", "build.log", "binary.ptx", "binary.bin", "made.json"];
 
-/// Returns the folder to write to, after checking that no file in it belongs to another program.
+/// Returns the folder to write to. Unless `--force` is given, returns an error if a file that would be replaced was not
+/// written by raycl, or was changed later.
 fn out_folder(args: &Args, path: &Path) -> Result<OutFolder> {
     let out = OutFolder::open(path, Choice { force: args.force, elsewhere: "--out DIR" })?;
     for strategy in &args.strategy {
@@ -175,7 +176,10 @@ fn keep(out: &mut OutFolder, strategy: &str, made: &Compilation, mut files: File
 fn page(strategy: &str, made: &Compilation) -> Result<Option<String>> {
     let Some(microscope) = &made.microscope else { return Ok(None) };
     let [x, y] = made.local_size;
-    let about = format!("Work-groups of {x} x {y} on {}. The strategy: {}.", made.device, made.strategy);
+    let about = format!(
+        "The program was compiled for work-groups of {x} x {y} work-items on the device {}. Its strategy is {}.",
+        made.device, made.strategy
+    );
     microscope_page(strategy, &about, microscope, &made.kernels).map(Some)
 }
 

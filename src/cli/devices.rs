@@ -62,7 +62,7 @@ const HEADER: [&str; 9] = [
     "__constant\nKiB",
     "global\nGiB",
     "work-group\nsize",
-    "native\nwidth",
+    "native\nvector\nwidth",
 ];
 
 fn text(infos: &[&DeviceInfo], empty_platforms: &[String], default: Option<&str>) -> String {

@@ -109,7 +109,9 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
         return Some("a driver did not answer".to_owned());
     }
     let (signal, name) = signal(status)?;
-    CRASHES.contains(&name).then(|| format!("a driver ended the process: {name} (signal {signal})"))
+    CRASHES
+        .contains(&name)
+        .then(|| format!("raycl's child process crashed, probably in a driver: {name} (signal {signal})"))
 }
 
 /// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the

@@ -28,8 +28,8 @@ pub struct Args {
     /// The strategy: a preset (naive), values of axes (width=4), or both (deferred,width=4)
     #[arg(value_parser = StrategyText, hide_possible_values = true)]
     strategy: String,
-    /// Local size: work-items per work-group, across and down [default: 8x8; for strategies in which 32 work-items cast
-    /// a tile of rays together, 32x1, or 32x4 if 32 work-items of --device can exchange values without barriers]
+    /// Local size: work-items per work-group, across and down [default: 8x8. For strategies in which 32 work-items
+    /// cast a tile of rays together: 32x4 if they can exchange values without barriers on --device, else 32x1]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     local_size: Option<[u32; 2]>,
     /// The device for whose compiler the program is printed: part of the device's name, platform or vendor, or its kind

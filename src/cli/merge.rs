@@ -28,7 +28,8 @@ pub struct Args {
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),
-    /// going, hung (no step within the time limit), lost (killed, or its machine is down), or how the process ended
+    /// going, hung (no progress within the limit of `raycl run --hang-limit`), lost (killed, or its machine is down),
+    /// or how the process ended
     #[arg(long)]
     status: bool,
     /// With --status, the number of seconds between two readings of the counter that each running process increases. A

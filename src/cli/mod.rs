@@ -145,8 +145,9 @@ impl Command {
         }
     }
 
-    /// Returns whether the command measures times, itself or through workers; PoCL then pins its threads. Also returns
-    /// true for workers, unless they only compile a program. Returns false for the commands for contributors.
+    /// Returns whether the command measures times, itself or through workers. If it does, raycl makes PoCL (an OpenCL
+    /// driver for CPUs) pin its threads. Also returns true for workers, unless they only compile a program. Returns
+    /// false for the commands for contributors.
     fn measures(&self) -> bool {
         match self {
             Self::Run(_) | Self::Reproduce(_) | Self::Peak(_) | Self::Noise(_) => true,
@@ -193,8 +194,9 @@ impl Cli {
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
-    /// Returns whether the command measures times, itself or through workers; PoCL then pins its threads. Also returns
-    /// true for workers, unless they only compile a program. Returns false for the commands for contributors.
+    /// Returns whether the command measures times, itself or through workers. If it does, raycl makes PoCL (an OpenCL
+    /// driver for CPUs) pin its threads. Also returns true for workers, unless they only compile a program. Returns
+    /// false for the commands for contributors.
     pub fn measures(&self) -> bool {
         self.command.measures()
     }

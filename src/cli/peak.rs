@@ -101,7 +101,8 @@ impl Wanted<'_> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
             let found = self.measured_apart(pattern);
-            // Ctrl-C also reaches the child process, which may be waiting for the device.
+            // Ctrl-C also ends the child process, which may be waiting for the device. The user then gets a message
+            // about the interruption, not about the child's failure.
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices' peak rates were being measured"));
             }

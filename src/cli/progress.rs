@@ -7,7 +7,8 @@ use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-/// A bar with the number of finished steps and the total, the time left, and the current work.
+/// A bar with the number of finished steps and the total, the time left, and the current work. A step is one launch
+/// (worker process) of one point.
 pub struct Bar {
     bar: ProgressBar,
 }

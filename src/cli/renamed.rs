@@ -29,7 +29,7 @@ pub fn explain(mut error: clap::Error) -> clap::Error {
     error
 }
 
-/// Returns whether the subcommand in the error's usage has this option.
+/// Returns whether the subcommand that the usage line of the error names has this option.
 fn has_option(error: &clap::Error, option: &str) -> bool {
     let Some(ContextValue::StyledStr(usage)) = error.get(ContextKind::Usage) else { return false };
     let (usage, command) = (usage.to_string(), Cli::command());

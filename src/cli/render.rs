@@ -163,8 +163,9 @@ fn render(args: &Args) -> Result<()> {
     let sampling = sampling(args, loaded.dressed);
     let Loaded { scene, notes, object_starts, .. } = loaded;
     let scene = Arc::new(scene);
-    // If `hurry` may choose the strategy, the device's lane operations need not be tested now: the picture is cast with
-    // the preset hurry::QUICK, or with a program that an earlier start of raycl has compiled.
+    // The device's lane operations, by which work-items exchange values, need not be tested now if `hurry` may choose
+    // the strategy: the picture is cast with the preset hurry::QUICK, or with a program that an earlier start of raycl
+    // has compiled.
     if !hurry::may_cast(args, &device.info, &scene, sampling) {
         device.test_lanes(&sources)?;
     }
@@ -326,8 +327,9 @@ fn is_dressed(args: &Args) -> bool {
     !args.subject.look.plain && (args.devices.is_none() || args.samples.is_some())
 }
 
-/// Returns how many samples pixels get. `--samples` sets the number for every pixel, or, with `--adaptive`, the largest
-/// number. Without `--samples`, the defaults apply.
+/// Returns the number of samples per pixel. With `--samples`, every pixel gets the given number; with `--adaptive`, the
+/// given number is the largest that a pixel gets. Without `--samples`, the number is [`ADAPTIVE_SAMPLES`] with
+/// `--adaptive`, [`DRESSED_SAMPLES`] for a bare mesh with ground, soft light and sky (`dressed`), and 1 otherwise.
 fn sampling(args: &Args, dressed: bool) -> Sampling {
     match args.samples {
         None if dressed && !args.adaptive => DRESSED_SAMPLES,

@@ -9,6 +9,7 @@ use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::reader;
 use crate::rule::{Case, Measured, Sweep, cases, source};
+use crate::scene::Scene;
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +23,7 @@ const ROUNDS: u32 = 5;
   raycl rule --show docs/results/rule/*.json              the rule's choices for stored sweeps
   raycl rule --fit docs/results/rule/*.json > src/strategy/constants.rs")]
 pub struct Args {
-    /// A file of cases, such as docs/rule.toml. A case is a scene and a picture size to measure
+    /// A TOML file of cases, such as docs/rule.toml: each case names a scene and a picture size to measure
     #[arg(required_unless_present_any = ["fit", "show"])]
     cases: Option<PathBuf>,
     /// The device: part of its name, platform or vendor, or its kind (cpu, gpu)
@@ -99,6 +100,8 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
             .with_help("a case's `devices` are cpu, gpu or both; --only takes a part of a case's name"));
     }
     let _held = hold(&[&device.info], false)?;
+    // All cases are checked before the first one is measured, so that a mistake loses no measurements.
+    wanted.iter().try_for_each(|case| checked(case, path).map(drop))?;
     let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
     Ok(Sweep {
         device: device.info.label.clone(),
@@ -116,14 +119,23 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
     case.devices.iter().any(|name| name == kind) && case.name.contains(word)
 }
 
-fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Measured> {
+/// Loads a case's scene, and checks the case's kinds.
+fn checked(case: &Case, path: &Path) -> Result<Scene> {
     let scene = case.scene(path)?;
     let task = case.task(&scene);
-    if !case.is_of_its_kinds(&task) {
-        let message =
-            format!("the `kinds` of the case '{}' do not match its scene and size: {task:?}", case.name);
-        return Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"));
+    if case.is_of_its_kinds(&task) {
+        return Ok(scene);
     }
+    let place = if task.inside { "around the eye" } else { "not around the eye" };
+    let message = format!(
+        "the `kinds` of the case '{}' do not match its scene and size: {} triangles, {place}, and {} pixels",
+        case.name, task.triangles, task.pixels
+    );
+    Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))
+}
+
+fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Measured> {
+    let scene = checked(case, path)?;
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)
 }
@@ -153,7 +165,7 @@ fn text(sweep: &Sweep) -> Result<String> {
     let within = |most: f64| ratios.iter().filter(|ratio| **ratio <= most).count();
     let worst = ratios.iter().copied().fold(1.0, f64::max);
     Ok(format!(
-        "device    {}, {}: least of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%; the worst choice takes {worst:.3} times as long as the best strategy",
+        "device    {}, {}: shortest times of {} rounds\n{table}\nchoices   {} of {} take at most 5% longer than the best strategy, {} at most 10%; the worst choice takes {worst:.3} times as long as the best strategy",
         sweep.device,
         sweep.date,
         sweep.rounds,
@@ -170,8 +182,14 @@ mod tests {
 
     #[test]
     fn only_cases_of_the_kind_of_device_with_the_word_in_their_name_are_wanted() {
-        let text = "name = 'bunny, 4k'\nscene = 'bunny.toml'\nsize = [8, 5]\ndevices = ['cpu']";
-        let case: Case = toml::from_str(text).unwrap();
+        let case = Case {
+            name: "bunny, 4k".to_owned(),
+            scene: "bunny.toml".to_owned(),
+            set: std::collections::BTreeMap::new(),
+            size: [8, 5],
+            kinds: Vec::new(),
+            devices: vec!["cpu".to_owned()],
+        };
         let asked = [("cpu", ""), ("cpu", "bunny"), ("cpu", "dragon"), ("gpu", "bunny")];
         assert_eq!(asked.map(|(kind, word)| is_wanted(&case, kind, word)), [true, true, false, false]);
     }
@@ -201,7 +219,7 @@ mod tests {
         let cases = [("one", of(1.05)), ("two", of(1.1)), ("three", of(1.25)), ("four", of(1.0))];
         let told = text(&sweep(cases.map(|(name, ms)| case(name, ms)).to_vec())).unwrap();
         let told = told.replace(['│', '┆'], " ");
-        assert!(told.starts_with("device    a device, 2026-01-02: least of 7 rounds\n"), "{told}");
+        assert!(told.starts_with("device    a device, 2026-01-02: shortest times of 7 rounds\n"), "{told}");
         let last = "choices   2 of 4 take at most 5% longer than the best strategy, 3 at most 10%; the worst choice takes 1.250 times as long as the best strategy";
         assert!(told.ends_with(last), "{told}");
         let row = told.lines().find(|line| line.contains(" three ")).unwrap();

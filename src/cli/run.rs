@@ -42,7 +42,8 @@ use std::time::Duration;
 /// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
 const INTERRUPTED: i32 = 130;
 
-/// The default time limit for the first image of a point, including building its kernels, and for each later frame.
+/// The default time limit for building a point's kernels and casting its first image, and for casting each later
+/// frame.
 const HANG_LIMIT: Duration = Duration::from_secs(600);
 
 /// Arguments of `raycl run`.
@@ -110,10 +111,10 @@ pub struct Args {
     /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With --cl-dir given twice: exit with code 1 after a statistically significant slowdown of more than PERCENT by
-    /// the second folder's kernels: of a single point, of the mean of one strategy's points, or of the mean of all
-    /// points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can be measured
-    /// only with the first folder
+    /// With --cl-dir given twice: exit with code 1 if the second folder's kernels are slower by more than PERCENT, and
+    /// the slowdown is statistically significant. raycl tests each point, the mean of each strategy's points, and the
+    /// mean of all points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can
+    /// be measured only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
@@ -252,8 +253,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
-    // The handlers are installed before any driver starts: PoCL's compiler and signal-hook both pass signals on to
-    // handlers installed earlier.
+    // The handlers are installed before any driver starts, since PoCL's compiler installs handlers too. These pass a
+    // signal on to the handlers that were installed earlier, so raycl's handlers receive it.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;

@@ -83,12 +83,13 @@ impl Subject {
         self.strategy.is_none() && self.local_size.is_none() && !self.set.iter().any(|(key, _)| is_axis(key))
     }
 
-    /// Returns the task: the scene's properties that matter for the choice of a strategy.
+    /// Returns the task: the properties of the scene and the picture that matter for the choice of a strategy.
     pub fn task(&self, scene: &Scene, samples: u32) -> Task {
         Task::of(scene, self.size(), false).sampled(scene, samples)
     }
 
-    /// Returns the requested strategy and local size, or the fastest for the device.
+    /// Returns the strategy and the local size: the requested ones or, without a request, those that raycl expects to
+    /// be fastest on the device.
     pub fn strategy(&self, device: &DeviceInfo, task: Task) -> Result<(Strategy, [u32; 2])> {
         let (strategy, usual) = chosen_strategy(self.strategy.as_deref(), &self.set, &device.limits, task)?;
         Ok((strategy, self.local_size.unwrap_or(usual)))
@@ -192,8 +193,8 @@ mod tests {
             let subject = Subject { local_size, ..subject(PathBuf::new(), [8, 8]) };
             subject.prepare(&mut session, &strategy, [32, 4]).err().unwrap().reason()
         };
-        let reason = "work-group: 32 x 4 = 128 work-items > the device's 16";
+        let reason = "work-group: 32 x 4 = 128 work-items > the device's limit of 16";
         assert_eq!(refusal(Some([32, 4])), reason);
-        assert_eq!(refusal(None), "work-group: 32 x 1 = 32 work-items > the device's 16");
+        assert_eq!(refusal(None), "work-group: 32 x 1 = 32 work-items > the device's limit of 16");
     }
 }

@@ -90,7 +90,7 @@ struct Report {
     frames_per_s: f64,
     /// The median device time of a frame.
     frame_ms: f64,
-    /// Primary and shadow rays, divided by the device time.
+    /// Primary and shadow rays of all frames, divided by the device time of these frames.
     rays_per_s: f64,
 }
 
@@ -174,7 +174,7 @@ fn kernel_remark(report: &Report) -> String {
     (report.frames > 1).then(frames).unwrap_or_default()
 }
 
-/// Returns the frames per second as text. A single frame has no rate.
+/// Returns the frames per second as text; an empty text for a single frame, which has no rate.
 fn frames_per_s(report: &Report) -> String {
     let rate = || format!("{:.1} frames/s, ", report.frames_per_s);
     (report.frames > 1).then(rate).unwrap_or_default()

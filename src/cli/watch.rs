@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// Extensions of files that may affect the picture even if they have not been read. Extensions of pictures are not
-/// listed, so that pictures that other commands write cause no new rendering.
+/// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are not listed:
+/// a picture counts only if raycl has read it, for example as a texture. So pictures that other commands write cause no
+/// new rendering.
 const SOURCES: [&str; 10] = ["toml", "obj", "mtl", "ply", "stl", "gltf", "glb", "bin", "gz", "cl"];
 /// Editors write a file in several steps. A file counts as complete if this much time has passed since the last step.
 const QUIET: Duration = Duration::from_millis(80);
@@ -27,8 +28,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// Watches the source files in `folders` (and in their subfolders, if recursive) and all files of `inputs`. Files
-    /// of `written` are not watched.
+    /// Watches all files of `inputs`, and the files in `folders` whose extension is in `SOURCES`. If a folder's mode is
+    /// recursive, the files in its subfolders are watched too. Files of `written` are not watched.
     pub fn new(
         folders: &[(PathBuf, RecursiveMode)],
         written: &[PathBuf],
@@ -99,7 +100,7 @@ pub fn watch(mut watched: Watched, quiet: bool, mut action: impl FnMut() -> Resu
         if let Err(error) = done {
             printer::tell(format!("{:?}", miette::Report::new(error)));
         }
-        super::tell(quiet, "waiting for a change (Ctrl-C ends)")?;
+        super::tell(quiet, "waiting until a file changes (Ctrl-C ends raycl)")?;
         if !next_change(&watched.changes) {
             return Ok(());
         }

@@ -31,8 +31,8 @@ struct Override {
 }
 
 impl Document {
-    /// Makes a document from the text of the file `name` and the overrides. A key that is not a dotted path
-    /// is refused.
+    /// Makes a document from the text of the file `name` and the overrides. Fails if an override's key is neither a
+    /// name nor several names joined by dots.
     pub fn new(name: String, text: String, overrides: &[(String, String)]) -> Result<Self> {
         let mut start = text.len() + 1;
         let mut lines = Vec::new();

@@ -1,5 +1,5 @@
-//! Experiments. A TOML file is read into private wire types, checked, and becomes an [`Experiment`]. An `Experiment`
-//! contains types of the crate `toml` only for the values to set in scenes. Every mistake is reported with its line.
+//! Reads experiments. The TOML file of an experiment, here called a config, is read into the types of `wire`. These
+//! values are checked and become an [`Experiment`]. Every mistake is reported with its line.
 
 mod document;
 mod lists;
@@ -30,9 +30,10 @@ pub fn schema() -> serde_json::Value {
 
 /// Reads the experiment at `path`, with `overrides` (dotted key, value) merged into it.
 ///
-/// A value that is valid TOML is read as TOML, any other value as a string. Arrays are replaced, tables are
-/// merged. A key may contain the index of an element of an array: `strategy.0.width`. Paths of scenes are relative to
-/// the file. Any mistake is an input error that names the file or `--set`, the line and the remedy.
+/// An override's value that is valid TOML is read as TOML, any other value as a string. An array in the file is
+/// replaced by the override's array, and a table is merged with the override's table. A key may contain the index of an
+/// element of an array: `strategy.0.width`. Paths of scenes are relative to the folder of the file. Any mistake is an
+/// input error that names the file or `--set`, the line and the remedy.
 pub fn load(path: &Path, overrides: &[(String, String)]) -> Result<Experiment> {
     let unreadable = |error| {
         let otherwise = "name an experiment file (.toml), such as configs/quick.toml in raycl's repository; \

@@ -8,7 +8,7 @@ use toml::Spanned;
 use super::document::Document;
 use crate::error::Result;
 
-/// Returns `value` if it is in the range. The error for any other value calls it `what`.
+/// Returns `value` if it is in the range. In the error for any other value, `what` is the name of the value.
 pub fn whole(
     document: &Document,
     value: i64,

@@ -48,7 +48,8 @@ fn find(document: &Document, name: &Spanned<String>, folder: &Path) -> Result<Sc
     })
 }
 
-/// Returns a short error if the file's type is recognised, but is neither a scene nor a mesh; otherwise `None`.
+/// Returns an error if the file is of a type that raycl recognises but does not read as a scene, such as a picture;
+/// otherwise `None`.
 fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> Option<Error> {
     let filetype = Opened::at(path).ok()?.filetype;
     filetype.refusal(&format!("{}: {}", document.place_of(name.span()), path.display()), Wanted::Scene)

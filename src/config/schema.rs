@@ -1,5 +1,5 @@
-//! JSON schemas of the values that `wire` deserialises by hand (sizes and strategies), and of names that are listed
-//! elsewhere.
+//! JSON schemas of the values that `wire` deserialises by hand (sizes and strategies), and of the names of presets and
+//! baselines.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
@@ -53,7 +53,8 @@ fn strategy() -> Schema {
     );
     add(
         "name",
-        "The strategy's name in results [default: the preset, and the axes that differ from it or vary].",
+        "The strategy's name in results [default: the preset's name, and the axes that differ from the \
+         preset or have several values].",
         json_schema!({ "type": "string" }),
     );
     let sizes = json_schema!({ "type": "array", "items": size(&LOCAL_SIDE) });
@@ -70,8 +71,8 @@ fn strategy() -> Schema {
     json_schema!({ "type": "object", "properties": keys, "required": ["preset"], "additionalProperties": false })
 }
 
-/// Returns the schema of an axis's value or list of values. Numbers need no quotes. If an axis's values are
-/// files, the folder of --cl-dir may add more values.
+/// Returns the schema of an axis's value or list of values. A value that is a number may be written without quotes. If
+/// an axis's values are files, any string is allowed, since the folder of --cl-dir may contain more files.
 fn values(axis: &AxisInfo) -> Schema {
     let known = axis.values().into_iter().map(|(name, _)| Value::from(name));
     let numbers = axis.values().into_iter().filter_map(|(name, _)| name.parse::<i64>().ok()).map(Value::from);

@@ -12,8 +12,8 @@ use crate::device::DeviceKind;
 use crate::error::Result;
 use crate::strategy::{AXES, Preset, Strategy, preset};
 
-/// A strategy that begins as a copy of the preset, and in which the values of the `[[strategy]]` entry are set axis by
-/// axis.
+/// A strategy that is being made. It begins as a copy of the preset of a `[[strategy]]` entry, and then gets the values
+/// of the entry, axis by axis.
 #[derive(Clone)]
 struct Draft {
     strategy: Strategy,

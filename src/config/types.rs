@@ -37,7 +37,7 @@ pub struct Experiment {
     pub timing: Timing,
     /// The config's text.
     pub source: String,
-    /// The overrides, each as a line of TOML.
+    /// The `--set` options, each as a line of TOML.
     pub overrides: Vec<String>,
 }
 
@@ -52,9 +52,8 @@ pub struct SceneChoice {
     pub overrides: Vec<Setting>,
     /// Suffix that distinguishes the scene from others made from the same file: `+triangles=1000`.
     pub suffix: String,
-    /// The largest number of triangles of the scene, if the scene is the config's only scene and every strategy needs a
-    /// tree, which cannot index more triangles. `None` if the config has several scenes or a baseline, or if a strategy
-    /// needs no tree.
+    /// The largest number of triangles that a tree can index. Loading fails if the scene has more. `None` unless the
+    /// scene is the config's only scene, every strategy needs a tree, and there is no baseline.
     pub most_triangles: Option<u64>,
 }
 
@@ -140,7 +139,7 @@ impl Baseline {
         }
     }
 
-    /// Returns the name in a record's `strategy`, which includes the precision.
+    /// Returns the name that a record's `strategy` contains. This name includes the precision.
     pub fn strategy(self) -> &'static str {
         match self {
             Self::Serial => "serial-f32",

@@ -1,4 +1,4 @@
-//! Checks the wire types and makes an experiment from them.
+//! Checks the values that were read into the types of `wire`, and makes an experiment from them.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -69,7 +69,7 @@ fn sentence(document: &Document, text: &Spanned<String>, key: &str) -> Result<St
 
 fn devices(document: &Document, list: Option<Spanned<Vec<Spanned<String>>>>) -> Result<Vec<String>> {
     let Some(list) = list else { return Ok(Vec::new()) };
-    not_empty(document, &list, "devices", "\"all\" or a part of a device's name")?;
+    not_empty(document, &list, "devices", "one word: \"all\", a kind or a part of a device's name")?;
     for device in list.get_ref() {
         sentence(document, device, "device")?;
     }

@@ -24,7 +24,7 @@ pub struct Experiment {
     /// The expected answer, written before measuring [default: none].
     #[schemars(with = "Option<String>", length(min = 1))]
     pub expectation: Option<Spanned<String>>,
-    /// Scene files, relative to this file.
+    /// Scene files. Their paths are relative to the folder of the experiment file.
     #[serde(default)]
     #[schemars(with = "Vec<String>")]
     pub scenes: Vec<Spanned<String>>,
@@ -34,8 +34,8 @@ pub struct Experiment {
     /// Measure all scenes in the same rounds, so that their times can be compared [default: false].
     #[serde(default)]
     pub compare_scenes: bool,
-    /// Words that select devices: part of a name, platform or vendor, a kind (cpu, gpu, accelerator), or all
-    /// [default: the user's default device, else all].
+    /// Words that select devices: a part of a device's, platform's or vendor's name, a kind (cpu, gpu, accelerator), or
+    /// all [default: the device that RAYCL_DEVICE or the user's settings file names, else all].
     #[schemars(with = "Option<Vec<String>>", length(min = 1))]
     pub devices: Option<Spanned<Vec<Spanned<String>>>>,
     /// Widths and heights in pixels: 512 for a square, or [800, 500].
@@ -72,7 +72,7 @@ pub struct Experiment {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneEntry {
-    /// The scene file, relative to this file.
+    /// The scene file. Its path is relative to the folder of the experiment file.
     #[schemars(with = "String")]
     pub file: Spanned<String>,
     /// New values of keys of the scene file, such as "object.0.triangles"; a list makes one scene per value.
@@ -116,10 +116,10 @@ pub struct Timing {
     /// Smallest number of samples of a point, unless the time is up [default: 10].
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub min_samples: Option<Spanned<i64>>,
-    /// Largest number of samples of a point; its group stops at this number [default: 100].
+    /// Largest number of samples of a point [default: 100]. A group stops when its points have this many samples.
     #[schemars(with = "Option<u32>", range(min = 1, max = MOST_SAMPLES))]
     pub max_samples: Option<Spanned<i64>>,
-    /// Milliseconds for the samples of a point, averaged over its group [default: 5000].
+    /// Time limit in milliseconds for the samples of a point, averaged over the points of its group [default: 5000].
     #[schemars(with = "Option<f64>", range(min = 1, max = 1e8))]
     pub time_limit_ms: Option<Spanned<f64>>,
     /// Seed for the order of launches (worker processes) and rounds [default: 1].
@@ -137,7 +137,7 @@ pub enum Size {
     List(Vec<Spanned<i64>>),
 }
 
-/// A name or a number.
+/// A value of an axis: a name or a number.
 pub struct Choice(pub String);
 
 /// One choice or a list of them.

@@ -1,4 +1,4 @@
-//! Checks that devices are the same model in the same state, so that any of them can measure a point.
+//! Checks that devices have the same model, driver and limits, so that any of them can measure a point.
 
 use super::DeviceInfo;
 use crate::error::{Error, Result};

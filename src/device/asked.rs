@@ -28,7 +28,7 @@ impl Asked {
             compute_units: self.number(Query::MaxComputeUnits) as u32,
             native_width: native_width(is_cpu, self.number(Query::NativeVectorWidthFloat)),
             is_cpu,
-            lane_operations: LaneOperations::Barriers, // until faster ones are assumed
+            lane_operations: LaneOperations::Barriers, // `inspect` may assume faster ones
         }
     }
 

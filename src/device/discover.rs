@@ -26,9 +26,9 @@ pub struct Survey {
 }
 
 /// Lists every device of every platform. An unusable device states why it is unusable. `sources` contains the kernel
-/// that tests how work-items can share a tile on a device.
+/// that tests how the work-items that share a tile exchange values on a device.
 ///
-/// Returns an error at once if there is no platform or no device.
+/// Returns an error if there is no platform or no device.
 pub fn discover(sources: &Sources) -> Result<Vec<Device>> {
     usable_or_not(survey(sources)?)
 }
@@ -50,7 +50,7 @@ fn usable_or_not(Survey { devices, empty_platforms }: Survey) -> Result<Vec<Devi
     Ok(devices)
 }
 
-/// Lists every device, and every platform without devices. Returns an error at once if there is no platform.
+/// Lists every device, and every platform without devices. Returns an error if there is no platform.
 pub fn survey(sources: &Sources) -> Result<Survey> {
     let mut survey = survey_untested()?;
     survey.devices.iter_mut().try_for_each(|device| device.test_lanes(sources))?;
@@ -73,8 +73,8 @@ fn survey_untested() -> Result<Survey> {
     Ok(survey)
 }
 
-/// Lets one thread at a time list devices. Drivers start when they are first listed, and while PoCL 3.1 starts, it
-/// lists no device to a second thread.
+/// Lets one thread at a time list devices. A driver starts when its devices are listed for the first time. While PoCL
+/// 3.1 starts, it lists no device to a second thread.
 fn turn() -> MutexGuard<'static, ()> {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner)
@@ -130,8 +130,8 @@ fn no_platform(limit_bytes: Option<u64>) -> Error {
     };
     let limit = readable(bytes);
     let message = format!(
-        "no OpenCL platform was found: this process may use only {limit} of address space, in which a driver may not \
-         fit, or no driver is installed"
+        "no OpenCL platform was found: either no driver is installed, or a driver could not be loaded because \
+         this process may use only {limit} of address space"
     );
     Error::run(message).with_help(format!(
         "remove the limit with `ulimit -v unlimited`, and repeat the command. {HOW_TO_GET_ONE}"

@@ -56,7 +56,7 @@ fn found(told: Option<&Path>, usual: &Path) -> Vec<Driver> {
     vec![Driver::Icd(if is_bare && beside.is_file() { beside } else { folder.to_owned() })]
 }
 
-/// Returns the .icd files of a folder, in order.
+/// Returns the .icd files of a folder, sorted by name.
 fn icd_files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> =

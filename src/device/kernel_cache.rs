@@ -28,7 +28,8 @@ pub fn cache_advice() -> Option<String> {
     ))
 }
 
-/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set; `None` if it is among the temporary files.
+/// Returns the folder that PoCL uses if `POCL_CACHE_DIR` is not set. Returns `None` if `XDG_CACHE_HOME` and `HOME` are
+/// not set either: PoCL then uses a folder among the temporary files.
 fn default_folder() -> Option<PathBuf> {
     let place = |name: &str| std::env::var_os(name).map(PathBuf::from);
     let caches = place("XDG_CACHE_HOME").or_else(|| Some(place("HOME")?.join(".cache")))?;

@@ -1,5 +1,5 @@
-//! Finds the devices of an earlier run in the cache. If the devices are found there, only the selected device's driver
-//! is started, and the test of how its work-items exchange values (its lane operations) is not repeated.
+//! Finds the devices of an earlier run in the cache. raycl then starts only the driver of the selected device, and does
+//! not repeat the test of the device's lane operations (how its work-items exchange values).
 
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;
@@ -20,7 +20,7 @@ const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
 /// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
-/// all devices are listed, and `lane_test` says whether their lane operations are tested.
+/// all devices are listed, and `lane_test` says when their lane operations are tested.
 pub fn pick_one(
     cache: &Cache,
     sources: &Sources,
@@ -67,9 +67,9 @@ fn store(cache: &Cache, key: &str, devices: &[Device]) {
     }
 }
 
-/// Returns the key of the list of devices, a text of everything that affects the list: raycl, the drivers' files, the
-/// hardware that the system shows, the drivers' variables, the cores allowed, and the kernel that tests lane
-/// operations.
+/// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
+/// files, the hardware that the system shows, the drivers' variables, the number of cores that the process may use, and
+/// the kernel that tests lane operations.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));

@@ -7,12 +7,12 @@ use crate::sources::Sources;
 use ocl::{Buffer, Context, Kernel, MemFlags, Program, Queue};
 use serde::{Deserialize, Serialize};
 
-/// The implementations of the operations in cl/common/lanes.cl, slowest first. The macros LANES_BY_* in that file have
-/// the numbers of these variants.
+/// The implementations of the operations in cl/common/lanes.cl, by which work-items exchange values. The slowest comes
+/// first. The macros LANES_BY_* in that file have the numbers of these variants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LaneOperations {
-    /// `__local` memory and barriers: works on any device, with one group of 32 per work-group.
+    /// `__local` memory and barriers: works on any device, with one group of 32 work-items per work-group.
     #[default]
     Barriers,
     /// Sub-groups of 32 work-items (`cl_khr_subgroups`).
@@ -102,8 +102,8 @@ pub(super) fn probe(sources: &Sources) -> Result<String> {
 }
 
 /// Returns the implementations that may work, fastest first. Compilers with `cl_nv_compiler_options` accept inline PTX.
-/// On a CPU, one thread executes a whole work-group, and drivers emulate sub-groups by barriers. Kernels that use such
-/// sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
+/// On a CPU, none is returned: one thread executes a whole work-group there, and drivers emulate sub-groups by
+/// barriers. Kernels that use such sub-groups in loops crash or hang on PoCL 5.0, although the test passes on PoCL 5.0.
 fn hinted(info: &DeviceInfo) -> &'static [LaneOperations] {
     if info.limits.is_cpu || info.limits.work_group_size < LANES * GROUPS {
         &[]

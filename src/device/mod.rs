@@ -85,7 +85,7 @@ impl DeviceKind {
     }
 }
 
-/// Compiler built-ins beyond OpenCL C. Kernels use a built-in if the device's compiler supports it.
+/// What a device's compiler supports beyond OpenCL C 1.2. Kernels use a built-in only if the compiler supports it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Builtins {
     /// `__builtin_reduce_or` on vectors.

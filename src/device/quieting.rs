@@ -7,9 +7,9 @@ use rustix::{io::dup, stdio::dup2_stderr};
 #[cfg(unix)]
 use std::{fs::File, os::fd::OwnedFd};
 
-/// Returns a compiler option that stops a device's compiler from printing to the terminal. PoCL's compiler prints the
-/// number of warnings ("2 warnings generated."), including those in its own headers, to the terminal and not to a
-/// log.
+/// Returns a compiler option that stops PoCL's compiler from printing to the terminal; no option for other compilers.
+/// PoCL's compiler prints the number of warnings, as in "2 warnings generated.", to the terminal and not to a log. The
+/// number includes warnings in PoCL's own headers.
 pub fn quieting(device: Device) -> &'static str {
     let platform = device.info(DeviceInfo::Platform).ok().and_then(|info| match info {
         DeviceInfoResult::Platform(platform) => ocl::Platform::new(platform).name().ok(),

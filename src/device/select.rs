@@ -6,8 +6,8 @@ use crate::error::{Error, Result, nearest};
 /// The patterns that select a kind of device.
 const KINDS: [&str; 3] = ["cpu", "gpu", "accelerator"];
 
-/// Returns the devices that match the patterns, each once, in the order of the patterns; without patterns,
-/// every usable device.
+/// Returns the usable devices that match the patterns, each once, in the order of the patterns. Without patterns,
+/// returns every usable device.
 ///
 /// A pattern is `all`, a kind (`cpu`, `gpu`, `accelerator`), or any part of a platform's name or version or of a
 /// device's name or vendor. The case of letters does not matter. A pattern that matches no usable device is a user
@@ -115,7 +115,7 @@ fn meant(infos: &[&DeviceInfo], pattern: &str) -> Option<String> {
 fn listing(infos: &[&DeviceInfo]) -> String {
     let lines: Vec<_> = infos.iter().map(|info| format!("  {}", info.describe())).collect();
     format!(
-        "Name a device by any part of the platform's, device's or vendor's name, by a kind (cpu, gpu, accelerator), or all devices by 'all'. Available:\n{}",
+        "Name devices by a part of a device's, platform's or vendor's name, by a kind (cpu, gpu, accelerator), or by 'all'. The devices are:\n{}",
         lines.join("\n")
     )
 }

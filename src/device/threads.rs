@@ -11,9 +11,9 @@ const COUNTS: [&str; 2] = ["POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"];
 /// neither variable in `COUNTS` is set.
 const OF_ALL_DRIVERS: &str = "POCL_MAX_COMPUTE_UNITS";
 
-/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may use
-/// at once according to its affinity and control groups. Returns no variables if the user has set one of PoCL's
-/// variables for the number of threads.
+/// Returns the variables to set before a driver is loaded, so that PoCL starts no more threads than the process may run
+/// at the same time, according to its affinity and control groups. Returns no variables if the user has set one of
+/// PoCL's variables for the number of threads.
 pub fn thread_variables() -> Vec<(&'static str, String)> {
     variables(|name| std::env::var_os(name).is_some(), allowed())
 }

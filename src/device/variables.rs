@@ -9,9 +9,9 @@ struct Driver {
     deciding: &'static [&'static str],
 }
 
-/// The only list of variables that affect times or pictures. The key under which a measured point is stored contains
-/// the variables of the driver of the point's device, if they are set. Sources: the documentation of PoCL 3.1 and
-/// later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's guides to its OpenCL and DPC++
+/// The variables that affect times or pictures, for each driver. The key under which a measured point is stored
+/// contains the variables of the driver of the point's device, if they are set. Sources: the documentation of PoCL 3.1
+/// and later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's guides to its OpenCL and DPC++
 /// runtimes.
 const DRIVERS: [Driver; 3] = [
     Driver {
@@ -71,8 +71,8 @@ const LOGS: [&str; 1] = ["POCL_VECTORIZER_REMARKS"];
 /// the compiled code.
 const PLACES: &str = "POCL_AFFINITY=";
 
-/// Prefixes of the variables of drivers and loaders, including those for caches, for logs and for hiding devices.
-/// The environment of a run stores every such variable that is set.
+/// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for caches,
+/// for logs and for hiding devices. The `environment.json` of a run contains every such variable that is set.
 const FAMILIES: [&str; 9] = [
     "CL_CONFIG_",
     "CUDA_",

@@ -54,8 +54,9 @@ impl Locks {
         Self { folder: Folder::named(folder), wait }
     }
 
-    /// Takes a device's lock as soon as no other process holds the lock. While waiting, this function calls `says`
-    /// with a line that describes the holder. An interruption ends the wait.
+    /// Takes a device's lock as soon as no other process holds the lock. If `wait` is false, returns an error instead
+    /// of waiting. While waiting, this function calls `says` with a line that describes the holder. An interruption
+    /// ends the wait.
     pub fn take(
         &self,
         device: &LockName,
@@ -110,7 +111,8 @@ impl Locks {
             Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
-        // If the file was removed meanwhile, its lock keeps no other process away. The next attempt finds the new file.
+        // If the file was removed meanwhile, its lock does not stop other processes, since they lock a new file. The
+        // next attempt opens the new file.
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }

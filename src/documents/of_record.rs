@@ -28,7 +28,7 @@ pub enum Told {
 
 type Number = fn(&Record) -> Option<f64>;
 
-/// The median of the frame's time. A query that names no figure asks for this figure.
+/// The name of the figure for the median of the frame's time. A query that names no figure asks for this figure.
 pub const MEDIAN: &str = "ms";
 
 const NUMBERS: [(&str, Form, Number); 19] = [
@@ -73,7 +73,8 @@ const TEXTS: [(&str, Text); 4] = [
     ("outcome", |record| Some(record.outcome.name().to_owned())),
 ];
 
-/// Returns whether a word names a figure. PTX instructions, such as `ld.global`, count as figures.
+/// Returns whether a word names a figure. The name of a PTX instruction, such as `ld.global`, also names a figure: the
+/// number of such instructions in the kernel.
 pub fn is_figure(word: &str) -> bool {
     let is_instruction = ["ld.", "st.", "atom."].iter().any(|start| word.starts_with(start));
     is_instruction

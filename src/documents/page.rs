@@ -22,7 +22,7 @@ pub struct Difference {
     pub records_say: String,
 }
 
-/// A document rewritten from the records, and the differences between the two versions.
+/// A document that was rewritten from the records, and its differences from the document that was read.
 #[derive(Debug, Default, PartialEq)]
 pub struct Page {
     /// The whole text.

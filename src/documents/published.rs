@@ -3,10 +3,14 @@
 use super::of_record::{Form, Told};
 use crate::report::paper::curve;
 
-/// Returns the published time for "SCENE PRESET WxH"; `Nothing` if the paper's plot has no point for this combination.
+/// Returns the published time for "SCENE PRESET WxH", where WxH is the local size; `Nothing` if the paper's plot has no
+/// point for this combination.
 pub fn published(words: &[&str]) -> Result<Told, String> {
     let [scene, preset, size] = words[..] else {
-        return Err(format!("'{}' is not a published point; expected \"SCENE PRESET WxH\"", words.join(" ")));
+        return Err(format!(
+            "'{}' is not a published point; expected \"SCENE PRESET WxH\", such as \"teapot naive 8x8\"",
+            words.join(" ")
+        ));
     };
     let (_, points) =
         curve(scene, preset).ok_or_else(|| format!("no figure of the paper has {preset} on {scene}"))?;

@@ -1,4 +1,4 @@
-//! Reads and answers queries. Each query names a record and one of its figures, and states how the
+//! Reads and answers queries. A query names a record and one of its figures (numbers and texts). It can state how the
 //! figure is rounded.
 //!
 //! `SOURCE: WORDS [/ [SOURCE:] WORDS] [, MODIFIER]...`, as in `h200/figure-8: naive 8x8 still-life
@@ -14,7 +14,7 @@ use crate::report::exponent;
 use crate::strategy::PRESETS;
 use serde_json::Value;
 
-/// The default number of significant digits.
+/// The default number of significant digits. Percentages and numbers in scientific notation have 2 by default.
 const DIGITS: i32 = 3;
 /// The source name for the times that the paper published. The program itself contains these times.
 const PUBLISHED: &str = "published";
@@ -72,8 +72,8 @@ impl<'a> Query<'a> {
         Ok(())
     }
 
-    /// Returns the query's answer as text in a document. `Err` describes a mistake in the query, or says why a source
-    /// cannot be read.
+    /// Returns the query's answer as it is written into a document; [`Told::Nothing`] if there is no figure. `Err`
+    /// describes a mistake in the query, or says why a source cannot be read.
     pub fn answer(&self, sources: &Sources) -> Result<Told, String> {
         let told = match &self.operands[..] {
             [one, other, ..] => (quotient(&operand(sources, one)?, &operand(sources, other)?), String::new()),
@@ -180,14 +180,15 @@ fn of_folder(records: &[Record], words: &[&str], name: &str) -> Result<Side, Str
         [] => Ok(Side { told: Told::Nothing(String::new()), median_of: None }),
         [one] => Ok(Side { told: figure(one, wanted), median_of: (wanted == MEDIAN).then(|| one.clone()) }),
         _ => Err(format!(
-            "{} records of {name} match '{}'; expected exactly one",
+            "{} records of {name} match '{}'; expected exactly one: add words, such as a local size",
             picked.len(),
             words.join(" ")
         )),
     }
 }
 
-/// Fits a power law to the medians of some records over their figure `across`, and returns the exponent.
+/// Fits a power law to the medians of some records as a function of the records' figure `across`, and returns the
+/// exponent.
 fn grown(records: &[&Record], across: &str) -> Told {
     let number = |record: &Record, name: &str| match figure(record, name) {
         Told::Number(value, _) => Some(value),

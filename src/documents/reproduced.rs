@@ -1,12 +1,12 @@
-//! The paper's claims, and the answer in four lines (best memory strategy, best local size, why, how sure), as `raycl
-//! reproduce` finds them.
+//! The paper's claims, and the answer to the paper's question in four lines (best memory strategy, best local size,
+//! why, how sure), as `raycl reproduce` finds them.
 
 use super::sheet::{Device, line};
 use super::sources::Sources;
 use crate::report::Reproduction;
 use serde_json::Value;
 
-/// The verdicts on claims that are counted, in the order in which a document lists the counts.
+/// All verdicts on a claim. A document states how many claims have each verdict, in this order.
 const VERDICTS: [&str; 4] = ["held", "did not hold", "unclear", "cannot be tested here"];
 
 /// Returns the results of a reproduction as JSON, for the only device in its records.

@@ -113,8 +113,8 @@ enum Bold {
 pub struct Sheet {
     /// The records from which queries are answered.
     pub sources: Sources,
-    /// Phrases with numbers that have no record: numbers from the paper, options, versions, and results of
-    /// arithmetic. The longest phrases come first.
+    /// Phrases with numbers that have no record: numbers from the paper, options, versions, and results of arithmetic.
+    /// The longest phrases come first, since a phrase may contain a shorter one.
     pub facts: Vec<String>,
     blocks: BTreeMap<String, Block>,
     made: RefCell<HashMap<String, Lines>>,

@@ -16,8 +16,8 @@ pub enum Source {
     Json(Value),
 }
 
-/// Finds sources by name: the first part of a name represents a folder, and the rest is a path
-/// within this folder.
+/// Finds sources by name. The part of a name before its first `/` stands for a folder, and the rest is a path within
+/// this folder.
 pub struct Sources {
     root: PathBuf,
     folders: BTreeMap<String, String>,

@@ -1,6 +1,7 @@
-//! Finds the numbers of a document that have no source: they neither come from a query nor are listed as facts.
+//! Finds the numbers in a document that have no source. A number has a source if a *query* follows it (a comment that
+//! says how to compute the number from stored records), or if it is in a *fact* (a phrase listed in docs/figures.toml).
 
-/// The state after some lines of a document, which affects how the next line is read.
+/// What must be known about the earlier lines of a document in order to read the next line.
 #[derive(Default)]
 pub struct Fences {
     /// True if the next line is in a fenced block of code.
@@ -23,13 +24,13 @@ impl Fences {
     }
 }
 
-/// Units. A number with one of these units is checked even in a code span. Other numbers in code
-/// spans belong to options and names.
+/// Units. A code span that contains a number with one of these units is checked. Other code spans contain options and
+/// names, and are not checked.
 const UNITS: [&str; 12] =
     ["ms", "us", "ns", "s", "%", "times", "GB/s", "MB", "Gtests/s", "Mrays/s", "Grays/s", "fold"];
 
-/// Returns a line's words that contain digits. Code, names and words of facts are omitted. If one fact contains
-/// another, the longer fact must come first.
+/// Returns a line's words that contain digits, except code, targets of links, names and words of facts. If one fact
+/// contains another, the longer fact must come first in `facts`.
 pub fn unrecorded(line: &str, facts: &[String], fences: &mut Fences) -> Vec<String> {
     if line.trim_start().starts_with("```") {
         fences.within = !fences.within;
@@ -51,7 +52,7 @@ fn has_digit(word: &str) -> bool {
     word.contains(|c: char| c.is_ascii_digit())
 }
 
-/// Returns whether a word is a name, such as H200, f32 or AVX-512: it begins with a letter.
+/// Returns whether a word is a name, such as H200, f32 or AVX-512: a name begins with a letter and contains no `=`.
 fn is_name(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_alphabetic()) && !word.contains('=')
 }

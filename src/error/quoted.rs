@@ -20,8 +20,8 @@ pub fn shortened(text: impl Into<String>) -> String {
     format!("{head} ... {tail}")
 }
 
-/// Finds the character that contains the byte at `place`. Returns the index of its first byte, at most the text's
-/// length.
+/// Returns the index of the first byte of the character that contains the byte at `place`. Returns the text's length if
+/// `place` is not in the text.
 pub(super) fn boundary(text: &str, place: usize) -> usize {
     (0..=place.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }

@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The interval at which a waiting process checks whether the user has interrupted the run.
+/// The interval at which a waiting thread checks whether the user has interrupted the run.
 const LOOK_UP: Duration = Duration::from_millis(100);
 /// A program, identified by its device and the hash of its source and options. A program that traverses a tree also
 /// depends on the depth of the traversal's stack. The hash does not contain this depth; the depth follows from the
@@ -62,9 +62,9 @@ struct State {
     waiting: VecDeque<Order>,
     /// All programs that were requested so far.
     ordered: HashSet<Program>,
-    /// Finished programs, each with the result of building it. `None` if the program was already stored or could not be
-    /// built, if its builder died or hung, or if a point has taken the result. A point that waits for its program takes
-    /// the result from here.
+    /// Programs for which no point has to wait any more, each with the result of building it. The result is `None` if
+    /// the program was already stored or could not be built, if its builder died or hung, or if a point has taken the
+    /// result. A point that waits for its program takes the result from here.
     done: HashMap<Program, Option<Built>>,
     closed: bool,
 }
@@ -83,7 +83,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Formats the counts for a person; `None` if no program was built.
+    /// Formats the counts for a person; `None` if no program was compiled or taken from the cache.
     pub fn text(&self) -> Option<String> {
         let Self { compiled, kept, work_ms, waited_ms } = *self;
         let programs = |count: usize| format!("{count} program{}", if count == 1 { "" } else { "s" });
@@ -194,8 +194,8 @@ impl Ahead {
         let mut without_driver_cache = Pool::new(builder.without_driver_cache);
         while let Some(order) = self.next() {
             let mut built = usual.build(&order, patience);
-            // The driver took the program from its own cache, so no compiler printed its number of registers. A
-            // process without the driver's cache compiles the program again.
+            // If `lacks_log` is set, the driver took the program from the driver's own cache, and no compiler printed
+            // the program's number of registers. A process without this cache then compiles the program again.
             if built.as_ref().is_some_and(|built| built.lacks_log) {
                 built = without_driver_cache.build(&order, patience);
             }

@@ -67,7 +67,7 @@ pub struct Asleep<'a> {
 }
 
 impl<'a> Asleep<'a> {
-    /// Makes a value that answers requests about the points of a plan. Each of its frames takes `frame_ms`.
+    /// Makes a value that answers requests about the points of a plan. Each frame takes `frame_ms` milliseconds.
     pub fn new(drafter: Drafter<'a>, plan: Plan, frame_ms: f64) -> Self {
         let frame = Duration::try_from_secs_f64(1e-3 * frame_ms).unwrap_or_default();
         Self { drafter, plan, frame, device: device(frame_ms), scene: None }

@@ -76,8 +76,8 @@ impl<'a> Checker<'a> {
         }))
     }
 
-    /// Builds a point's program and stores it in the cache; `None` if this fails. Also casts a frame, since some
-    /// drivers compile parts of a program only when a kernel first runs.
+    /// Builds a point's program and stores it in the cache. Also casts a frame, since some drivers compile parts of a
+    /// program only when a kernel first runs. Returns `None` if the program cannot be built.
     pub fn build(&mut self, point: &Point, scene: &Arc<Scene>) -> Option<Built> {
         let Work::Kernel { strategy, local_size } = point.work else { return None };
         let strategy = &self.drafter.experiment.strategies[strategy].strategy;
@@ -122,7 +122,7 @@ impl<'a> Checker<'a> {
         record.image_hash = Some(Pictures::hash(&cast.image));
         let expected = self.references.reference(number, scene, record.image_size, cast.culling);
         let verdict = verify(&cast.image, cast.hits, expected, scene.display);
-        // A caster on the host does not count shadow rays.
+        // A caster on the host does not count shadow rays, so their number is computed from the reference's hits.
         record.shadow_rays.get_or_insert((expected.hits * scene.shadow_rays_per_hit()) as u64);
         views::keep(&mut self.pictures, record, &cast.image, expected, scene, cast.culling)?;
         record.max_difference = Some(verdict.max_difference).filter(|difference| difference.is_finite());
@@ -158,8 +158,8 @@ fn build_kernel(
     Ok(Built { build_ms: build_ms + launch_ms.max(0.0), from_cache, key, lacks_log })
 }
 
-/// Casts the first frame, during which drivers may still compile. Adds memory needs, build times and counts to the
-/// record.
+/// Casts the first frame, during which drivers may still compile. Adds the memory needs, the program, the build times
+/// and the number of shadow rays to the record.
 fn cast_kernel(
     session: &mut Session,
     strategy: &Strategy,

@@ -20,7 +20,8 @@ pub struct Taken {
 }
 
 /// Adds the results of a point's samples to its record. The 95% interval is computed later, since it depends on all
-/// points of a group. Preempted samples are counted, but do not affect these results.
+/// points of a group. Samples during which other programs used the processors (preempted samples) are counted, but do
+/// not affect the results.
 pub fn complete(record: &mut Record, taken: &[Taken], reason: Option<StopReason>) {
     let all = taken.len();
     let remaining = without_preempted(taken);
@@ -63,7 +64,7 @@ fn warning(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     (!warnings.is_empty()).then(|| warnings.join("; "))
 }
 
-/// Returns a warning if starting a frame's kernels takes longer than casting the frame. Such a frame is too small for
+/// Returns a warning if starting a frame's kernels takes longer than casting the frame. Such a frame is too short for
 /// comparisons. Both times are minima over all samples, since other work on the host delays the start of kernels.
 fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     if record.is_baseline() || frames.is_empty() {
@@ -80,8 +81,9 @@ fn launch_bound(record: &Record, frames: &[FrameTimes]) -> Option<String> {
     })
 }
 
-/// Computes the rates of a record: rays and tests per second. If a strategy has no separate pass for primary rays, the
-/// rates of primary rays and of tests are computed from the time of the whole frame.
+/// Computes the rates of a record: rays per second, and tests of rays against triangles per second. If a strategy has
+/// no separate pass for primary rays, the rates of primary rays and of tests are computed from the time of the whole
+/// frame.
 fn rates(record: &mut Record) {
     let pixels = f64::from(record.image_size[0]) * f64::from(record.image_size[1]);
     let Some(primary_ms) = record.primary_ms.or(record.median_ms).filter(|ms| *ms > 0.0) else { return };

@@ -33,8 +33,8 @@ pub fn find_devices(cl_dir: Option<&Path>) -> Result<Vec<DeviceInfo>> {
 
 fn failed(why: impl std::fmt::Display) -> Error {
     Error::run(format!("the devices could not be listed: {why}")).with_help(
-        "if a driver crashes or hangs, set OCL_ICD_VENDORS to a folder with the .icd files of the other drivers \
-         only",
+        "if a driver crashes or hangs, set the environment variable OCL_ICD_VENDORS to a folder that contains only \
+         the .icd files of the other drivers",
     )
 }
 

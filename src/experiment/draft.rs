@@ -77,8 +77,8 @@ impl Drafter<'_> {
                 record.local_size = Some(local_size);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
-                // The point's key can be computed before its tree is built: the tree's depth follows from the scene,
-                // the strategy and the code that builds trees.
+                // The tree is not built yet, so the program's hash does not contain the tree's depth. The depth follows
+                // from the scene, the strategy and the code that builds trees, which the point's key contains.
                 let spec = ProgramSpec::new(self.sources, &named.strategy, &workload, builtins)?;
                 record.program_hash = Some(spec.hash());
                 tree = builder_of(&named.strategy);

@@ -18,14 +18,14 @@ pub struct Forecast {
     pub needs: Option<Requirements>,
     /// Why the point does not fit on the device or into the host's memory; `None` if it fits.
     pub refused: Option<String>,
-    /// Why the point is not measured on the device, if the reason is that the point's preset is meant for another kind
-    /// of device; `None` otherwise.
+    /// The reason, if the point is not measured because its preset is meant for another kind of device; `None`
+    /// otherwise.
     pub not_for: Option<String>,
     /// Parts of the scene's file that were ignored or replaced by defaults.
     pub scene_notes: Vec<String>,
 }
 
-/// Predicts every point of a run.
+/// Returns a forecast for every point of a run.
 pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let scenes = run.load_scenes()?;

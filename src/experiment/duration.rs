@@ -51,9 +51,10 @@ struct Known {
 }
 
 impl Run<'_> {
-    /// Predicts the duration of the run from `earlier` records. A point's time comes from the record of a point with
-    /// the same names. If there is no such record, the time comes from a record of the same scene, device and strategy,
-    /// scaled by the number of pixels. Points whose keys are in `done` are not measured again.
+    /// Predicts the duration of the run from `earlier` records. A point's time comes from a record of the same scene,
+    /// device, strategy, local size and image size. If there is no such record, the time comes from a record of the
+    /// same scene, device and strategy, scaled by the number of pixels. Points whose keys are in `done` are not
+    /// measured again.
     pub fn expected(&self, earlier: &[Record], done: &[String]) -> Result<Expected> {
         let launches = self.experiment.timing.launches as usize;
         let by_name = by_name(earlier);
@@ -78,7 +79,7 @@ impl Run<'_> {
                 additional_ms += self.most_additional_ms(&known);
             }
         }
-        // A shard's plan contains only some of the points.
+        // If only some blocks are measured, `groups` lacks the points of the other blocks, so `others` stays 0.
         if self.blocks.is_none() {
             expected.others = not_planned(&groups, done);
         }
@@ -133,9 +134,9 @@ impl Run<'_> {
         f64::from(self.experiment.timing.launches) * self.launch_ms(points) + compare_ms
     }
 
-    /// Returns the longest time that a group may need beyond `group_ms`, because launches are replaced and because
-    /// every launch may take more rounds and may wait during all rounds. (In addition, each launch may wait for one
-    /// second, which is not included.)
+    /// Returns the longest time that a group may need beyond `group_ms`: all launches are replaced, and every launch
+    /// takes more rounds and waits during its rounds. (Each launch may also wait for one second before its first round.
+    /// This second is not included.)
     fn most_additional_ms(&self, points: &[Known]) -> f64 {
         let launches = self.experiment.timing.launches as usize;
         let replaced = most_additional(launches);
@@ -176,7 +177,8 @@ fn not_planned(groups: &[Vec<PendingPoint>], done: &[String]) -> usize {
     done.difference(&planned).count()
 }
 
-/// Returns earlier records by the names of their points, and by the names of their strategies.
+/// Returns earlier records by the texts that `point` returns. Records with a time are also found by the texts that
+/// `strategy` returns.
 fn by_name(earlier: &[Record]) -> HashMap<String, &Record> {
     let timed = earlier.iter().filter(|record| record.host_median_ms.is_some());
     let mut by_name: HashMap<String, &Record> = timed.map(|record| (strategy(record), record)).collect();
@@ -245,7 +247,7 @@ impl Expected {
     }
 }
 
-/// Formats a duration as "6m 10s" or "10s"; it is at least one second.
+/// Formats a duration as "6m 10s" or "10s"; the shortest result is "1s".
 fn in_minutes(time: Duration) -> String {
     match time.as_secs() {
         seconds @ 0..60 => format!("{}s", seconds.max(1)),

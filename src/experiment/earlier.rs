@@ -29,7 +29,8 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
     let mut next = 0;
     for folder in folders {
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
-        // Samples that an attempt copied from an earlier attempt are also in the folder where they were taken.
+        // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's folder
+        // contains them too.
         samples.retain(|sample| sample.origin.is_none());
         let open: HashSet<u32> = samples
             .iter()

@@ -1,4 +1,5 @@
-//! Deliberate faults for tests of isolation: `raycl run --fault`, which is not shown in the help.
+//! Deliberate faults of workers, for tests that a run continues after such faults. The option is `raycl run --fault`,
+//! which is not shown in the help.
 
 use serde::{Deserialize, Serialize};
 use signal_hook::consts::{SIGABRT, SIGKILL, SIGSEGV};
@@ -59,7 +60,9 @@ impl FromStr for Fault {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "'{text}' is not a fault to inject; expected KIND@STEP:POINT or KIND@STEP:POINT:once, such as abort@check:3 or segv@cast:0:once"
+                "'{text}' is not a fault to inject; expected KIND@STEP:POINT or KIND@STEP:POINT:once, such as \
+                 abort@check:3 or segv@cast:0:once; KIND is abort, segv, kill, exit, panic, hang, hold or garbage, and \
+                 STEP is check or cast"
             )
         };
         let (kind, place) = text.split_once('@').ok_or_else(wrong)?;

@@ -139,7 +139,8 @@ impl OpenGroup {
     }
 
     /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
-    /// dropped, since the same worker processes must measure a whole launch, and they have ended.
+    /// dropped, since the same worker processes must measure a whole launch, and those of the earlier session have
+    /// ended.
     fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
         let least = run.stopping_rule().least();
         let past: Vec<Vec<Taken>> =

@@ -25,7 +25,7 @@ pub struct KeyParts<'a> {
     pub program_hash: &'a str,
     /// The settings of [`Timing`](crate::config::Timing), in the form in which raycl displays them.
     pub timing: &'a str,
-    /// `accel::FINGERPRINT` if the strategy uses a tree, else empty.
+    /// The fingerprint of the code that builds trees (`accel::FINGERPRINT`); empty if the strategy uses no tree.
     pub tree: &'a str,
 }
 

@@ -1,6 +1,6 @@
-//! The order of launches. Every group of points is visited once per launch, each time by new worker processes.
-//! A group is visited again only after every group has been visited equally often. The first visits follow the plan's
-//! order; the order of later visits is random.
+//! The order of launches. A *visit* of a group of points measures one launch of the group. Each launch has new worker
+//! processes. A group is visited again only after every group has been visited equally often. The first visits follow
+//! the plan's order; the order of later visits is random.
 
 use super::Run;
 use super::group::OpenGroup;

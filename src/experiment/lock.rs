@@ -6,7 +6,8 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 
-/// A lock on a folder, released when dropped. The operating system releases the lock, however the process ends.
+/// A lock on a folder, released when dropped. The operating system releases the lock when the process ends, even if the
+/// process is killed.
 pub struct Lock {
     file: File,
 }

@@ -3,11 +3,12 @@
 //! A host moves the processors of a virtual machine from one core to another, often for some seconds. While these
 //! processors run on cores far from each other, kernels whose work-groups share data take up to 1.5 times as long as
 //! usual. While two of these processors share a core, all kernels take about 1.4 times as long as usual. The
-//! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. It is
-//! larger than usual in the first case, smaller in the second, and does not depend on the times of the points. *Near*
-//! processors run on cores at their usual distance. A sample does not count if its latency is much larger or smaller
-//! than that of near processors in the same run. Before a sample, a launch waits for a limited time until the
-//! processors are near. Launches in which too few samples count are replaced by additional launches.
+//! core-to-core latency around a sample is the time in which a cache line moves from one processor to another. The
+//! latency is larger than usual if the cores are far from each other, and smaller if processors share a core. It does
+//! not depend on the times of the points. *Near* processors run on cores at their usual distance. A sample does not
+//! count if its latency is much larger or smaller than that of near processors in the same run. Before a sample, a
+//! launch waits for a limited time until the processors are near. Launches in which too few samples count are replaced
+//! by additional launches.
 
 use super::Taken;
 use crate::measure::MIN_SAMPLES;
@@ -261,8 +262,8 @@ mod tests {
     #[test]
     fn launches_of_unknown_or_equal_latency_all_count() {
         assert!(are_enough(&launches(&[0.0, 0.0]), 2, 20.0));
-        // Both launches count beside a latency of near processors of 180 ns. They do not count if another group of the
-        // run had samples with a latency of 20 ns, so that near processors have 20 ns.
+        // Both launches count if near processors have a latency of 180 ns. They do not count if near processors have 20
+        // ns, because another group of the run had samples with this latency.
         let far = launches(&[180.0, 190.0]);
         assert!(are_enough(&far, 2, 180.0) && !are_enough(&far, 2, 20.0));
     }

@@ -18,8 +18,8 @@ use std::collections::HashMap;
 pub struct PendingPoint {
     /// The point's index in the plan.
     pub point: usize,
-    /// The number of the job (see [`Run::jobs`]) whose worker casts the point: the number of the point's device or, for
-    /// the second of two folders of kernels, this number plus the number of devices.
+    /// The number of the job (see [`Run::jobs`]) whose worker casts the point. It is the number of the point's device.
+    /// If the run compares two folders of kernels, the number of devices is added for points of the second folder.
     pub device: usize,
     /// The number of the point's scene.
     pub scene: usize,

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 /// Saves pictures in a folder of results, without replacing any.
 pub struct Pictures {
     folder: PathBuf,
-    /// Names of saved pictures by their hash, so that points with identical images share a file.
+    /// Paths of saved pictures by the pictures' hashes, so that points with identical images share a file.
     saved: HashMap<blake3::Hash, String>,
 }
 
 impl Pictures {
-    /// Returns the pictures of the results in `folder`.
+    /// Makes a value that saves pictures in `folder`, a folder of results.
     pub fn of(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), saved: HashMap::new() }
     }
@@ -40,8 +40,8 @@ impl Pictures {
         Ok(path)
     }
 
-    /// Saves a drawing under `name`. If another picture has this name, the drawing's hash is added to the name.
-    /// Returns the file's path.
+    /// Saves a drawing (a picture that no caster made, such as a picture of differences) under `name`. If another
+    /// picture has this name, the drawing's hash is added to the name. Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
         let path = self.place(&[name], drawn, &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;

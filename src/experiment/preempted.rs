@@ -64,7 +64,7 @@ mod tests {
         let mut taken = vec![sample(0, 10.0, 0.1); 8];
         taken[1] = sample(0, 12.0, 4.0);
         taken[2] = sample(0, 20.0, 0.1);
-        // A sample still counts if its utilization is a tenth below the usual utilization.
+        // A sample still counts if its utilization is less than a tenth below the usual utilization.
         taken[3] = sample(0, 11.0, 1.9);
         taken[4] = sample(0, 11.0, 2.5);
         assert_eq!(host_ms(&taken), [10.0, 20.0, 11.0, 10.0, 10.0, 10.0]);

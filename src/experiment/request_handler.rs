@@ -1,4 +1,5 @@
-//! Does the work of a worker: checks points and casts their frames, one request at a time.
+//! Does the work of a worker, one request at a time: builds programs, checks points, casts their frames, and runs the
+//! anchor.
 
 use super::check::Checker;
 use super::draft::{Drafter, Hashed};
@@ -36,10 +37,11 @@ pub struct RequestHandler<'a> {
     entries: HashMap<usize, Entry>,
     /// The anchor; `None` before its first use.
     anchor: Option<Anchor>,
-    /// The device's sensors; `None` before the first check and on the host. (Processes that only build programs do not
-    /// need the sensors.)
+    /// The device's sensors; `None` before the first check, since processes that only build programs do not need the
+    /// sensors. Always `None` in a worker without a device.
     watch: Option<Watch>,
-    /// The device whose name is in records, if it is not the worker's own device.
+    /// If points are distributed over several devices of the same model: the device that the records of kernels name.
+    /// It may be the worker's own device.
     stands_for: Option<DeviceInfo>,
 }
 
@@ -106,14 +108,14 @@ impl<'a> RequestHandler<'a> {
     }
 
     /// Prepares for requests about a point: drops the entries of the previous group if the point is in another group,
-    /// and loads the point's scene if another scene is loaded.
+    /// and loads the point's scene unless it is loaded already.
     fn turn_to(&mut self, point: Point) -> Result<()> {
         if self.group.is_none_or(|group| !group.is_beside(&point)) {
             self.entries.clear();
             self.group = Some(point);
         }
         if self.scene.as_ref().is_none_or(|(held, _)| *held != point.scene) {
-            // The old scene is dropped first, since two large scenes may not fit.
+            // The old scene is dropped first, since two large scenes may not fit into memory together.
             self.scene = None;
             self.checker.leave_scene();
             let choice = self.drafter.experiment.scenes.get(point.scene).ok_or_else(no_such_point)?;
@@ -144,7 +146,7 @@ impl<'a> RequestHandler<'a> {
                 let timer_ns =
                     self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
                 // If the timer is coarse, a sample may be a batch of frames. The time of one frame is needed
-                // to choose the batch's size.
+                // to choose the batch's size, so at least one frame is cast before the sample.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
                 let shortest_ms = warm_up(|| frame(1), frames, timing.time_limit_ms);
                 batch_size(shortest_ms, timer_ns)
@@ -172,10 +174,9 @@ impl<'a> RequestHandler<'a> {
     }
 }
 
-/// Casts frames that are not recorded. If frames are long compared with the time limit, fewer frames than requested are
-/// cast, since the check has already cast one. If a frame fails here, it will fail again when it is timed, and the
-/// failure is reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no
-/// frame.
+/// Casts frames that are not recorded. If frames are long, the warm-up ends after a tenth of the time limit, since the
+/// check has already cast one frame. If a frame fails here, it will fail again when it is timed, and the failure is
+/// reported then. Returns the time of the shortest pass of any of these frames; infinity if there was no frame.
 fn warm_up(
     frame: impl Fn() -> std::result::Result<FrameTimes, Refused>,
     frames: u32,
@@ -271,8 +272,8 @@ mod tests {
         assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
     }
 
-    /// Checks a point and casts a frame on this machine's first device, changed by `change`. `stands_for` is the device
-    /// whose name is in records.
+    /// Checks a point and casts a frame on this machine's first device, whose properties `change` has changed.
+    /// `stands_for` is the device whose name is in records.
     fn served(
         change: impl Fn(&mut DeviceInfo),
         stands_for: Option<DeviceInfo>,

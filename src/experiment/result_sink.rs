@@ -22,13 +22,13 @@ pub trait ResultSink {
     fn anchor(&mut self, sample: &AnchorSample) -> Result<()>;
     /// Returns the number of a new launch, which is unique in the folder.
     fn next_launch(&mut self) -> u32;
-    /// Is called with the number of further steps (each is one launch of one point) that are finished or will not take
-    /// place.
+    /// Is called when further steps are finished or will not take place; `steps` is their number. A step is one launch
+    /// of one point.
     fn advances(&mut self, steps: usize);
-    /// Returns an earlier session's samples of a point.
+    /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;
-    /// Returns the core-to-core latency of near processors (processors at their usual distance), in nanoseconds, from
-    /// all lines of the folder's journal of rounds; infinity if it is unknown.
+    /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
+    /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds.
     fn near_ns(&self) -> f64;
 }
 

@@ -29,17 +29,19 @@ pub struct Results {
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
-    /// The core-to-core latencies of all rounds in the folder, in nanoseconds and in ascending order.
+    /// The core-to-core latencies in all lines of the folder's journal of rounds, in nanoseconds and in ascending
+    /// order.
     latencies_ns: Vec<f64>,
     past: Past,
     peak: Vec<Peak>,
     _lock: Lock,
 }
 
-/// The contents of a folder of results before a run continues in it.
+/// The results that existed before the current session: those of earlier sessions in the folder, or of earlier
+/// attempts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Past {
-    /// Finished points, in the order of their last records.
+    /// The last record of each finished point, in the journal's order.
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
@@ -49,7 +51,7 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// Reads journals. Damaged lines are reported, and their points are measured again.
+/// Reads journals. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
 fn past([records, samples, rounds]: [&Path; 3]) -> Result<Past> {
     let (records, samples, rounds) = (read_lines(records)?, read_lines(samples)?, read_lines(rounds)?);
     let damage = [records.damage(RECORDS), samples.damage(SAMPLES), rounds.damage(ROUNDS)];
@@ -83,8 +85,9 @@ impl Results {
     }
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
-    /// attempts ended. Points with a record in an earlier attempt count as finished. The samples of unfinished points
-    /// are copied, each with the attempt and launch that took it. The earlier folders are not changed.
+    /// attempts ended. Points with a record in an earlier attempt count as finished. If a launch has samples of
+    /// unfinished points, all its samples are copied, each with the attempt and launch that took it. The earlier
+    /// folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -130,7 +133,7 @@ impl Results {
         Ok(results)
     }
 
-    /// Returns the contents that the folder had when it was opened.
+    /// Returns the results of earlier sessions in the folder, or of earlier attempts.
     pub fn past(&self) -> &Past {
         &self.past
     }
@@ -183,8 +186,8 @@ impl Results {
         self.rounds.append(load)
     }
 
-    /// Returns the core-to-core latency of near processors (processors at their usual distance) in this folder, in
-    /// nanoseconds; infinity if it is unknown.
+    /// Returns the core-to-core latency of near processors in nanoseconds, from all lines of the folder's journal of
+    /// rounds; infinity if it is unknown. Near processors run on cores at their usual distance.
     pub fn near_ns(&self) -> f64 {
         near_ns(&self.latencies_ns)
     }

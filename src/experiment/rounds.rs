@@ -7,11 +7,12 @@ use crate::measure::{StopReason, StoppingRule, round_order};
 
 /// Times points; [`measure`] decides the order and the number of rounds.
 pub trait Rounds {
-    /// Casts one frame of a point. Returns `None` if the worker process was lost or the point failed. A failed
-    /// point is not cast again.
+    /// Takes one sample of a point: casts a frame or a batch of frames. Returns `None` if the worker process was lost
+    /// or the point failed. A failed point is not cast again.
     fn cast(&mut self, point: usize) -> Result<Option<FrameTimes>>;
-    /// Is called after each sample. Returns whether the sample counts. A sample does not count if, during it, the
-    /// processors of a virtual machine ran on cores further apart than in other samples, or shared a core.
+    /// Is called after each sample. Returns whether the sample counts. A sample does not count if the processors of a
+    /// virtual machine shared a core during the sample, or ran on cores that were further apart than during other
+    /// samples.
     fn sampled(&mut self, point: usize, round: u32, times: &FrameTimes) -> Result<bool>;
     /// Is called at the end of a round, when every point that did not fail has its sample.
     fn ended(&mut self, _round: u32) -> Result<()> {
@@ -34,8 +35,8 @@ pub enum End {
     Broken,
 }
 
-/// If some samples do not count, the launch casts at most this many times the frames that it would need if all samples
-/// counted.
+/// A limit for launches in which some samples do not count: such a launch ends after the round in which it has taken
+/// this many times as many samples as it would need if all samples counted.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.
@@ -48,8 +49,9 @@ type Samples = [Option<Vec<Timed>>];
 /// Measures rounds of `points` points until each point has enough samples that count. The usual number of rounds is the
 /// number after which the launch would end if all samples counted. Samples that do not count are taken again in the
 /// same round, unless they are too many (see [`sample_round`]). If a point still has too few samples that count after
-/// the usual number of rounds, the launch continues until every point has enough, or until the launch has cast [`MOST`]
-/// times the usual number of frames. If no sample of a point counts, the launch ends after the usual number of rounds.
+/// the usual number of rounds, the launch continues until every point has enough, or until the launch has taken
+/// [`MOST`] times as many samples as there are in the usual number of rounds. If no sample of a point counts, the
+/// launch ends after the usual number of rounds.
 pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl Rounds) -> Result<End> {
     let mut samples: Vec<Option<Vec<Timed>>> = vec![Some(Vec::new()); points];
     let (mut elapsed_ms, mut casts) = (0.0, 0);
@@ -84,9 +86,9 @@ pub fn measure(points: usize, rule: &StoppingRule, seed: u64, rounds: &mut impl 
 }
 
 /// Takes a sample of each point, in this order, and adds it to `samples`. Samples that do not count are then taken
-/// again, once. If more than half of the round's samples do not count, none is taken again, since the processors have
-/// probably not moved back yet. Returns the time that each cast took, in milliseconds; `None` if the worker process was
-/// lost.
+/// again, once. If more than half of the round's samples do not count, none is taken again, since a virtual machine's
+/// processors have probably not moved back to their usual cores yet. Returns the time that each cast took, in
+/// milliseconds; `None` if the worker process was lost.
 fn sample_round(
     round: u32,
     order: Vec<usize>,
@@ -186,7 +188,8 @@ mod tests {
     const RULE: StoppingRule =
         StoppingRule { min_samples: 5, max_samples: 7, relative_sigma: 1e-9, time_limit_ms: 1e9 };
 
-    /// Returns the number of rounds of a launch with two points that needs seven samples, and why it ended.
+    /// Measures a launch with two points that needs seven samples of each. The samples of the rounds `far` do not
+    /// count. Returns the number of rounds, and why the launch ended.
     fn rounds_if_far(far: impl IntoIterator<Item = u32>) -> Result<(usize, End)> {
         let mut fake = Fake { far: far.into_iter().collect(), ..Fake::default() };
         let end = measure(2, &RULE, 1, &mut fake)?;

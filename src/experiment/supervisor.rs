@@ -1,5 +1,5 @@
-//! Keeps a run going when workers fail. A worker that dies or hangs costs at most its current point, and the
-//! next request goes to a new worker.
+//! Keeps a run going when workers fail. If a worker dies or hangs, at most its current point fails, and the next
+//! request goes to a new worker.
 
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
@@ -202,8 +202,9 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Casts one frame of a point that passed its check. Returns `None` if the point's worker was lost and the
-    /// point may be tried again. The frames of a new worker belong to another launch.
+    /// Takes one sample of a point, after a check if the point's worker has not checked the point. Returns `None` if
+    /// the worker was lost and the point may be tried again. This needs a new launch, since all samples of a launch
+    /// come from the same workers.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {
@@ -223,8 +224,8 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Runs the anchor of the device on which a point was cast. Returns `None` if the anchor fails; it is then not
-    /// run again.
+    /// Runs the anchor of the device on which a point was cast. Returns `None` if the point has no worker, or if the
+    /// anchor fails. On a device on which it failed, the anchor is not run again.
     pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<FrameTimes>> {
         if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
             return Ok(None);

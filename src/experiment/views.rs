@@ -67,8 +67,8 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
-    // These pictures are drawn once, since counting takes long. Another scene of the same name has
-    // its own pictures.
+    // These pictures are drawn once per scene, since counting takes long. Their names contain the scene's hash, so
+    // another scene of the same name has its own pictures.
     let content = record
         .scene_hash
         .as_deref()
@@ -82,8 +82,9 @@ fn keep_costs(
         let draw = || counts(size, cost::exhaustive(scene, size, culling).iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&name, draw)?);
     } else if record.walks_tree() && !scene.mesh.triangles.is_empty() {
-        // Costs are counted once for both pictures, and not at all if both pictures exist. If a scene is too large
-        // for a tree, no point uses a tree.
+        // Costs are counted once for both pictures, and not at all if both pictures exist. `in_tree` fails only if the
+        // scene has more triangles than a tree can index. For such a scene, raycl refuses every strategy with a tree,
+        // so `in_tree` does not fail here.
         let costs = LazyCell::new(|| cost::in_tree(scene, size, culling).unwrap_or_default());
         let tests = || counts(size, costs.iter().map(|cost| cost.tests));
         record.tests_image = Some(pictures.picture_once(&format!("{place}-tests-tree{sides}"), tests)?);

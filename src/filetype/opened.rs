@@ -113,8 +113,8 @@ fn unpacked(packed: impl Read, path: &Path) -> io::Result<Opened> {
 
 /// Returns a file's type. A complete binary STL file is recognised by its length, which matches its count of triangles.
 /// A binary file that matches no known type is STL if its name ends in `.stl`, or if it begins with triangles and is
-/// cut off; the STL reader then reports the error. A JSON file whose name ends in `.gltf` is glTF if it is longer than
-/// the bytes that were read, even if these bytes contain no key of glTF.
+/// cut off; the STL reader then reports the error. A JSON file whose name ends in `.gltf` is glTF, even without a key
+/// of glTF in the bytes that were read, if more bytes follow: they may contain the keys.
 fn recognised(head: &[u8], length: u64, path: &Path) -> FileType {
     let of_contents = FileType::of(head, length);
     let FileType::Foreign(Foreign { name, .. }) = of_contents else { return of_contents };

@@ -82,7 +82,7 @@ pub(super) fn recognise(head: &[u8], length: u64) -> Option<FileType> {
     SIGNATURES.iter().find(begins).and_then(|&(_, _, name, remedy)| foreign(name, remedy))
 }
 
-/// Recognises UTF-16 by its byte order mark, or by zero bytes in Latin text.
+/// Recognises UTF-16 by its byte order mark, or by a zero byte after each character of Latin text.
 fn is_utf16(head: &[u8]) -> bool {
     let every_second_is_zero =
         |text: &[u8]| text.len() >= 8 && text.chunks_exact(2).all(|pair| matches!(pair, [b'\t'..=b'~', 0]));

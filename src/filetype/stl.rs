@@ -12,9 +12,9 @@ pub(super) fn is_whole(head: &[u8], length: u64) -> bool {
     whole_length(head) == Some(length)
 }
 
-/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Files of
-/// other types almost never meet both conditions: all normals are unit vectors or zero, and some triangle has three
-/// different corners.
+/// Returns whether a file is shorter than its count of triangles requires, but begins with triangles. Bytes count as
+/// triangles if all normals are unit vectors or zero, all corners have coordinates of a usual size, and some triangle
+/// has three different corners. Files of other types almost never meet these conditions.
 pub(super) fn is_cut_off(head: &[u8], length: u64) -> bool {
     if whole_length(head).is_none_or(|whole| whole <= length) {
         return false;

@@ -46,8 +46,8 @@ pub fn viridis(place: f64) -> [u8; 3] {
     })
 }
 
-/// Draws the colour map from the row `top` down, with a tick at each power of ten. Below each tick is the exponent
-/// (`-6` to `0`), if there is room.
+/// Draws the colour map from left to right, in a strip whose first row is `top`, with a tick at each power of ten.
+/// Below each tick is the exponent (`-6` to `0`), if there is room.
 pub fn draw_scale(picture: &mut RgbImage, top: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {
@@ -67,7 +67,8 @@ pub fn draw_scale(picture: &mut RgbImage, top: u32) {
 /// Height in pixels of the scale that [`draw_count_scale`] draws.
 pub const COUNT_SCALE_HEIGHT: u32 = SCALE_HEIGHT;
 
-/// Draws the colour map from the row `top` down, with 0 below its left end and `most` below its right end.
+/// Draws the colour map from left to right, in a strip whose first row is `top`, with 0 below its left end and `most`
+/// below its right end.
 pub fn draw_count_scale(picture: &mut RgbImage, top: u32, most: u32) {
     let last = picture.width().saturating_sub(1);
     for (x, y) in (0..=last).flat_map(|x| (2..8).map(move |y| (x, y))) {

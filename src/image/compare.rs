@@ -51,9 +51,9 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
 }
 
 /// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. The colour
-/// follows the logarithm of [`relative_difference`], from 1e-6 (dark) through 1e-3 (the limit) to 1 (bright); pixels
-/// with a smaller difference are black. Pixels are red if a value is not finite, or if they are outside one of the two
-/// pictures.
+/// follows the logarithm of [`relative_difference`], from 1e-6 (dark) to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels
+/// with a difference below 1e-6 are black. Pixels are red if a value is not finite, or if they are outside one of the
+/// two pictures.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));
@@ -129,7 +129,7 @@ mod tests {
         (found.pixels[0], found.pixels[1]) = ([1e-3; 3], [1e6; 3]);
         let picture = difference_image(&found, &expected);
         // The black pixel differs by a thousandth of the brightest expected pixel. A dark pixel's difference is divided
-        // by exactly this value, so it is 1.
+        // by exactly this value, so the relative difference is 1.
         assert_eq!(*picture.get_pixel(0, 0), colour::of_difference(1.0));
     }
 

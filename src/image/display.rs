@@ -76,11 +76,11 @@ fn transform(radiance: f32, display: Display) -> u8 {
 /// The transform as tables. A power or a binary search for every channel would take longer than writing the
 /// file.
 struct Thresholds {
-    /// For each value from 1 to 255, the smallest radiance that is shown as this value; the first element is for the
-    /// value 1. The last element is NaN, so that no radiance reaches it.
+    /// For each value from 1 to 255, the smallest radiance that is shown as this value or a greater one; the first
+    /// element is for the value 1. The last element is NaN, so that no radiance reaches it.
     smallest: [f32; Shown::VALUES],
-    /// For each pattern of the upper 16 bits of a radiance, a lower bound of the 8-bit value. The bound is usually too
-    /// low by at most 2.
+    /// For each pattern of the upper 16 bits of a positive radiance, a lower bound of the 8-bit value. The bound is
+    /// usually too low by at most 2.
     at_least: Vec<u8>,
 }
 

@@ -13,7 +13,7 @@ use std::io::{BufWriter, Error, Result, Write as _};
 
 /// The JPEG quality that the paper uses for its figures.
 pub const JPEG_QUALITY: u8 = 95;
-/// Length of a JPEG's first two segments, the start and JFIF's header. A comment follows them.
+/// Length of a JPEG's first two segments: the start and JFIF's header. raycl inserts its comment after them.
 const JPEG_BEGIN_BYTES: usize = 20;
 /// The first line of an HDR file.
 const HDR_SIGNATURE: &str = "#?RADIANCE\n";

@@ -52,7 +52,7 @@ pub fn check_target(target: &Target, [across, down]: [u32; 2]) -> Result<()> {
     if format_of(target)? == Format::Jpeg && across.max(down) > MOST_OF_JPEG {
         let name = target.path().display();
         let message = format!(
-            "cannot write '{name}': {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} in each direction"
+            "cannot write '{name}': the picture has {across} x {down} pixels; a JPEG has at most {MOST_OF_JPEG} in each direction"
         );
         let png = target.path().with_extension("png");
         return Err(Error::input(message).with_help(format!("name the file '{}'", png.display())));
@@ -307,7 +307,7 @@ mod tests {
             let (_folder, path) = saved(name, &image);
             std::fs::read(path).unwrap()
         });
-        // All marks end before this offset; the two pictures differ after it.
+        // Returns the offset of the mark's end: a hash of 64 digits follows the label.
         let mark = |bytes: &[u8]| {
             let label = b"blake3 of the rest: ";
             bytes.windows(label.len()).position(|found| found == label).unwrap() + label.len() + 64

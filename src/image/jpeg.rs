@@ -1,16 +1,18 @@
-//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers, which the format
-//! provides for this purpose. The decoded pixels equal those of a picture that is encoded in one piece.
+//! Encodes JPEG in bands of rows on several cores. The bands are joined by restart markers: a decoder starts afresh
+//! after each of these markers. The decoded pixels equal those of a picture that is encoded in one piece.
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageError, ImageResult, RgbImage};
 use rayon::prelude::*;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-/// Width and height of a block in pixels; the encoder does not subsample any channel.
+/// Width and height of a block in pixels. The encoder does not subsample any channel, so this size holds for all
+/// channels.
 const BLOCK: usize = 8;
 /// The largest number of blocks between two restart markers, which is stored in 16 bits.
 const MOST_BLOCKS: usize = u16::MAX as usize;
-/// Number of block rows (rows of blocks) in a band: enough work for a task of its own.
+/// Number of block rows (rows of blocks) in a band, unless [`MOST_BLOCKS`] allows fewer. This many rows are enough work
+/// for a task of its own.
 const BAND_ROWS: usize = 16;
 const MARKER: u8 = 0xff;
 const START_OF_FRAME: u8 = 0xc0;
@@ -106,7 +108,9 @@ impl Cut {
             return Ok(bands.remove(0));
         }
         join(&bands, height, self.blocks_across * self.block_rows).ok_or_else(|| {
-            ImageError::IoError(std::io::Error::other("the JPEG encoder wrote bands of an unexpected form"))
+            ImageError::IoError(std::io::Error::other(
+                "the JPEG encoder wrote parts of the picture with a structure that raycl cannot join",
+            ))
         })
     }
 }
@@ -124,7 +128,7 @@ fn join(bands: &[Vec<u8>], height: u32, blocks: usize) -> Option<Vec<u8>> {
     let first = bands.first()?;
     let scan = segment(first, START_OF_SCAN)?;
     let mut file = first[..scan].to_vec();
-    // Skips the segment's length and a byte of precision; the height follows.
+    // Skips the segment's marker, its length and a byte of precision; the height follows.
     let of_height = segment(first, START_OF_FRAME)? + 5;
     file.get_mut(of_height..of_height + 2)?.copy_from_slice(&u16::try_from(height).ok()?.to_be_bytes());
     let [high, low] = u16::try_from(blocks).ok()?.to_be_bytes();

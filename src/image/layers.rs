@@ -16,7 +16,8 @@ use std::path::{Path, PathBuf};
 const NAMES: [&str; 6] = ["depth", "normal", "triangle", "object", "tests", "nodes"];
 
 /// Returns the files to which layers are written; their names follow from the target's name. Fails if a file cannot be
-/// written. If the target is an EXR, this one file has all layers and the picture, so it may be the file `picture` too.
+/// written. If the target is an EXR, this one file has all layers and the picture, so it may be the same file as
+/// `picture`.
 pub fn layer_targets(target: &Target, picture: &Target) -> Result<Vec<Target>> {
     let path = target.path();
     let ending = path.extension().unwrap_or_default().to_ascii_lowercase();

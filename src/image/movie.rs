@@ -32,7 +32,7 @@ impl Movie {
         Self { target, size, rate, format: Format::Apng(frames) }
     }
 
-    /// Makes a stream for an encoder on standard output.
+    /// Makes a stream on standard output, for a video encoder.
     pub fn y4m(target: Target, size: [u32; 2], rate: u16) -> Self {
         Self { target, size, rate, format: Format::Y4m }
     }
@@ -111,7 +111,7 @@ fn write_y4m(
     Ok(())
 }
 
-/// Weights of red, green and blue in luma: ITU-R BT.709-6, 3.2 to 3.4.
+/// Weights of red, green and blue in luma: ITU-R BT.709-6, items 3.2 to 3.4.
 const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Returns the planes of a frame in 8 bits, limited range.

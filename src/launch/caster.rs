@@ -176,8 +176,8 @@ impl Caster {
         self.kernels().try_for_each(|kernel| arguments.rebind(kernel))
     }
 
-    /// Casts a picture with all samples of each pixel. If the strategy supports it, a frame casts several samples
-    /// at once. The image becomes the mean of the samples. Returns the total times.
+    /// Casts a picture with all samples of each pixel. A frame casts several samples at once, if the strategy supports
+    /// this. The image becomes the mean of the samples. Returns the total times.
     pub fn cast_samples(&self, camera: &Camera, sampling: &Sampling) -> Result<FrameTimes, LaunchError> {
         let times = self.cast_rounds(camera, sampling)?;
         let Some(half) = self.half_light(sampling) else { return Ok(times) };
@@ -233,8 +233,8 @@ impl Caster {
         if rough == 0 { Ok(times) } else { Ok(times.and(&self.cast_round(camera, &rest, Some(rough))?)) }
     }
 
-    /// Casts these samples of each pixel. If the strategy supports it, one frame casts several samples. `rough` is the
-    /// number of rough blocks if only these blocks get the samples.
+    /// Casts these samples of each pixel. One frame casts several samples, if the strategy supports this. `rough` is
+    /// the number of rough blocks if only these blocks get the samples.
     pub(super) fn cast_round(
         &self,
         camera: &Camera,
@@ -281,7 +281,8 @@ impl Caster {
         if let Some(numbers) = self.samples.as_ref().filter(|_| self.most_bits > 0) {
             numbers.place(&self.queue, samples)?;
         }
-        // Tiles are taken from the list of rough blocks only if no tile is larger than a block.
+        // If only rough blocks get samples and each block consists of whole tiles, only the tiles of rough blocks are
+        // cast.
         let tiles =
             rough.zip(self.tile).and_then(|(blocks, tile)| Some(blocks * tiles_of_block(tile, bits)?));
         let listed = if tiles.is_some() { rough.unwrap_or(0) } else { 0 };
@@ -389,8 +390,8 @@ fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Resu
     })
 }
 
-/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye, and for all lights or
-/// for as many lights as are cast in one round.
+/// Allocates memory for the planes of every triangle. Each triangle has planes for the eye and for lights: for all
+/// lights or, if the strategy casts shadow rays in rounds of a few lights, for the lights of one round.
 fn prepared_planes(
     queue: &Queue,
     strategy: &Strategy,

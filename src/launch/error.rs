@@ -12,8 +12,8 @@ pub enum LaunchError {
     /// OpenCL's own error.
     #[error("{0}")]
     OpenCl(String),
-    /// OpenCL's error where memory or another resource is missing, on the device or on the host. Other processes may
-    /// use this memory.
+    /// OpenCL's error if memory or another resource is missing, on the device or on the host. Other processes may use
+    /// this memory.
     #[error("{0}")]
     Resources(String),
     /// The local size has more work-items than the kernel supports.
@@ -47,7 +47,7 @@ pub enum LaunchError {
     Tree(String),
     /// The allocator in the kernel ran out of memory.
     #[error(
-        "the heap of the working vectors is too small: {used} values requested, {size} available; `bytes_per_ray` in the header of the file of `vectors` must count every vector"
+        "the heap of the working vectors is too small: {used} values requested, {size} available; correct `bytes_per_ray` in the header of the kernel file for the axis `vectors`: it must count the bytes of every vector of a ray"
     )]
     HeapExhausted {
         /// Number of values requested.
@@ -101,8 +101,8 @@ fn lacks_resources(status: Status) -> bool {
     )
 }
 
-/// Rewrites a message of the `ocl` crate, which has a frame of `#` around it and ends with a link, as a sentence: the
-/// OpenCL function and its status.
+/// Rewrites a message of the `ocl` crate as a sentence: the OpenCL function and its status. The crate's message has a
+/// frame of `#` around it and ends with a link.
 fn without_frame(message: &str) -> String {
     let lines = message.lines().map(str::trim);
     let mut lines = lines.filter(|line| !line.is_empty() && !line.contains("####")).peekable();

@@ -84,7 +84,7 @@ impl FrameTimes {
     }
 
     /// Sums the durations of finished commands and divides by the number of `frames`. Only `host_ms` includes the
-    /// time between commands, in which some drivers compile a kernel at its first launch.
+    /// time between commands, in which some drivers compile a kernel when it is first started.
     pub fn of(steps: &[(Phase, Event)], host_ms: f64, frames: u32) -> ocl::Result<Self> {
         let frames = frames.max(1);
         let mut durations_ms = Vec::with_capacity(steps.len());

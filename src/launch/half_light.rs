@@ -1,5 +1,5 @@
-//! Soft light at half resolution: two pictures of half the width and height, one with and one without shadows, and the
-//! kernels that filter their ratio and multiply the whole picture by it.
+//! Soft light at half resolution. Two pictures of half the width and height are cast, one with and one without shadows.
+//! One kernel filters the ratio of these pictures, and another multiplies the whole picture by the filtered ratio.
 
 use super::arguments::Arguments;
 use super::buffers::allocate;
@@ -48,8 +48,8 @@ pub(super) struct HalfLight {
     unoccluded: Caster,
     filter: Step,
     apply: Step,
-    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly different
-    /// aspect ratio.
+    /// The whole picture's size. If the width or the height is odd, the half pictures have a slightly different aspect
+    /// ratio, so their camera needs this size to show the same view.
     whole_size: [u32; 2],
 }
 

@@ -35,7 +35,7 @@ const ANOTHER_SIZE: &str = "choose another --local-size";
 const ANOTHER: &str =
     "choose another --strategy: `raycl strategies` lists all strategies with their traversals";
 
-/// The remedy if a step fails.
+/// The remedy if a step fails for another reason than missing memory.
 const OTHERWISE: &str = "a smaller picture, another --strategy or another --device may work";
 /// The remedy if a step fails because memory is missing.
 const FREE_MEMORY: &str = "a smaller picture or scene, another --strategy or a smaller --local-size may need less memory; other processes may also be using the device's memory; `raycl devices` lists other devices";
@@ -45,7 +45,7 @@ const OWN_FILE: &str =
     "correct the file; `raycl kernel STRATEGY --cl-dir DIR` shows the program that contains it";
 
 impl Refused {
-    /// Adds to an error the name of the step that failed.
+    /// Returns a function that adds to an error the name of the step that failed.
     pub fn at(step: &'static str) -> impl Fn(LaunchError) -> Self {
         move |error| Self::Launch { step, error }
     }
@@ -99,7 +99,7 @@ impl Refused {
             Self::Build(error) if error.in_own_file => {
                 Error::input(format!("a kernel file does not compile: {reason}")).with_help(OWN_FILE)
             }
-            Self::Build(_) => Error::run(format!("the build failed: {reason}")).with_help(
+            Self::Build(_) => Error::run(format!("the build of the kernels failed: {reason}")).with_help(
                 "`raycl kernel STRATEGY` shows the program; the build may succeed with another --strategy or --device",
             ),
             Self::Launch { step, error } => {

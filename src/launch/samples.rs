@@ -22,8 +22,9 @@ const MARKED_TOGETHER: usize = 64;
 /// The number of samples that each block of pixels gets.
 pub(super) struct Samples {
     wanted: Buffer<u32>,
-    /// The rough blocks, and their number. Only rough blocks get the samples that follow the first round.
+    /// The rough blocks. Only they get further samples after the first ones.
     rough: Buffer<u32>,
+    /// The number of rough blocks.
     rough_counter: Buffer<u32>,
     /// The position of each sample of a frame within its pixel.
     places: Buffer<f32>,
@@ -84,7 +85,7 @@ impl Samples {
         Self { mark: Some(Step::Run(kernel)), ..self }
     }
 
-    /// Changes the exposure, which decides which blocks are rough.
+    /// Changes the exposure with which pixels are compared to find rough blocks.
     pub fn show(&self, exposure: f32) -> Result<(), LaunchError> {
         let kernel = self.mark.as_ref().and_then(Step::kernel);
         kernel.map_or(Ok(()), |kernel| Arguments::default().with("exposure", exposure).rebind(kernel))
@@ -100,8 +101,8 @@ impl Samples {
         self.wanted.cmd().queue(&queue.commands).fill(u32::MAX, None).enq()
     }
 
-    /// Lets only rough blocks get the samples that follow the first round. Returns the number of rough blocks, and
-    /// the time for finding them.
+    /// Lets only rough blocks get further samples after the first ones. Returns the number of rough blocks, and the
+    /// time for finding them.
     pub fn mark(&self, queue: &Queue, sampling: &Sampling) -> Result<(usize, FrameTimes), LaunchError> {
         let Some(step) = &self.mark else { return Ok(Default::default()) };
         let start = Instant::now();

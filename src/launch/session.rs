@@ -1,4 +1,4 @@
-//! A session: a scene on an open device, from which strategies get casters.
+//! A session: a scene on an open device. A session prepares strategies, so that they can cast the scene.
 
 use super::held::Held;
 use super::prepared::Prepared;
@@ -85,8 +85,9 @@ impl Session {
     }
 
     /// Sets how many devices of the same name, but with lower numbers, cast in this process. If this count is above 0,
-    /// this session's programs get an additional define: PoCL 5.0 is aborted by an assertion
-    /// (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one process.
+    /// this session's programs get an additional define, which makes them differ from the other devices' programs. PoCL
+    /// 5.0 is aborted by an assertion (`pocl_release_dlhandle_cache`) if two of its devices run the same program in one
+    /// process.
     #[must_use]
     pub fn among_twins(self, twins_before: usize) -> Self {
         Self { twins_before, ..self }
@@ -119,8 +120,8 @@ impl Session {
     }
 
     /// Sets the number of samples per pixel; with several samples, lights with a radius cast soft shadows. Nothing is
-    /// cast at half resolution if each pixel gets one sample, or if the scene has no soft light or has a picture of the
-    /// sky.
+    /// cast at half resolution in three cases: each pixel gets one sample, the scene has no soft light, or the sky is a
+    /// picture.
     #[must_use]
     pub fn sampling(self, sampling: Sampling) -> Self {
         let Scene { sky, lights, .. } = &*self.scene;
@@ -132,7 +133,7 @@ impl Session {
         Self { sampling: Sampling { half_light, ..sampling }, ..self }
     }
 
-    /// Returns whether this is the session's scene.
+    /// Returns whether `scene` is the session's scene.
     pub fn is_of(&self, scene: &Arc<Scene>) -> bool {
         Arc::ptr_eq(&self.scene, scene)
     }
@@ -266,8 +267,8 @@ impl Session {
         HostNeeds::of(strategy, workload, self.queue.shares_memory, self.verifies)
     }
 
-    /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory that other
-    /// strategies of the session use is not free.
+    /// Refuses a strategy that does not fit into the free memory of the device or the host. Memory is not free if
+    /// other strategies or existing frames of the session use it.
     fn fits(&self, strategy: &Strategy, workload: &Workload) -> std::result::Result<(), Refused> {
         let held_bytes = self.held.beside(strategy);
         let limits =
@@ -285,7 +286,7 @@ impl Session {
     }
 }
 
-/// Adds to a refusal's reason the number of bytes that other strategies use.
+/// Adds to a refusal's reason the number of bytes that other strategies and existing frames use.
 fn beside(refused: Infeasible, held_bytes: u64) -> Infeasible {
     if held_bytes == 0 {
         return refused;

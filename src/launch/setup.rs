@@ -95,7 +95,7 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-/// If the workload has soft light, adds the sky, the lights' radii, and the arguments of a picture with one sample.
+/// If the workload has soft light, adds the sky, the lights' radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,
@@ -107,7 +107,8 @@ pub(super) fn soft_arguments<'a>(
     sample_argument(arguments.with(SOFT, &scene.soft), &Sample::CENTRE)
 }
 
-/// Sets which sample of every pixel is cast, and how many samples were cast before it.
+/// Sets which sample of every pixel is cast, how many samples its round has, and how many samples were cast before it.
+/// If the number of samples of the round is set to 0, kernels compute unoccluded light.
 pub(super) fn sample_argument<'a>(arguments: Arguments<'a>, sample: &Sample) -> Arguments<'a> {
     let arguments = arguments.with("earlier", sample.earlier);
     let count = if sample.light == SampleLight::Unoccluded { 0 } else { sample.count };

@@ -367,7 +367,7 @@ mod tests {
     use crate::reference::fixtures;
     use crate::strategy::preset;
 
-    /// Number of pixels across and down. There are 32 rows of work-groups, as many as parts of a trial frame.
+    /// Number of pixels across and down. There are 31 rows of work-groups, one fewer than [`PARTS`].
     const SIZE: [u32; 2] = [24, 61];
     const LOCAL_SIZE: [u32; 2] = [4, 2];
 

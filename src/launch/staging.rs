@@ -25,7 +25,7 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// Makes pieces of this many bytes.
+    /// Sets the size of a piece in bytes. The pieces are allocated at first use.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }
@@ -35,7 +35,7 @@ impl Staging {
         bytes > 2 * self.piece_bytes
     }
 
-    /// Returns how many rows fit into a piece: at least one, and a multiple of `together`.
+    /// Returns the number of rows in a piece: the largest multiple of `together` that fits, but at least `together`.
     pub fn rows(&self, row_bytes: usize, together: usize) -> usize {
         let unit = (row_bytes * together).max(1);
         (self.piece_bytes / unit).max(1) * together

@@ -24,7 +24,8 @@ fn bits_for(samples: usize) -> u32 {
 }
 
 /// Returns how finely a frame of a strategy can divide pixels, as the binary logarithm of the number of sub-pixels
-/// across. Only tiles have room for several rays of one pixel; tiles in vectors divide pixels only with fused passes.
+/// across. Only tiles have room for several rays of one pixel. Tiles whose rays are in vectors divide pixels only with
+/// fused passes.
 /// If the sky's picture is seen, pixels are not divided, since the kernel that adds the picture supports only whole
 /// pixels.
 pub(super) fn most_bits(setup: &Setup<'_>) -> u32 {

@@ -1,6 +1,7 @@
 //! Measures core-to-core latency: how long a cache line takes to move from one processor to another. A virtual
 //! machine's processors are threads of its host, and the host may move these threads: two of them may share a core, or
-//! run on distant cores. All kernels that share data between work-groups become faster or slower with this latency.
+//! run on distant cores. The latency then changes, and so does the speed of all kernels that share data between
+//! work-groups.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;

@@ -22,8 +22,8 @@ pub const TEXTURE_HEAD_WORDS: usize = 4;
 /// Side in pixels of a square block of pixels; all pixels of a block get the same number of samples. A vector of rays
 /// in a tile covers one block, if each pixel has one ray.
 pub const SAMPLED_BLOCK: u32 = 4;
-/// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ by more
-/// than this in a channel. This constant is a number of 8-bit steps of the displayed picture.
+/// A block of pixels gets more samples if two neighbouring pixels, in the block or directly around it, differ in a
+/// channel of the displayed picture by more than this number of 8-bit steps.
 pub const ROUGH_STEPS: u32 = 30;
 /// The sample points of lights and the directions of the sky repeat after this many pixels of the half picture, across
 /// and down. Along each axis, the filter of soft light covers one pixel more than this number, and its two outermost

@@ -165,7 +165,7 @@ pub static TILE_CPU: Family = Family {
         rule(
             "tile",
             AllBut(&["8x4"]),
-            "needs tiles of at least 8x8 pixels, or a work-item has too little work",
+            "needs tiles of at least 8x8 pixels, since smaller tiles give a work-item too little work",
         ),
     ],
 };
@@ -306,8 +306,8 @@ pub static TILE_GPU: Family = Family {
     ],
 };
 
-/// The kernel that shows the picture of a sky where rays have hit nothing. Every family that supports a sky has this
-/// kernel.
+/// The kernel that shows the sky's picture in pixels whose rays have hit nothing. Every family that supports a sky has
+/// this kernel.
 const SHOW_SKY: Kernel = Kernel {
     name: "show_sky",
     role: Background,
@@ -397,7 +397,7 @@ const NO_TREE: &str = "uses no tree, so only the default value is allowed";
 const NO_TILES: &str = "casts no tiles of rays, so only the default value is allowed";
 const LEAF_ORDER: &str = "reads whole triangles from global memory, in the order of its tree's leaves";
 const SHADES_ONCE: &str = "shades only the nearest hit of each ray";
-const PREPARES_A_TILE: &str = "prepares a leaf's triangles for all rays of a tile";
+const PREPARES_A_TILE: &str = "prepares a leaf's triangles itself, once for all rays of a tile";
 const OWN_EDGES: &str = "uses its own edge functions, without the paper's tolerances";
 
 const fn kernel(name: &'static str, role: Role, parameters: &'static [&'static [Parameter]]) -> Kernel {

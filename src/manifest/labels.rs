@@ -1,5 +1,6 @@
 //! Tests the labels of programs (hashes and values of axes) without a device. A change to a file must change the hashes
-//! of the programs that include it, and no other hashes. Two values of an axis must never result in the same program.
+//! of the programs that include it, and no other hashes. Two values of an axis must never result in the
+//! same program and the same tree.
 
 use super::FAMILIES;
 use super::tests::{spec, spec_of, strategies};

@@ -1,9 +1,9 @@
 //! The manifest: a table that describes the kernels in `cl/` for the host, by family.
 //!
-//! A [`Family`] is a set of kernels that casts a frame. A family's row names the file that includes all others, the
-//! kernels with their parameters, the defines for compilation, and the values of axes that the family supports. The row
-//! determines which source is compiled and hashed, how arguments are bound, which kernel's registers are reported and
-//! which strategies are allowed.
+//! A [`Family`] is a set of kernels that casts a frame. The table has a row for each family. The row names the family's
+//! kernels with their parameters, the defines for compilation, the values of axes that the family supports, and one
+//! file, which includes all other files of the family. The row determines which source is compiled and hashed, how
+//! arguments are bound, which kernel's registers are reported and which strategies are allowed.
 
 mod constants;
 mod define_lists;
@@ -21,7 +21,7 @@ pub use constants::{
 pub use families::{BVH, EXHAUSTIVE, FAMILIES, RASTER, TILE_CPU, TILE_GPU};
 pub use parameters::{CAMERA, PROBE_LANES, Parameter, parameter_macro};
 
-/// A property of a strategy, a scene or a picture on which a parameter, a kernel or a define depends.
+/// A condition for a parameter, a kernel or a define: a property of a strategy, a scene or a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fact {
     /// True of every strategy.
@@ -116,7 +116,7 @@ impl Kernel {
         matches!(self.role, Role::Frame | Role::Primary)
     }
 
-    /// Returns the kernel's parameters under these conditions.
+    /// Returns those parameters whose condition (`when`) is true. `holds` returns whether a condition is true.
     pub fn parameters(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static Parameter> {
         self.parameters.iter().copied().flatten().filter(move |parameter| holds(parameter.when))
     }
@@ -197,7 +197,7 @@ impl Family {
         self.kernels.iter().find(|kernel| kernel.name == name)
     }
 
-    /// Returns the family's defines under these conditions.
+    /// Returns the names of the defines whose condition is true. `holds` returns whether a condition is true.
     pub fn defines(&self, holds: impl Fn(Fact) -> bool) -> impl Iterator<Item = &'static str> {
         self.defines.iter().copied().flatten().filter(move |(when, _)| holds(*when)).map(|(_, name)| *name)
     }

@@ -106,9 +106,9 @@ pub const HALF_LIGHT_LIT: &[Parameter] = &[p(Always, QUADS, "half_lit")];
 /// For each pixel of the half picture, the fraction of the unoccluded light that arrives.
 pub const RATIOS: &[Parameter] = &[p(Always, QUADS, "ratios")];
 pub const RATIOS_OUT: &[Parameter] = &[p(Always, "__global float4 *restrict", "ratios")];
-/// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds), and
-/// the number of triangles in a row. Here, each origin has a row for each axis of the scene; a row has four floats per
-/// triangle.
+/// The triangles' planes, prepared for the eye and for the lights of one round (lights are processed in rounds). Each
+/// origin has a row for each axis of the scene; a row has four floats per triangle. `prepared_row` is the number of
+/// triangles in a row.
 pub const PREPARED_ROWS: &[Parameter] =
     &[p(Planes, QUADS, "prepared"), p(Planes, "const int", "prepared_row")];
 /// The camera; functions called by kernels have these parameters too.

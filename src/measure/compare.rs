@@ -2,7 +2,7 @@
 
 use super::Interval;
 
-/// The result of a comparison with an earlier result.
+/// The result of comparing a new time with an earlier one by their ratio. Changes up to a threshold count as equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Verdict {
     /// The new result is faster by more than the threshold, for every ratio in the 95% interval.

@@ -1,10 +1,10 @@
 //! Detects times that cluster around two values, for example because a machine changes between two speeds.
 
 /// A set of n times has two modes if its [`dip`], multiplied by the square root of n, exceeds [`LARGEST`] - [`FEWER`] /
-/// sqrt(n). The uniform distribution is the worst case among distributions with one mode: of its sets of 10 to 200
-/// times, 99.9% stay below this threshold (simulated; Hartigan and Hartigan, *The Dip Test of Unimodality*, Annals of
-/// Statistics 13, 1985). Therefore at most one point in a thousand is a false alarm. In practice there are fewer, since
-/// distributions of times have tails.
+/// sqrt(n). The uniform distribution is the worst case among distributions with one mode (Hartigan and Hartigan,
+/// *The Dip Test of Unimodality*, Annals of Statistics 13, 1985). In a simulation, 99.9% of its sets of 10 to 200 times
+/// stayed below this threshold. Therefore at most one point in a thousand is a false alarm. In practice there are fewer
+/// false alarms, since distributions of times have tails.
 const LARGEST: f64 = 0.8;
 const FEWER: f64 = 0.75;
 /// Sets of fewer times than this are not tested.
@@ -67,8 +67,9 @@ fn cut(sorted: &[f64]) -> usize {
 
 /// Returns the dip: the largest distance between the values' distribution function and the nearest unimodal one. The
 /// algorithm is AS 217 (Hartigan, *Computation of the Dip Statistic to Test for Unimodality*, Applied Statistics 34,
-/// 1985). The algorithm narrows a modal interval. The narrowing ends when the distance between the greatest convex
-/// minorant and the least concave majorant is less within the interval than outside.
+/// 1985). The algorithm narrows a modal interval. Below the interval, it measures the distance of the distribution
+/// function from the greatest convex minorant; above the interval, the distance from the least concave majorant. The
+/// narrowing ends when these two hulls are nowhere farther apart within the interval than the largest distance so far.
 fn dip(sorted: &[f64]) -> f64 {
     let n = sorted.len();
     let (mut low, mut high, mut found) = (0, n - 1, 1.0_f64);
@@ -159,7 +160,7 @@ fn line(sorted: &[f64], one: usize, other: usize, at: usize) -> f64 {
 }
 
 /// Returns the greatest distance between the steps of the distribution function and the line between two points of a
-/// hull, but at least 1. `distance` computes the distance from the height of a step and the height of the line.
+/// hull, but at least 1. `distance` takes the height of a step and the height of the line, and returns their distance.
 fn deviation(sorted: &[f64], ends: &[usize], distance: impl Fn(f64, f64) -> f64) -> f64 {
     let (one, other) = (ends[0], ends[1]);
     let at = |place: usize| distance((place - one) as f64, line(sorted, one, other, place));
@@ -180,7 +181,7 @@ mod tests {
 
     #[test]
     fn the_dip_is_that_of_the_published_algorithm() {
-        // The expected dips come from a translation of the algorithm AS 217, which R's package diptest also uses.
+        // The expected dips come from a translation of the algorithm AS 217. R's package diptest uses this algorithm.
         let samples = [
             (sorted((1..21).map(|i| f64::from(i * i))), 0.025),
             (sorted([1, 2, 3, 4, 5, 16, 17, 18, 19, 20].map(f64::from).into_iter()), 0.183_333_333),

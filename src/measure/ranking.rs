@@ -13,8 +13,8 @@ pub struct Ranking<T> {
 }
 
 impl<T: Copy> Ranking<T> {
-    /// Ranks points by their levels, such as the logarithms of their times; lower is better, and a point without a
-    /// level has no rank. `ties` takes a point and the best point, and returns whether the two tie.
+    /// Ranks points by their levels, such as the logarithms of their times. The lowest level is the best. A point
+    /// without a level has no rank. `ties` takes a point and the best point, and returns whether the two tie.
     pub(crate) fn by(
         points: impl IntoIterator<Item = (T, Option<f64>)>,
         ties: impl Fn(T, T) -> bool,

@@ -7,18 +7,18 @@ const SETTLING: usize = 16;
 /// Noise values agree if their standard deviation is less than this fraction of their mean.
 const SETTLED: f64 = 0.05;
 
-/// Decides when a group of points has enough samples in a launch. All its points stop together, so each has
-/// one sample of every round.
+/// Decides when a group of points has enough samples in a launch. All points of the group stop together, so each
+/// point has one sample of every round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StoppingRule {
-    /// Smallest number of rounds.
+    /// Smallest number of rounds, unless the time limit is reached earlier.
     pub min_samples: usize,
     /// Largest number of rounds.
     pub max_samples: usize,
     /// Samples are precise if their standard deviation divided by their mean is below this value.
     pub relative_sigma: f64,
-    /// The limit of the time per point, as a mean over the group. At least [`MIN_SAMPLES`] rounds are measured, even if
-    /// they exceed the limit.
+    /// The limit of the time per point, as a mean over the group. Even beyond this limit, [`MIN_SAMPLES`] rounds are
+    /// measured, or `max_samples` if that is less.
     pub time_limit_ms: f64,
 }
 
@@ -27,7 +27,7 @@ pub struct StoppingRule {
 pub enum StopReason {
     /// The samples of each point are precise: sigma / mean is small.
     Precise,
-    /// The samples are not precise, but more of them would not change sigma / mean.
+    /// The samples of some points are not precise, but more samples would hardly change their sigma / mean.
     NoiseSettled,
     /// The group reached its time limit.
     TimeLimit,
@@ -67,7 +67,7 @@ impl StoppingRule {
     }
 
     /// Returns the reason to stop after a round, or `None` to continue. `points_ms` contains the samples of
-    /// each point, which took `elapsed_ms` in total.
+    /// each point. All samples together took `elapsed_ms`.
     pub fn stop(&self, points_ms: &[Vec<f64>], elapsed_ms: f64) -> Option<StopReason> {
         let rounds = points_ms.iter().map(Vec::len).min().unwrap_or(0);
         if rounds >= self.min_samples.max(2)
@@ -102,7 +102,7 @@ fn running_noise(samples: &[f64]) -> Vec<f64> {
         squares += distance * (sample - mean);
         if before > 0 {
             let sigma = (squares / before as f64).sqrt();
-            // Samples below the clock's resolution are all 0, so they are equal.
+            // If all samples are below the clock's resolution, they are 0, and sigma / mean would not be a number.
             noise.push(if sigma == 0.0 { 0.0 } else { sigma / mean });
         }
     }

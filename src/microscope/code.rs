@@ -14,8 +14,8 @@ pub struct Instruction {
     /// The part of the kernel to which the instruction belongs. In PTX and SASS, the part is the last label before the
     /// instruction; it is empty if there is no such label. On a CPU, the part is the name of the function.
     pub part: String,
-    /// The kinds of work that the instruction does. Empty for instructions that do nothing, and for instructions of
-    /// processors other than x86-64 and NVIDIA GPUs.
+    /// The kinds of work that the instruction does. Empty for instructions that do none of these kinds
+    /// of work (such as padding and prefetches), and for instructions of processors other than x86-64 and NVIDIA GPUs.
     pub kinds: Vec<Kind>,
 }
 
@@ -41,8 +41,8 @@ pub struct Code {
     pub instructions: Vec<Instruction>,
 }
 
-/// A count of the instructions that a compiler generated from one source line, of the instructions in one part of a
-/// kernel, or of all instructions of a kernel.
+/// A count of instructions: those that a compiler generated from one source line, those in one part of a kernel, or all
+/// of a kernel.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Row {
     /// The line in the source; `None` if the row counts the instructions of a part or of a whole kernel.
@@ -91,7 +91,7 @@ impl Code {
         rows.into_iter().map(|(line, row)| Row { line: Some(line), source: text(line), ..row }).collect()
     }
 
-    /// Returns a row per part, in order.
+    /// Returns a row per part, in the order of the instructions.
     pub fn by_part(&self) -> Vec<Row> {
         let parts = self.instructions.chunk_by(|one, next| one.part == next.part);
         let row = |part: &[Instruction]| {

@@ -4,8 +4,8 @@
 //! text, `#if` conditions are already evaluated, macros are expanded, and a file that is included twice appears twice.
 //! Therefore each line of the text belongs to one place in the program only. The instructions are then read from the
 //! binary, which contains PTX text or a CPU's machine code; the program `objdump` disassembles the machine code. If
-//! `ptxas` and `nvdisasm` are installed, they translate PTX to SASS and print it, and the SASS is read too. Without a
-//! line table, instructions are counted by parts of the kernel.
+//! `ptxas` and `nvdisasm` are installed, `ptxas` translates PTX to SASS, `nvdisasm` prints the SASS, and raycl reads it
+//! too. Without a line table, instructions are counted by parts of the kernel.
 
 mod code;
 mod elf;

@@ -6,7 +6,7 @@ use super::x86;
 use std::collections::BTreeMap;
 
 /// The error message if `objdump` is not installed.
-pub const REMEDY: &str = "objdump is missing; it is in the package binutils";
+pub const REMEDY: &str = "objdump is missing; install the package binutils";
 
 /// Reads the kernels with these names from an ELF file. `file` is the name of the source; line
 /// numbers of other files are ignored. The error says why there is no listing.
@@ -40,9 +40,8 @@ impl<'a> Listing<'a> {
     /// it calls directly or indirectly.
     fn codes(&self, kernels: &[&str]) -> Vec<Code> {
         let code = |kernel: &&str| {
-            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL contain a copy of the
-            // work-group's function, after the code that reads the arguments. The copies have no source lines and are
-            // left out.
+            // PoCL's function for a kernel runs a whole work-group. Two other functions of PoCL read the arguments
+            // and then run a copy of this function's code. The copies have no source lines and are left out.
             let names = [format!("_pocl_kernel_{kernel}"), (*kernel).to_owned()];
             let mut reached = vec![names.iter().find_map(|name| self.function(name))?];
             let mut at = 0;

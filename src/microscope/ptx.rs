@@ -29,8 +29,8 @@ pub fn codes(ptx: &str, kernels: &[&str], file: &str) -> Vec<Code> {
     kernels.iter().filter_map(code).collect()
 }
 
-/// Returns whether a text before a colon is a label. An opcode may contain "::" too, but such an opcode also contains a
-/// dot, and labels contain no dots.
+/// Returns whether a text before a colon is a label. The colon may also belong to "::" in an opcode. Such an opcode
+/// contains a dot before the colon, and labels contain no dots.
 fn is_label(text: &str) -> bool {
     !text.is_empty() && !text.contains(['.', ' ', '@', '{', '['])
 }

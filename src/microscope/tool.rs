@@ -1,4 +1,4 @@
-//! Runs disassemblers, if they are installed, with a time limit.
+//! Runs assemblers and disassemblers, if they are installed, with a time limit.
 
 use crate::child::output_within;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// The time limit for one run of a disassembler, far longer than any disassembler needs for a kernel.
+/// The time limit for one run of a program. An assembler or disassembler needs far less time for a kernel.
 const LIMIT: Duration = Duration::from_secs(60);
 
 /// An installed program.

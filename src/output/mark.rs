@@ -1,5 +1,6 @@
-//! The mark by which raycl recognises its own files: the BLAKE3 hash of all other bytes of the file, as
-//! hexadecimal digits near the beginning. A mark is only valid if its hash matches the file.
+//! The mark by which raycl recognises its own files: a BLAKE3 hash of the file, as hexadecimal digits near the
+//! beginning. The hash excludes its own digits and, in a PNG, the checksum of the chunk that contains them. A mark is
+//! only valid if its hash matches the file.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read, Result, Seek as _, SeekFrom, Write};
@@ -25,7 +26,7 @@ pub enum Maker {
     Raycl,
     /// raycl made the file, and somebody has changed it since.
     Changed,
-    /// The file has no mark of raycl.
+    /// Neither a mark nor the list in the file's folder shows that raycl made the file.
     Other,
 }
 

@@ -8,9 +8,9 @@ use std::path::Path;
 /// The files that a run may leave if it is interrupted before its first record.
 const BEGUN: [&str; 4] = [".lock", "environment.json", "samples.jsonl", "images"];
 
-/// Returns an error, before any work is done, if a folder contains files but no results: a run would mix its own files
-/// with the existing files, and could replace some of the existing ones. `known` is true if raycl has written into the
-/// folder before.
+/// Returns an error, before any work is done, if a folder contains files but no results. A run would mix its own files
+/// with the existing files, and could replace some of them. There is no error with `--force`, or if `known` is true
+/// (raycl has written into the folder before).
 pub fn refuse_other_folders(folder: &Path, choice: Choice, known: bool) -> Result<()> {
     // If records.jsonl exists but is not a file, the run fails later, when it opens records.jsonl.
     if choice.force || known || folder.join("records.jsonl").symlink_metadata().is_ok() {

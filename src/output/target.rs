@@ -46,7 +46,8 @@ impl Target {
         &self.path
     }
 
-    /// Returns whether both paths lead to the same file of an existing folder, even if they are written differently.
+    /// Returns whether the paths of this target and of `other` lead to the same file, even if they are written
+    /// differently; false if the file's folder does not exist.
     pub fn is_same_file(&self, other: &Self) -> bool {
         in_canonical_folder(&self.path).is_some_and(|path| in_canonical_folder(&other.path) == Some(path))
     }

@@ -93,7 +93,7 @@ fn multiplied(items: usize, width: u64, seconds: &[f64]) -> Figure {
     rates((items as u64 * CHAINS * width * FMA_STEPS) as f64, seconds)
 }
 
-/// Returns the size of a large buffer, a multiple of a cache line, that fits easily into the device's memory.
+/// Returns the size in bytes of a large buffer that fits easily into the device's memory: a whole number of mebibytes.
 fn large_bytes(rig: &Rig<'_>) -> usize {
     let limits = &rig.device.info.limits;
     let bytes = LARGE_BYTES.min(limits.global_bytes / 16).min(limits.allocation_bytes);
@@ -171,7 +171,7 @@ fn launch(rig: &Rig<'_>) -> Result<[Figure; 3]> {
     Ok([on_device, on_host, Figure::of(&batched)])
 }
 
-/// Summarises pairs of times: one on the device's clock and one on the host's.
+/// Summarises the times on the device's clock and those on the host's; each pair has one of each.
 fn figures(pairs: &[(f64, f64)]) -> [Figure; 2] {
     let (on_device, on_host): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     [on_device, on_host].map(|times| Figure::of(&times))
@@ -239,7 +239,7 @@ fn chase_global(rig: &Rig<'_>, program: &ocl::Program) -> Result<Figure> {
     let mut kernel = rig.kernel(program, "chase_global", 1, 1);
     kernel.arg(0_i32).arg(0_i32).arg(&buffer).arg(&out);
     let kernel = kernel.build().map_err(failed)?;
-    // Reads of a large buffer take long, so few loops are run, and the number of steps fits into an integer.
+    // Reads of a large buffer take long, so few loops are run, and the number of steps fits into an `i32`.
     let (mut at, mut steps) = (0_i32, 0_i32);
     let (seconds, _) = rig.per_loop(&kernel, |loops| {
         for _ in 0..steps {

@@ -17,7 +17,7 @@ use crate::record::{Record, write_whole};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The name of the file, in a folder of results, with the peak rates of the devices.
+/// The name of the file with the devices' peak rates in a folder of results.
 pub const FILE: &str = "peak.json";
 /// The help in the error message about a file that contains no peak rates.
 const WRITTEN_BY: &str = "`raycl peak --out FILE` writes a file of peak rates";
@@ -125,8 +125,8 @@ impl Peak {
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
-    /// Computes which share of the device's peak rate of multiply-adds a record's ray-triangle tests reach. Adds this
-    /// share, the peak rate and the number of operations per test to the record.
+    /// Computes the rate of operations of a record's ray-triangle tests as a share of the device's peak rate of
+    /// multiply-adds. Adds this share, the peak rate and the number of operations per test to the record.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);

@@ -111,8 +111,8 @@ impl<'a> Rig<'a> {
     pub fn launch(&self, kernel: &Kernel) -> Result<(f64, f64)> {
         let start = Instant::now();
         let mut event = Event::empty();
-        // SAFETY: the kernels of cl/peak/ stay within the buffers that their builders bound, which are still
-        // alive.
+        // SAFETY: the kernels of cl/peak/ stay within the buffers that are bound as their arguments. These buffers are
+        // still alive.
         unsafe { kernel.cmd().queue(&self.queue.commands).enew(&mut event).enq() }.map_err(failed)?;
         self.queue.commands.finish().map_err(failed)?;
         let host_ms = start.elapsed().as_secs_f64() * 1e3;

@@ -25,8 +25,9 @@ pub struct Traffic {
 }
 
 impl Traffic {
-    /// Returns the bytes that each test of a record's strategy reads; `None` for baselines, and for strategies with a
-    /// tree. In a tree, the number of tests is unknown, so the bytes per test do not yield the bytes of a frame.
+    /// Returns the bytes that each test of a record's strategy reads; `None` for baselines, and for strategies that
+    /// do not test every ray against every triangle. Their number of tests is unknown, so the bytes per test do not
+    /// yield the bytes of a frame.
     pub fn of(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;
@@ -57,7 +58,8 @@ impl Traffic {
     }
 }
 
-/// Returns the bytes of a triangle that a test reads: a prepared record, or corners with their indices.
+/// Returns the bytes of a triangle that a test reads: numbers that were prepared for the test, or corners with their
+/// indices.
 fn triangle_bytes(record: &Record, triangles: Triangles) -> Option<f64> {
     let test = Intersector::parse(record.axis("intersector")?).ok()?;
     let prepared = test.prepares_planes()

@@ -14,8 +14,8 @@ use thiserror::Error;
 /// Makes the compiler print registers and spills into the build log, if it supports that. This option is not part of a
 /// [`ProgramSpec`], since it does not change the code.
 const VERBOSE: &str = "-cl-nv-verbose";
-/// An environment variable that turns off the compiler's own cache if it is 1. The compiler prints messages only when
-/// it really compiles, not when it uses its cache.
+/// An environment variable that turns off the cache of NVIDIA's compiler if the variable's value is 1. The compiler
+/// prints messages only when it really compiles, not when it uses its cache.
 pub const CACHE_DISABLE: &str = "CUDA_CACHE_DISABLE";
 
 /// The compiler rejected a program.
@@ -118,20 +118,19 @@ impl BuiltProgram {
         !binary.is_empty() && self.kept.keep(&self.key, &KeptProgram { log: self.log(), binary })
     }
 
-    /// Returns whether the compiler printed no registers although it can. The compiler prints registers only when it
-    /// compiles, so the driver took this program from its own cache.
+    /// Returns whether the compiler printed no registers although it can. In this case, the driver took the
+    /// program from its own cache, since the compiler prints registers only when it compiles.
     pub fn lacks_log(&self) -> bool {
         self.verbose && !self.from_cache && self.log().is_empty()
     }
 
-    /// Returns the key under which the program is stored; `None` if it is not stored.
+    /// Stores the program if it is not stored yet, and returns its key; `None` if it cannot be stored.
     pub fn stored_as(&self) -> Option<&str> {
         self.keep().then_some(&self.key)
     }
 
-    /// Loads the stored program once, so that the driver's cache contains its machine code for the
-    /// next process. A driver that returns PTX compiles this PTX when the program is loaded, in
-    /// addition to its earlier compilation of the source.
+    /// Loads the stored program once if its binary is PTX. The driver then compiles the PTX, so that the driver's cache
+    /// contains the machine code for the next process.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;

@@ -11,7 +11,7 @@ pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
     run.map(|kernel| kernel.name).collect()
 }
 
-/// Returns whether kernels of a role take part in such a frame.
+/// Returns whether kernels of a role take part in a frame with lights and one sample per pixel.
 fn takes_part(role: Role) -> bool {
     match role {
         Role::Prepare | Role::Frame | Role::Primary | Role::Resolve => true,

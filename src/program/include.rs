@@ -1,6 +1,6 @@
 //! Decides which includes are followed. An include under `#if NAME` or `#if !NAME` is not followed if the host's
-//! defines make the condition false. A program therefore contains no file that it does not use because of such a
-//! condition. Conditions that the host cannot decide count as true.
+//! defines make the condition false, so the program does not contain that file. Conditions that the host cannot decide
+//! count as true.
 
 /// The conditions around a line, outermost first. Each is true, false, or unknown to the host; unknown conditions
 /// count as true.

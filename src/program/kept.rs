@@ -5,8 +5,8 @@ use crate::device::DeviceInfo;
 
 /// The kind of the cache entries that contain programs.
 const KIND: &str = "program";
-/// The kind of entries that map a program's name to its key. If the program uses a tree, the program's name is known
-/// before the tree is built, but the program's key is not.
+/// The kind of entries that map a program's name to its key. If the program uses a tree, its key is known only
+/// once the tree is built. Its name is known before, so that raycl can look up whether the program is stored.
 const NAME_KIND: &str = "name";
 
 /// The cache for a device's programs; by default nothing is stored.

@@ -1,4 +1,5 @@
-//! Joins the source files of a strategy's program: the files of the strategy's family, and of its value on each axis.
+//! Joins the source files of a strategy's program: the files of the strategy's family, and the files that implement the
+//! strategy's values on axes.
 
 use super::include::Branches;
 use crate::error::{Error, Result, nearest};
@@ -64,7 +65,7 @@ impl Joiner<'_> {
     }
 }
 
-/// Replaces `{AXIS}` in a path by the file name of the strategy's value on this axis.
+/// Replaces `{AXIS}` in a path by the strategy's value on this axis, with `_` instead of `-`.
 fn fill_in(path: &str, strategy: &Strategy) -> Result<String> {
     let Some((before, rest)) = path.split_once('{') else { return Ok(path.to_owned()) };
     let Some((axis, after)) = rest.split_once('}') else {

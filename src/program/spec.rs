@@ -20,8 +20,9 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
-    /// Makes the compiler's input for a strategy and a workload. A size of the scene becomes a define only if a
-    /// `__local` array depends on it, so that different scenes can use the same program.
+    /// Makes the compiler's input for a strategy and a workload. A size of the scene, such as its number of triangles
+    /// or the depth of its tree, becomes a define only if the length of an array in the kernels depends on it. Scenes
+    /// of different sizes can therefore use the same program.
     pub fn new(
         sources: &Sources,
         strategy: &Strategy,

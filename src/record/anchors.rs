@@ -1,4 +1,4 @@
-//! `anchors.jsonl`: times of the anchor, a fixed kernel that is run once for every six frames that a device casts.
+//! `anchors.jsonl`: times of the anchor, a fixed kernel that each device runs once for every six samples of its points.
 //! These times make runs comparable even if the machine's speed changed between the runs.
 
 use serde::{Deserialize, Serialize};

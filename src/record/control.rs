@@ -36,7 +36,8 @@ pub(super) fn find_controls(records: &mut [Record]) {
 
 impl Place {
     /// Returns the level (the logarithm of a time) by which a record is ranked. If blocks share a control point, the
-    /// record's level is shifted by the control point's mean level minus its level in the record's block.
+    /// control point's level in the record's block is subtracted, and its mean level over all blocks is added. The
+    /// speeds of the blocks' machines then cancel.
     pub(super) fn level(&self) -> f64 {
         let shift =
             self.control.as_ref().map_or(0.0, |control| control.mean_level - control.standing.level());

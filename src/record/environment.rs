@@ -22,8 +22,8 @@ pub struct Environment {
     /// The build: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// The environment variables of drivers and loaders that are set, as `NAME=VALUE`, even if they
-    /// do not affect results.
+    /// The set environment variables that OpenCL drivers and loaders read, as `NAME=VALUE`, even if they do not affect
+    /// results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.
@@ -34,7 +34,7 @@ pub struct Environment {
     pub host: Host,
     /// The devices that were used.
     pub devices: Vec<DeviceEnvironment>,
-    /// Compiler options with which every OpenCL program was built.
+    /// The compiler's usual options. Programs that use sub-groups are compiled for a later version of OpenCL C.
     pub build_options: Vec<String>,
     /// The config's path.
     pub config_path: String,
@@ -59,8 +59,8 @@ pub struct Source {
     /// BLAKE3 hash of the file's text or, for a folder, of the names and texts of all its files;
     /// null if a file cannot be read.
     pub hash: Option<String>,
-    /// The file's commit, and whether the file has been changed since this commit; null outside a
-    /// git repository, and for the kernels of the binary.
+    /// The commit that is checked out in the file's repository, and whether the file has been changed since this
+    /// commit; null outside a git repository, and for the kernels of the binary.
     pub git: Option<String>,
 }
 
@@ -89,8 +89,8 @@ pub struct Host {
     pub clocks: Clocks,
 }
 
-/// One OpenCL device. Values that the driver does not report are null, and so are values that the version of raycl that
-/// wrote the file did not store yet.
+/// One OpenCL device. A value is null if the driver does not report it, or if an earlier version of raycl wrote the
+/// file and did not store this value.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceEnvironment {
     /// The device's name in records.

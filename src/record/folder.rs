@@ -110,8 +110,8 @@ impl Folder {
         })
     }
 
-    /// Returns the text of a top-level key in the run's config, or that of the last `--set` for this key; `None` if
-    /// there is none.
+    /// Returns the value of a top-level key in the run's config, if the value is a text. If `--set` changed this key,
+    /// returns the value of the last such `--set`. `None` if there is no such text.
     pub fn config(&self, key: &str) -> Option<String> {
         let overrides = self.environment["overrides"].as_array().into_iter().flatten().rev();
         overrides.chain([&self.environment["config"]]).find_map(|text| {
@@ -226,7 +226,8 @@ fn label(path: &Path) -> String {
     whole.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Returns the last record of every name, in the order in which the names first occur. `name` returns a record's name.
+/// Of all records with the same identity, returns the last one, in the order in which the identities first occur.
+/// `name` returns a text that identifies a record, such as its key.
 pub fn latest(records: Vec<Record>, name: impl Fn(&Record) -> String) -> Vec<Record> {
     let mut places: HashMap<String, usize> = HashMap::new();
     let mut kept: Vec<Record> = Vec::new();

@@ -1,5 +1,5 @@
-//! Finds the git commit of a file or a folder, and whether the file or folder has been changed
-//! since this commit.
+//! Finds the git commit that is checked out in the repository of a file or a folder, and whether the file or folder has
+//! been changed since this commit.
 
 use std::ffi::OsStr;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! Compares the machines of an experiment by the times of control points, which every machine
-//! measured.
+//! Compares the machines of an experiment by the times of control points. If several machines measure blocks of the
+//! same group, each of them measures the group's control point.
 
 use super::numbers::{by, duration, significant};
 use super::together::{interval, median, ratio_apart};
@@ -31,8 +31,8 @@ pub struct AtHost {
     pub slower: Option<[f64; 3]>,
 }
 
-/// Two machines of one kind differ if the interval of their ratio shows that one takes longer by
-/// more than this fraction.
+/// Two machines of one kind differ if the 95% interval of the ratio of their times shows that one takes longer by more
+/// than this fraction.
 const DIFFERENT: f64 = 0.02;
 
 impl AtHost {
@@ -105,7 +105,7 @@ pub(crate) fn hosts_that_differ(records: &[Record], borrowed: &[Record]) -> Vec<
             let Some([middle, low, high]) = host.slower else { continue };
             let [middle_text, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
             let text = format!(
-                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). Points that were not measured in the same rounds are therefore compared by the ratios of their times to the time of this point.",
+                "Hosts differ: {} took {} on {} and {} on {}, {middle_text} times as long (95% interval {low} to {high}). raycl compares points of different blocks by the ratios of their times to the time of their group's control point, so a difference that is equal for all points cancels.",
                 control.point,
                 duration(fastest.median_ms),
                 fastest.host,

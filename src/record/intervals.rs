@@ -77,7 +77,8 @@ mod tests {
         }
         let line = |record: &Record| serde_json::to_string(record).unwrap();
         let skipped = Record { key: "c".to_owned(), outcome: Outcome::OtherKind, ..Record::default() };
-        // A point whose image is wrong has no time, and an earlier version may have stored an interval.
+        // A point whose image is wrong has no time. If an earlier version stored an interval for such a point, the
+        // interval stays.
         let (outcome, interval_ms) = (Outcome::WrongImage, Some([1.0, 2.0]));
         let wrong = Record { outcome, interval_ms, ..launches("d", 6, 0.01) };
         let text = format!(

@@ -118,8 +118,8 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
     }
 }
 
-/// Returns the reason of serde's error. Serde counts lines within one record, so its position would contradict the
-/// line's number in the file.
+/// Returns the message of serde's error without the position. Serde counts lines within one record, so this position
+/// would contradict the line's number in the file.
 fn without_position(error: &serde_json::Error) -> String {
     let told = error.to_string();
     told.rsplit_once(" at line ").map_or(told.as_str(), |(reason, _)| reason).to_owned()

@@ -10,5 +10,5 @@ pub const SAMPLES: &str = "samples.jsonl";
 pub const ROUNDS: &str = "rounds.jsonl";
 /// The journal of the anchor's times.
 pub const ANCHORS: &str = "anchors.jsonl";
-/// The journal of control points, which make blocks of a plan comparable.
+/// The journal of records of control points that were measured only to make blocks of a plan comparable.
 pub const CONTROLS: &str = "controls.jsonl";

@@ -8,8 +8,8 @@ use crate::measure::Modes;
 /// A launch counts as having a single mode if at most this fraction of its samples belongs to the other mode.
 const STRAYS: f64 = 0.1;
 
-/// Returns the record's warning, with a note if its samples lie around two values; `None` if there
-/// is neither.
+/// Returns the record's warning and, if the record's samples lie around two values, a note on these values; `None` if
+/// there is neither a warning nor a note.
 pub(crate) fn to_mind(record: &Record) -> Option<String> {
     let parts: Vec<String> = record.warning.clone().into_iter().chain(two_modes(record)).collect();
     (!parts.is_empty()).then(|| parts.join("; "))

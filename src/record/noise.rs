@@ -20,7 +20,8 @@ pub struct Noise {
     /// The smallest difference between two points that a single launch can show. The value is the
     /// median over all launches.
     pub within_launch: Option<f64>,
-    /// The smallest difference between two points that all launches together can show.
+    /// The smallest difference between two points that all launches together can show. The value is the largest over
+    /// all groups of points.
     pub between_launches: Option<f64>,
     /// The distance from a point's median time to the upper end of its 95% interval, as a fraction
     /// of the median time. The value is the median over all points.
@@ -29,14 +30,14 @@ pub struct Noise {
     pub causes: Causes,
 }
 
-/// Causes of noise. Values that the system does not report are null.
+/// Causes of noise. A value is `None` if it is not known.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Causes {
     /// Number of processors of the machine.
     pub processors: Option<f64>,
     /// Mean number of processors that other processes kept busy.
     pub others: Option<f64>,
-    /// Mean number of processors that other virtual machines on the same hardware used.
+    /// Mean number of processors that other virtual machines on the same hardware took from this machine.
     pub stolen: Option<f64>,
     /// 10th and 90th percentile of the time in which a cache line moves from one processor to
     /// another, ns.

@@ -18,8 +18,8 @@ pub struct CurrentPlan {
     pub points: Vec<PlannedPoint>,
 }
 
-/// A point's key, and the names that are not part of the key. An earlier record with the same key may have
-/// other names.
+/// A point's key, and the names that are not part of the key. An earlier record with the same key may have other names;
+/// raycl shows it with the names given here.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlannedPoint {
     /// The record's key.

@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// Each journal has lines of a different type.
+    /// Lines of different journals have different types; only records and control points have the same type.
     #[test]
     fn whole_lines_of_every_journal_are_kept() {
         let record = serde_json::to_string(&Record::default()).unwrap();

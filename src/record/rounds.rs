@@ -22,7 +22,7 @@ pub struct RoundLoad {
     pub processors: usize,
     /// Mean number of processors that other processes kept busy.
     pub others: f64,
-    /// Mean number of processors that other virtual machines on the same hardware used.
+    /// Mean number of processors that other virtual machines on the same hardware took from this machine.
     pub stolen: f64,
     /// The system's load average of the last minute: the mean number of threads that ran, waited to run, or waited for
     /// a disk. Null if the system does not report it.
@@ -42,8 +42,8 @@ const LEAST_OF_MEDIAN: usize = 3;
 /// machine's processors were probably moved to other cores.
 pub(crate) const MOVED: f64 = 1.5;
 
-/// If other processes and virtual machines used more than this fraction of the machine, they may
-/// have disturbed the measurements.
+/// If other processes and virtual machines together used more than this fraction of the machine, they may have
+/// disturbed the measurements. The note of [`disturbance`] states the same number.
 const DISTURBED: f64 = 0.05;
 
 impl RoundLoad {
@@ -61,7 +61,7 @@ pub(crate) struct MeanLoad {
     pub(crate) processors: f64,
     /// Number of processors that other processes kept busy.
     pub(crate) others: f64,
-    /// Number of processors that other virtual machines on the same hardware used.
+    /// Number of processors that other virtual machines on the same hardware took from this machine.
     pub(crate) stolen: f64,
 }
 
@@ -105,7 +105,7 @@ pub(crate) fn disturbance(lines: &[RoundLoad], records: &[Record]) -> Option<Str
         _ => format!(" {preempted} samples whose threads had to wait for a processor are left out."),
     };
     Some(format!(
-        "Disturbed: in {} of {} launches, other programs or virtual machines also used the machine. In the worst launch, other processes kept \
+        "Disturbed: in {} of {} launches, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other processes kept \
          {} of {} processors busy{stolen}. This may have made times longer: if \
          possible, stop these programs and run the experiment again.{left_out}",
         bad.count(),
@@ -237,7 +237,7 @@ mod tests {
         let quiet = [line(0, 0.02), line(1, 0.05)];
         assert_eq!(disturbance(&quiet, &records), None);
         let said = disturbance(&[line(0, 0.02), line(1, 0.9), line(1, 0.1), line(7, 2.0)], &records);
-        let expected = "Disturbed: in 1 of 2 launches, other programs or virtual machines also used the machine. In the worst launch, other \
+        let expected = "Disturbed: in 1 of 2 launches, other programs and virtual machines together used more than 5% of the machine. In the worst launch, other \
             processes kept 0.50 of 2 processors busy. This may have made times longer: if possible, stop these \
             programs and run the experiment again.";
         assert_eq!(said.as_deref(), Some(expected));

@@ -17,7 +17,7 @@ pub struct Sample {
     /// When the sample was measured, in milliseconds since the launch's rounds began.
     #[serde(default)]
     pub at_ms: Option<f64>,
-    /// The frame's device time.
+    /// The frame's device time; for a baseline, the time on the host's clock.
     pub ms: f64,
     /// Time of the frame's primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
@@ -33,7 +33,8 @@ pub struct Sample {
     /// other than a CPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processor_ms: Option<f64>,
-    /// The core-to-core latency around the frame, in nanoseconds; absent if it was not measured.
+    /// The core-to-core latency in nanoseconds: the larger of a reading before and a reading after the frame, or the
+    /// last reading if the frame ended shortly after it. Absent if the latency was not measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub core_to_core_ns: Option<f64>,
     /// Number of frames in the batch, if these times are means over a batch; null for a single

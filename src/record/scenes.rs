@@ -38,8 +38,8 @@ pub fn tell_scenes_apart(records: &mut [Record]) {
     }
 }
 
-/// Returns one name per scene: the names of the first kind for which all scenes have different
-/// names. If no kind makes all names different, the names with hashes are returned.
+/// Returns one name per scene. All names are of one kind (see [`Names::at`]): the first kind for which all names
+/// differ. If no kind makes all names different, the names with hashes are returned.
 fn distinct<'n>(scenes: &'n [(&str, Names)]) -> Vec<&'n str> {
     let depth = scenes.iter().map(|(_, names)| names.paths.len()).max().unwrap_or(0);
     let mut kinds =
@@ -53,7 +53,8 @@ impl Names {
     fn of(record: &Record) -> Self {
         let path = Path::new(record.scene_file.as_deref().unwrap_or_default());
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-        // A suffix such as "+triangles=80" remains at the end of the name.
+        // A suffix such as "+triangles=80" states a value that the config changed in the scene. It remains at the end
+        // of the name.
         let suffix =
             record.scene.strip_prefix(&*stem).filter(|rest| rest.is_empty() || rest.starts_with('+'));
         let by = |what: &str| format!("{} ({what})", record.scene);

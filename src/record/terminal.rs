@@ -122,8 +122,8 @@ fn mark(record: &Record) -> &'static str {
     if to_mind(record).is_some() { "!" } else { "" }
 }
 
-/// Returns one word that says why a record has no time: the memory that is too small, or the
-/// outcome.
+/// Returns a short text that says why a record has no time: the outcome or, for an infeasible point, the short
+/// beginning of its reason ("local" for "__local memory: ...").
 pub(crate) fn word(record: &Record) -> String {
     if record.outcome != Outcome::Infeasible {
         return record.outcome.name().into();
@@ -143,7 +143,7 @@ fn legend(groups: &[Group<'_>]) -> String {
     let mut text = String::new();
     let rankings: Vec<_> = kernels().map(Group::ranking).collect();
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
-        text.push_str("* fastest; several marked points tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
+        text.push_str("* fastest; if several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
     }
     if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
         text.push_str(

@@ -10,7 +10,7 @@ use crate::device::DeviceKind;
 use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Ranking, Standing};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
-/// Points are a tie if their times differ by less than this fraction, even if the samples clearly show the difference.
+/// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
 const TIE: f64 = 0.01;
 
 /// Computes the position of each measured record: its times relative to those of the records that were measured with
@@ -103,8 +103,8 @@ fn measured_with(record: &Record) -> String {
     }
 }
 
-/// Returns the samples of some records and anchors, sorted by launch and then by time. The indices of the anchors
-/// follow those of the records.
+/// Returns the samples of some records and anchors, sorted by launch and then by time. In a sample, `point` is the
+/// record's index; the indices of the anchors follow those of the records.
 fn in_order<'a>(
     records: impl ExactSizeIterator<Item = &'a Record>,
     anchors: &[&AnchorSample],
@@ -126,7 +126,8 @@ fn in_order<'a>(
     samples.into_iter().map(|(_, sample)| sample).collect()
 }
 
-/// Returns a hash of the samples. Two folders may use the same launch numbers, but their samples differ.
+/// Returns a hash of the samples. It identifies the records that were measured together; launch numbers cannot identify
+/// them, since two folders may use the same numbers.
 fn name(samples: &[PairedSample]) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     for sample in samples {
@@ -225,9 +226,8 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
     Ranking::by(measured.map(|record| (record, level(record))), ties)
 }
 
-/// Returns the smallest difference, as a fraction, that can be shown between two records whose samples have the typical
-/// spread of these records. Each set of records that were measured together has its own value; the least and the
-/// greatest of these values are returned.
+/// Returns the smallest difference, as a fraction, that can be shown between two records of typical spread. Each set of
+/// records that were measured together has its own value; the least and the greatest of these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
     let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);

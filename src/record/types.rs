@@ -16,8 +16,9 @@ pub const HOST: &str = "host";
 pub enum Outcome {
     /// The image was correct, and the point was timed.
     Measured,
-    /// The device or the host has too little memory, the device or the kernel does not support the local size, or the
-    /// strategy does not support the scene; `reason` says which, with the arithmetic if memory is too small.
+    /// The point cannot be measured: the device or the host has too little memory, the device or the kernel does not
+    /// support the local size, or the strategy does not support the scene. The record's `reason` says which of these is
+    /// the case and, if memory is too small, how the needed size was computed.
     Infeasible,
     /// The point's preset is meant for devices of another kind, so the point was not compiled or
     /// timed.
@@ -63,7 +64,8 @@ impl Outcome {
 /// to the point.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Record {
-    /// The key of the measurement: a hash of everything that can change its time or its picture.
+    /// The key of the measurement: a hash of the scene, the device with its driver, the strategy, the sizes, the
+    /// program and the timing settings.
     pub key: String,
     /// When the point was finished, in the format of RFC 3339.
     pub timestamp: Option<String>,
@@ -75,7 +77,7 @@ pub struct Record {
     /// The scene's file, as named in the config.
     #[serde(default)]
     pub scene_file: Option<String>,
-    /// The values changed in the scene, each as a line of TOML.
+    /// The values that the config sets in the scene, each as a line of TOML.
     #[serde(default)]
     pub scene_values: Vec<String>,
     /// The device's name; [`HOST`] for a baseline.
@@ -93,17 +95,18 @@ pub struct Record {
     /// The attempt that measured the point, if the folder was merged from several attempts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempt: Option<String>,
-    /// The block in which the point was measured, if the plan is divided into blocks.
+    /// The number of the block in which the point was measured, if the point's group was divided into blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub block: Option<u32>,
-    /// The key of the control point, which all blocks of its group measure.
+    /// The key of the control point of the point's group, which is measured in every block of the group.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<String>,
     /// True if the point was measured only to compare its block with other blocks. Another record then contains the
     /// point's result.
     #[serde(default, skip_serializing_if = "is_false")]
     pub is_control: bool,
-    /// The strategy's name in the config.
+    /// The strategy's name: the name in the config or, without one, the preset's name and the axes that differ from the
+    /// preset.
     pub name: String,
     /// The preset's name; null if an axis differs from the preset.
     pub preset: Option<String>,
@@ -139,8 +142,9 @@ pub struct Record {
     #[serde(default)]
     pub interval_ms: Option<[f64; 2]>,
     /// The device time of every timed frame, in the order of measurement; for a baseline, the time on the host's clock.
-    /// Samples whose threads had to wait for a processor are left out, and so are samples and launches in which a
-    /// virtual machine's processors were on cores further apart than in other samples of the run, or shared a core.
+    /// Samples whose threads had to wait for a processor are left out. Also left out are samples and launches in which
+    /// a virtual machine's processors were at an unusual distance from each other (see `moved_samples` and
+    /// `moved_launches`).
     #[serde(default)]
     pub samples_ms: Vec<f64>,
     /// The launch of each sample, by its number in the folder; empty in files of earlier versions, which have
@@ -154,7 +158,7 @@ pub struct Record {
     /// is read, and not stored.
     #[serde(skip)]
     pub place: Option<Place>,
-    /// The rule that ended the sampling.
+    /// The rule that ended the sampling in the last launch.
     pub stop_reason: Option<String>,
     /// The median time of the primary pass, if passes are separate.
     pub primary_ms: Option<f64>,
@@ -163,7 +167,7 @@ pub struct Record {
     /// The median time of the shading pass, if it is separate from shadow rays.
     #[serde(default)]
     pub shade_ms: Option<f64>,
-    /// The median time of the same frames on the host's clock.
+    /// The median time, on the host's clock, of the frames in `samples_ms`.
     pub host_median_ms: Option<f64>,
     /// Time for building the program. For the point for which the program was built, this time includes running a
     /// kernel once, because drivers may compile a kernel when it first runs. For other points with the same program,
@@ -211,7 +215,8 @@ pub struct Record {
     /// Bytes of private memory that all work-items of a work-group together need for their working vectors or their
     /// tiles' rays; 0 if these need not be stored for all work-items at the same time.
     pub private_bytes: Option<u64>,
-    /// The picture's path, relative to the folder of results. The fields with names in `_image` are such paths too.
+    /// The picture's path, relative to the folder of results. The fields whose names end in `_image` contain paths
+    /// relative to this folder too.
     pub image: Option<String>,
     /// The hash of the picture's values. If a later launch casts another picture, that picture is compared with the
     /// reference too.
@@ -253,11 +258,13 @@ pub struct Record {
     #[serde(default)]
     pub preempted_samples: Option<u32>,
     /// Number of samples that were left out because the virtual machine's processors were further apart than in other
-    /// samples of the run, or shared a core; null if it is unknown how far apart the processors were.
+    /// samples of the run, or shared a core. Samples of the launches that `moved_launches` counts are not included.
+    /// Null if it is unknown how far apart the processors were.
     #[serde(default)]
     pub moved_samples: Option<u32>,
-    /// Number of launches of the record's group that were left out because the processors were further apart than in
-    /// other samples of the run, or shared a core; null if it is unknown how far apart the processors were.
+    /// Number of launches of the record's group that were left out because, for some point of the group, fewer than
+    /// five samples had processors at the usual distance (see `moved_samples`). Null if it is unknown how far apart the
+    /// processors were.
     #[serde(default)]
     pub moved_launches: Option<u32>,
     /// Number of samples that were measured while the device throttled.
@@ -265,7 +272,7 @@ pub struct Record {
     pub throttled_samples: Option<u32>,
     /// The hash of the source, the defines and the build options.
     pub program_hash: Option<String>,
-    /// The seed for the order of launches and rounds.
+    /// The seed of the random orders: of the groups of points in a launch, and of the points in a round.
     pub seed: Option<u64>,
     /// The git revision from which raycl was built, with "-dirty" if there were uncommitted changes.
     #[serde(default)]

@@ -1,5 +1,5 @@
-//! Writes files completely or not at all. Paths in a folder of results are checked first: the folder may come from a
-//! stranger, and its paths must not lead out of the folder or to a device file.
+//! Writes files completely or not at all. Also has checks for the paths in a folder of results: the folder may come
+//! from a stranger, and its paths must not lead out of the folder or to a device file.
 
 use crate::error::{Error, Result};
 use std::io::{Error as IoError, ErrorKind, Write};

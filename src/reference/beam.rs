@@ -1,6 +1,5 @@
-//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and all hit points
-//! see the same lights, then a ray whose direction changes within the beam needs no new search. Beams thus
-//! make the reference fast.
+//! Beams: narrow cones of rays from one point. If all rays of a beam hit the same triangle, and all hit points see the
+//! same lights, then one search is enough for a pixel's ray and all its nudges. Beams thus make the reference fast.
 
 use super::leaning::{ROUNDING, margin};
 use super::ray::Ray;
@@ -48,9 +47,9 @@ impl Beam {
     }
 
     /// Returns how the beam meets a triangle. The function tests on which side of each of three planes the beam's rays
-    /// lie. Each of these planes contains the origin and an edge of the triangle. Within the beam, the distance of a
-    /// unit direction from one of the planes changes by at most the beam's angle. A result that rounding could change
-    /// does not count as certain (see [`super::leaning`]).
+    /// lie. Each of these planes contains the origin and an edge of the triangle. The dot product of a ray's direction
+    /// with a plane's unit normal differs from that of the axis by at most the beam's angle. A result that rounding
+    /// could change is `BeamHit::Some` (see [`super::leaning`]).
     fn meet(&self, corners: &[DVec3; 3], culling: Culling) -> BeamHit {
         let [ab, bc, ca] = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let [a, b, c] = corners.map(|corner| corner - self.origin);
@@ -104,8 +103,8 @@ impl Beam {
         }
     }
 
-    /// Returns on which side of a plane the rays lie. `plane` is the plane's normal. Its dot product with a unit
-    /// direction has the given error.
+    /// Returns on which side of a plane through the origin the rays lie. `plane` is the plane's normal, and `error` is
+    /// the largest rounding error of the normal's dot product with a unit direction.
     fn side(&self, plane: DVec3, error: f64) -> Side {
         let height = plane.dot(self.direction);
         if height.abs() <= self.angle * plane.length() + error {
@@ -130,9 +129,9 @@ impl Beam {
         self.angle * reach + margin(reach.max(tree.reach(self.end)))
     }
 
-    /// Returns the triangle that all rays hit first beyond `near`, or `Some(None)` if all hit nothing. `None` if the
-    /// result is uncertain: for example, if another triangle does not lie behind the first one by more than twice the
-    /// fraction `rival` of the first one's distance.
+    /// Returns the triangle that all rays hit first beyond the distance `near`, or `Some(None)` if no ray hits a
+    /// triangle there. Returns `None` if the result is uncertain, for example if a second triangle is farther away than
+    /// the first by at most twice the fraction `rival` of the first triangle's distance.
     pub fn first(&self, tree: &Tree, near: f64, rival: f64) -> Option<Option<u32>> {
         let around = self.around(tree);
         let ray = Ray {
@@ -168,7 +167,8 @@ impl Beam {
 
     /// Returns whether a triangle other than `own` stops the rays that run towards the beam's origin. The rays are
     /// stopped if all of them hit a triangle at a distance in the range `sure`. They are not stopped if none of them
-    /// can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain.
+    /// can hit a triangle at a distance in the range `may`. Otherwise the result is uncertain (`None`). Distances are
+    /// measured from the beam's origin.
     pub fn is_stopped_on_the_way_here(
         &self,
         tree: &Tree,
@@ -260,7 +260,7 @@ mod tests {
                         (BeamHit::None, hit) => hit.is_none(),
                         (BeamHit::Some(_), None) => true,
                         (BeamHit::Some(range) | BeamHit::All(range), Some(t)) => within(t, range),
-                        // In this test, a triangle behind the origin also counts as hit.
+                        // For `meet`, a triangle behind the origin also counts as hit.
                         (BeamHit::All(range), None) => range[0] <= 0.0,
                     };
                     assert!(agrees, "case {case}: {meeting:?}, {hit:?}");
@@ -301,7 +301,7 @@ mod tests {
         assert!(counts.into_iter().all(|count| count > 500), "{counts:?}");
     }
 
-    /// Returns squares perpendicular to the z axis, at these distances down the axis. Each square consists of two
+    /// Returns rectangles perpendicular to the z axis, at these distances down the axis. Each rectangle consists of two
     /// triangles.
     fn squares(depths: &[f32]) -> Tree {
         let mut mesh = Mesh { normals: vec![Vec3::Z], ..Mesh::default() };
@@ -317,7 +317,7 @@ mod tests {
         Tree::new(&mesh, Culling::None)
     }
 
-    /// Returns a beam down the z axis, beside the squares' diagonals.
+    /// Returns a beam down the z axis, beside the rectangles' diagonals.
     fn down() -> Beam {
         Beam::new(DVec3::new(0.5, -0.5, 0.0), DVec3::NEG_Z, 1e-9)
     }
@@ -341,10 +341,10 @@ mod tests {
         let stopped = |own: u32, least: f64| {
             down().is_stopped_on_the_way_here(&tree, own, [1e-6, least], [-1e-6, least + 1e-3])
         };
-        // From the origin, the first square is in front of the second one.
+        // From the origin, the first rectangle is in front of the second one.
         assert_eq!(stopped(2, 1.9), Some(true));
         assert_eq!(stopped(0, 1.1), Some(false), "nothing else is as near");
         assert_eq!(stopped(0, 0.5), Some(false));
-        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first square lies in `may` but not in `sure`");
+        assert_eq!(stopped(2, 1.0 - 1e-4), None, "the first rectangle lies in `may` but not in `sure`");
     }
 }

@@ -13,12 +13,12 @@ mod quick;
 
 pub use quick::quick_sample;
 
-/// The angle of wide nudges, which move a pixel's ray by ten times as much as rounding can. All
-/// correct casters must agree on a pixel that does not change under wide nudges.
+/// The angle of wide nudges: ten times that of narrow nudges. A pixel that changes under a wide nudge is not certain.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
-/// The angle of narrow nudges: 16 times the rounding error of single precision. This angle is at most twice the angle
-/// by which rounding can turn a ray: a direction has four roundings, and cross and dot products have six. Pixels that
-/// change only under wide nudges are verified too.
+/// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
+/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus less than twice as
+/// large. A pixel that changes only under wide nudges is nearly certain (see [`super::Doubt`]), and is verified almost
+/// like a certain pixel.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.
@@ -67,8 +67,8 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the colours that a ray without a hit may get from the sky's picture if rounding turns its
-    /// direction.
+    /// Includes in `sample` the colours that a ray without a hit may get from the sky's picture if rounding turns the
+    /// ray's direction.
     fn turn_background(&self, sample: &mut PixelSample, ray: &Ray<f64>) {
         for turn in DVec3::AXES.into_iter().flat_map(|axis| [axis * PICTURE_NUDGE, axis * -PICTURE_NUDGE]) {
             sample.consider(self.caster.background((ray.direction + turn).normalize()));
@@ -143,8 +143,8 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
 }
 
 /// Returns the offsets by which rounding may move a hit off its plane. A shadow ray that runs along a neighbouring
-/// triangle may then start above or below that triangle. Nudges do not reveal these offsets, since they move the hit
-/// within its own plane.
+/// triangle may then start above or below that triangle. Nudges do not reveal these offsets, since a nudge moves the
+/// hit within its own plane.
 fn off_plane(caster: &Caster<'_, f64>, ray: &Ray<f64>, hit: &Hit<f64>) -> [DVec3; 2] {
     let off = caster.off_plane(ray, hit, OFF_PLANE);
     [off, -off]

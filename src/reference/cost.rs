@@ -1,4 +1,4 @@
-//! Counts the tests that each pixel's rays need, for each method of finding triangles.
+//! Counts the tests that each pixel's rays need: in exhaustive casting, and in a tree.
 
 use super::cast::Caster;
 use super::intersect::{Hit, moller_trumbore};

@@ -84,10 +84,9 @@ impl Reference {
 /// An uncertain pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doubt {
-    /// The pixel's index in `radiance.pixels`.
+    /// The pixel's index in the reference's picture (the field `radiance.pixels` of [`Reference`]).
     pub pixel: usize,
-    /// True if only wide nudges (ten times as wide as rounding, see [`certainty`]) change the pixel; then its possible
-    /// values are nearly equal.
+    /// True if only wide nudges change the pixel (see [`certainty`]). Its possible values are then nearly equal.
     pub nearly_certain: bool,
     /// The least value of each channel under the pixel's nudges, except wide ones.
     pub low: [f32; 3],

@@ -74,7 +74,7 @@ impl PixelSample {
 /// The size of a nudge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reach {
-    /// Ten times as large as the effect of rounding.
+    /// Ten times as large as [`Self::Near`].
     Wide,
     /// About as large as the effect of rounding.
     Near,
@@ -109,8 +109,8 @@ mod tests {
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
-        // If one sample certainly hits something, the pixel certainly hits something. If a sample only may hit
-        // something, it is uncertain whether the pixel does.
+        // If one sample certainly hits something, the pixel certainly hits something. If no sample
+        // certainly does, but some sample may, it is uncertain whether the pixel does.
         let sample = |hit, turns| PixelSample { turns, ..PixelSample::of(DVec3::ZERO, hit) };
         for (samples, hit, turns) in [
             ([(true, false), (false, true)], true, false),

@@ -87,17 +87,17 @@ impl Tree {
         self.culling
     }
 
-    /// Returns an upper bound of the distance of any triangle from a point.
+    /// Returns a distance from `point` beyond which no triangle has a corner.
     pub fn reach(&self, point: DVec3) -> f64 {
         self.nodes.first().map_or(0.0, |root| {
             (root.low.as_dvec3() - point).abs().max((root.high.as_dvec3() - point).abs()).length()
         })
     }
 
-    /// Passes triangles to `visitor`, approximately in the order of distance: the triangles in boxes that the ray hits
-    /// before the distance `far`, if each box is enlarged by `around`. At first, `far` is `ray.far`. The visitor also
-    /// gets `far`, and returns the new `far`: the distance up to which further triangles matter. A value not above
-    /// `ray.near` ends the traversal.
+    /// Passes triangles to `visitor`, approximately in the order of distance. These are the triangles of all leaves
+    /// whose boxes, enlarged by `around`, the ray hits before the distance `far`. At first, `far` is `ray.far`. The
+    /// visitor also gets `far`, and returns the new `far`: the distance up to which further triangles matter. A value
+    /// not above `ray.near` ends the traversal.
     pub fn walk(&self, ray: &Ray<f64>, around: f64, mut visitor: impl FnMut(&Indexed, f64) -> f64) {
         // A component of zero would give NaN (0 * infinity) if the ray lies in a face of a box.
         let inverse = 1.0 / ray.direction.map(|d| if d.abs() < 1e-100 { 1e-100 } else { d });
@@ -143,7 +143,7 @@ const DEPTH: usize = 72;
 /// Number of levels, from the root down, whose nodes are split where the cost is least. Nodes of deeper levels are
 /// split into two parts with nearly equal numbers of triangles.
 const LEVELS_BY_COST: usize = 36;
-/// Number of bins along an axis, at whose borders a node may be split.
+/// Number of bins along an axis. A node may be split at the borders between bins.
 const BINS: usize = 16;
 
 /// Builds the nodes over a part of the triangles. `base` is the place of the part's first triangle among all triangles.
@@ -189,8 +189,9 @@ fn centre(t: &Indexed) -> DVec3 {
 
 /// Splits a part in two non-empty parts, along the axis on which centres spread most, and returns the number of
 /// triangles in the first of them. The split is where a ray is expected to test the fewest triangles (the surface area
-/// heuristic over bins of centres; Wald 2007). From the level `LEVELS_BY_COST` on, or if all centres are in one bin,
-/// the two parts have nearly equal numbers of triangles.
+/// heuristic over bins of centres; I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007).
+/// From the level `LEVELS_BY_COST` on, or if all centres are in one bin, the two parts have nearly equal numbers of
+/// triangles.
 fn split(part: &mut [Indexed], level: usize) -> usize {
     let low = part.iter().map(centre).fold(DVec3::INFINITY, DVec3::min);
     let high = part.iter().map(centre).fold(DVec3::NEG_INFINITY, DVec3::max);

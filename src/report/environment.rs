@@ -10,7 +10,8 @@ pub struct EnvironmentView {
     pub label: String,
     /// The command that repeats the run.
     pub command: String,
-    /// How to build the same raycl from its commit, or why this is impossible.
+    /// The version of the raycl that made the run, and how to build this raycl again from its commit, or why this is
+    /// impossible.
     pub program: String,
     /// The config's text.
     pub config: String,
@@ -72,7 +73,7 @@ fn program(environment: &Value) -> String {
         Some((commit, _)) => {
             format!("raycl {version}, commit {commit} with uncommitted changes, so it cannot be built again")
         }
-        None => format!("raycl {version}, built outside a git repository"),
+        None => format!("raycl {version}, built outside a git repository, so its commit is unknown"),
     }
 }
 
@@ -138,7 +139,7 @@ fn words(key: &str) -> String {
     key.replace("_mhz", ", MHz").replace('_', " ")
 }
 
-/// Returns every program of the records, sorted by name.
+/// Returns every program of the records, in the order in which they first occur.
 pub fn programs(records: &[Record]) -> Vec<Program> {
     let mut programs: Vec<Program> = Vec::new();
     for record in records.iter().filter(|record| !record.is_baseline()) {
@@ -192,7 +193,7 @@ mod tests {
         };
         assert_eq!(told(Some("abc")), "raycl 1; to build it again: git checkout abc, then make build");
         assert!(told(Some("abc-dirty")).contains("with uncommitted changes"));
-        assert_eq!(told(None), "raycl 1, built outside a git repository");
+        assert_eq!(told(None), "raycl 1, built outside a git repository, so its commit is unknown");
     }
 
     #[test]

@@ -11,7 +11,7 @@ use std::path::Path;
 /// Limit on the total size of a page's pictures in bytes, so that the page stays below 15 MB.
 /// Beyond this limit, only the paths of pictures are shown.
 const PICTURE_BYTES: usize = 9_000_000;
-/// Width in pixels of the small picture beside an answer.
+/// Width in pixels of the small picture of each scene at the top of a report.
 const THUMBNAIL: u32 = 120;
 
 /// A picture in the page.
@@ -19,7 +19,7 @@ const THUMBNAIL: u32 = 120;
 pub struct Picture {
     /// The kind of picture, such as "reference", "naive" or "uncertain pixels".
     pub kind: String,
-    /// The picture's caption, a sentence.
+    /// The picture's caption.
     pub caption: String,
     /// The picture as a `data:` URL; `None` if it is missing or was left out to keep the page
     /// small.
@@ -156,7 +156,7 @@ fn pictures_of(record: &Record) -> Vec<(String, String, String)> {
         (
             &record.reference_image,
             "reference".to_owned(),
-            "The serial caster in double precision.".to_owned(),
+            "Cast on the host, in double precision.".to_owned(),
         ),
         (
             &record.certainty_image,

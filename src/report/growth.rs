@@ -104,7 +104,9 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => " There are too few different values for a fit: it needs three on the x axis.".to_owned(),
+        [] => {
+            " There are too few different values for a fit: three with enough samples are needed.".to_owned()
+        }
         some => format!(
             " The dashed lines are power laws, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")
@@ -143,8 +145,8 @@ struct Fit {
 }
 
 impl Fit {
-    /// Fits marks with at least three values of x. Marks without an interval have too few samples
-    /// and are ignored.
+    /// Fits a power law to marks; `None` for fewer than three values of x. Marks without an interval have too few
+    /// samples and are ignored.
     fn of(marks: &[Mark]) -> Option<Self> {
         let sure = || marks.iter().filter(|mark| mark.interval.is_some() && mark.x > 0.0 && mark.y > 0.0);
         let points: Vec<[f64; 2]> = sure().map(|mark| [mark.x.ln(), mark.y.ln()]).collect();

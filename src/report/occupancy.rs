@@ -14,11 +14,12 @@ use crate::record::{Group, Record, interval, median};
 
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// The compute capability that raycl assumes for the paper's device, which the paper does not name.
+/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark.
-/// Returns `None` if all strategies have fewer than three marks, or if raycl does not know the compute capability.
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark. If `compute_capability` is
+/// `None`, the prediction is for the paper's device. Returns `None` if all strategies have fewer than three marks, or
+/// if raycl has no data on the compute capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
     let sm = multiprocessor(compute_capability.unwrap_or(PAPER)).ok()?;
     let mut series = Vec::new();
@@ -75,8 +76,8 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
             "The prediction is for this device's compute capability, {cc}, and assumes the paper's {REGISTERS} registers per thread, because OpenCL does not report a kernel's registers."
         ),
         None => format!(
-            "The prediction is that of the paper's Figure 5 (compute capability {PAPER}), corrected for the paper's \
-             {REGISTERS} registers per thread; OpenCL does not describe the multiprocessors of this device."
+            "OpenCL does not describe the multiprocessors of this device. The prediction is therefore that of the \
+             paper's Figure 5 (compute capability {PAPER}), corrected for the paper's {REGISTERS} registers per thread."
         ),
     }
 }
@@ -84,7 +85,9 @@ fn whose(compute_capability: Option<&str>, told: bool) -> String {
 /// Describes the rank correlations between predicted occupancy and measured speed.
 fn ranking(ranks: &[f64]) -> String {
     if ranks.is_empty() {
-        return "There are too few local sizes to judge how well the prediction ranks them.".to_owned();
+        return "It cannot be judged how well the prediction ranks local sizes: there are too few local sizes, or all \
+            have the same prediction or the same speed."
+            .to_owned();
     }
     let mean = ranks.iter().sum::<f64>() / ranks.len() as f64;
     let verdict = match mean {

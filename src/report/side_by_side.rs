@@ -49,8 +49,8 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     };
     let rows = names.iter().map(row).collect();
     let caption = "Each cell compares a strategy, at its best local size, with the best strategy for the \
-        same scene, size and device: it shows the ratio of their times, as a geometric mean over scenes and sizes. A \
-        strategy with the value 1 is the best everywhere.";
+        same scene, size and device: it shows the ratio of their times, as a geometric mean over scenes and sizes. The \
+        value 1 means that the strategy is the best for all scenes and sizes on this device.";
     plot(
         "strategies-by-device",
         "Strategies by device: time relative to the device's best",

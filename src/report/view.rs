@@ -82,7 +82,7 @@ pub fn lines(group: &Group<'_>, looks: &Looks, kind: Kind, name: &str, paper: bo
         series,
     };
     let caption = format!(
-        "Bars are 95% intervals of the median. A mark has no bar if its interval is smaller than the mark, or if at least one launch has fewer than five samples of the point.{beside}"
+        "Bars are 95% intervals of the median. A mark has no bar if its interval is too short to be drawn, or if at least one launch has fewer than five samples of the point.{beside}"
     );
     Some(Plot::of(name, caption, &chart))
 }
@@ -192,7 +192,7 @@ pub fn strip(group: &Group<'_>, name: &str) -> Option<Plot> {
     } else {
         String::new()
     };
-    let strip = Strip { title: format!("Every sample: {}", group_title(group)), rows };
+    let strip = Strip { title: format!("Samples: {}", group_title(group)), rows };
     let caption = format!(
         "The wide pale bar spans the quartiles, and the narrow dark bar spans the 95% interval of the median. Dots at the left or right edge stand for values beyond this edge. Points with fewer than five samples in a launch have no bars.{shown}"
     );

@@ -1,4 +1,4 @@
-//! Formats texts about a record that several parts of the report use.
+//! Formats texts about a record, for several parts of the report.
 
 use super::plot::look::Look;
 use crate::record::{

@@ -36,21 +36,18 @@ pub enum Kind {
 }
 
 /// A scene and an image size for which the rule's choice is tested.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug)]
 pub struct Case {
     /// The case's name.
     pub name: String,
     /// The scene's file, relative to the file of cases.
     pub scene: String,
     /// Dotted keys in the scene file, and their new values.
-    #[serde(default)]
     pub set: BTreeMap<String, toml::Value>,
     /// Pixels across and down.
     pub size: [u32; 2],
     /// The kinds to which the case belongs. `raycl rule` and a test check that these are exactly the kinds that follow
     /// from the scene and the image size. Only `Watertight` is not checked.
-    #[serde(default)]
     pub kinds: Vec<Kind>,
     /// The kinds of device on which the case is measured.
     pub devices: Vec<String>,
@@ -59,7 +56,47 @@ pub struct Case {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    case: Vec<Case>,
+    case: Vec<Entry>,
+}
+
+/// A `[[case]]` of a file: one case, with a `size`, or a case for each of several `sizes`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    scene: String,
+    #[serde(default)]
+    set: BTreeMap<String, toml::Value>,
+    size: Option<[u32; 2]>,
+    #[serde(default)]
+    sizes: Vec<[u32; 2]>,
+    #[serde(default)]
+    kinds: Vec<Kind>,
+    devices: Vec<String>,
+}
+
+impl Entry {
+    /// Returns the entry's cases; `None` if the entry has both `size` and `sizes`, or neither of them. The names of
+    /// several cases end with the size.
+    fn cases(self) -> Option<Vec<Case>> {
+        let Self { name, scene, set, size, sizes, kinds, devices } = self;
+        let case = |name: String, size| Case {
+            name,
+            scene: scene.clone(),
+            set: set.clone(),
+            size,
+            kinds: kinds.clone(),
+            devices: devices.clone(),
+        };
+        match (size, sizes.is_empty()) {
+            (Some(size), true) => Some(vec![case(name.clone(), size)]),
+            (None, false) => {
+                let of_size = |size: [u32; 2]| case(format!("{name}, {}x{}", size[0], size[1]), size);
+                Some(sizes.into_iter().map(of_size).collect())
+            }
+            _ => None,
+        }
+    }
 }
 
 /// Reads the cases of a file.
@@ -70,7 +107,12 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
     };
     let text = reader::text(path, reader::Kind::Toml).map_err(|error| wrong(&error))?;
     let File { case } = toml::from_str(&text).map_err(|error| wrong(&error))?;
-    for Case { name, devices, size, .. } in &case {
+    let mut cases = Vec::new();
+    for entry in case {
+        let unsized_case = format!("the case '{}' needs either `size` or `sizes`", entry.name);
+        cases.extend(entry.cases().ok_or_else(|| wrong(&unsized_case))?);
+    }
+    for Case { name, devices, size, .. } in &cases {
         if let Some(device) = devices.iter().find(|device| !DEVICES.contains(&device.as_str())) {
             return Err(wrong(&format!(
                 "the case '{name}' names the device '{device}'; expected cpu or gpu"
@@ -79,11 +121,11 @@ pub fn cases(path: &Path) -> Result<Vec<Case>> {
         if size.iter().any(|pixels| !SIZES.contains(pixels)) {
             let [across, down] = size;
             return Err(wrong(&format!(
-                "the case '{name}' has {across} x {down} pixels; expected 1 to 65536 each"
+                "the case '{name}' has {across} x {down} pixels; expected 1 to 65536 across and down"
             )));
         }
     }
-    Ok(case)
+    Ok(cases)
 }
 
 impl Case {
@@ -130,8 +172,23 @@ mod tests {
             refused("[\"gpus\"]", "[8, 5]")
                 .ends_with("the case 'a' names the device 'gpus'; expected cpu or gpu")
         );
-        assert!(refused("[]", "[0, 5]").ends_with("has 0 x 5 pixels; expected 1 to 65536 each"));
+        assert!(refused("[]", "[0, 5]").ends_with("has 0 x 5 pixels; expected 1 to 65536 across and down"));
         assert_eq!(refused("[\"gpu\"]", "[8, 5]"), "");
+        assert!(
+            refused("[]", "[8, 5]\nsizes = [[8, 5]]")
+                .ends_with("the case 'a' needs either `size` or `sizes`")
+        );
+    }
+
+    #[test]
+    fn each_of_several_sizes_makes_a_case() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let case = "[[case]]\nname = 'a'\nscene = 'a.toml'\nsizes = [[8, 5], [16, 9]]\ndevices = ['gpu']\n";
+        std::fs::write(file.path(), case).unwrap();
+        let cases = cases(file.path()).unwrap();
+        let of: Vec<_> =
+            cases.iter().map(|case| (case.name.as_str(), case.size, case.scene.as_str())).collect();
+        assert_eq!(of, [("a, 8x5", [8, 5], "a.toml"), ("a, 16x9", [16, 9], "a.toml")]);
     }
 
     const KINDS: [Kind; 4] = [Kind::Few, Kind::Inside, Kind::Watertight, Kind::Dense];

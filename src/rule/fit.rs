@@ -1,6 +1,6 @@
 //! Fits the rule's constants to sweeps. Each constant in turn is set to the value with which the
-//! rule's choices lose the least time compared with the best candidates. These steps are repeated
-//! until no constant changes, but at most `ROUNDS` times.
+//! strategies that the rule chooses lose the least time, compared with the fastest of the candidate strategies. These
+//! steps are repeated until no constant changes, but at most `ROUNDS` times.
 
 use super::Sweep;
 use crate::strategy::{Class, Constants, Task};
@@ -52,7 +52,7 @@ fn loss_of(sweeps: &[&Sweep], constants: Constants, watertight: bool) -> f64 {
     verdicts.map(|verdict| verdict.ratio().min(REFUSED).ln()).sum()
 }
 
-/// Returns the candidate values of a constant: one value with few digits between every two neighbouring cases, and also
+/// Returns the values to try for a constant: one value with few digits between every two neighbouring cases, and also
 /// 0 and infinity, which are below and above the values of all cases.
 fn places(sweeps: &[&Sweep], mut constants: Constants, (place, watertight): (usize, bool)) -> Vec<f64> {
     let mut seen: Vec<f64> = Vec::new();
@@ -190,7 +190,7 @@ mod tests {
     fn a_refused_choice_does_not_hide_what_the_other_cases_lose() {
         let times = |exhaustive, tiles| [("exhaustive", exhaustive), ("tiles", tiles), ("single", 1e3)];
         let (tiny, small) = (times(1.0, 2.0), times(4.0, 2.0));
-        let refused = [("large-tiles", 5.0)];
+        let refused = [("large-separate-tiles", 5.0)];
         let all = [
             (4, 400_000, &tiny[..]),
             (9, 400_000, &small[..]),

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The shortest time that a sample may take, in milliseconds. A sample has enough frames to take
-/// this long, since disturbances can last longer than a single frame on a GPU.
+/// The time that a sample takes at least, in milliseconds, unless it has `MOST_FRAMES` frames. A sample consists
+/// of several frames if necessary, since disturbances can last longer than a single frame on a GPU.
 const SAMPLE_MS: f64 = 10.0;
 /// The largest number of triangles for which exhaustive casting is timed. For larger scenes,
 /// exhaustive casting would take minutes, and no rule would choose it.
@@ -136,7 +136,8 @@ fn frames_of_sample(caster: &Caster) -> std::result::Result<u32, crate::launch::
     Ok(frames_for(caster.cast()?.frame_ms))
 }
 
-/// Returns how many frames a sample needs to take at least `SAMPLE_MS`, if each takes `one_ms`.
+/// Returns the number of frames with which a sample takes at least `SAMPLE_MS`, if each frame takes `one_ms`; at most
+/// `MOST_FRAMES`.
 fn frames_for(one_ms: f64) -> u32 {
     (SAMPLE_MS / one_ms.max(1e-6)).ceil().clamp(1.0, MOST_FRAMES) as u32
 }

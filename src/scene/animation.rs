@@ -20,9 +20,9 @@ use track::{STEPS, Track};
 pub(super) use wire::AnimationWire;
 use wire::{MAX_FRAMES, MAX_RATE};
 
-/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from the
-/// scene file after the frame's values have been set in it. A frame reuses data of the previous frame: files that both
-/// frames use are not read again, and both frames share a mesh that stays the same.
+/// The `[animation]` of a scene file: values that change from frame to frame. The scene of a frame is built from a
+/// copy of the scene file's table in which the frame's values have been set. A frame reuses data of the previous frame:
+/// files that both frames use are not read again, and both frames share a mesh that stays the same.
 pub struct Animation {
     /// The number of frames, which are counted from 1.
     pub frames: u32,
@@ -66,9 +66,9 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
-    /// Sets the values of each of these frames in the scene file, and checks that the file then describes a scene. If
-    /// the background of frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise,
-    /// none of them may be transparent. No files of meshes or pictures are read.
+    /// Checks that the scene file with the values of each of these frames describes a scene. If the background of
+    /// frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise, none of them may be
+    /// transparent. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///
@@ -140,7 +140,8 @@ impl Animation {
         let text = toml::to_string(table).map_err(|error| {
             Error::input(format!("{} at frame {frame}: {error}", self.document.name)).with_help(KEYS)
         })?;
-        Ok(self.document.at_frame(frame, text))
+        let of_tracks = self.tracks.iter().map(|track| track.setting(&self.document, frame)).collect();
+        Ok(self.document.at_frame(frame, text, of_tracks))
     }
 
     /// Returns the error for a frame at which the scene file, with the values of all tracks, is not a scene. To find
@@ -251,5 +252,29 @@ mod tests {
         animation.check(1..=1).unwrap();
         let error = animation.check(1..=3).unwrap_err().to_string();
         assert!(error.starts_with("`light.0.power` at frame 2: "), "{error}");
+    }
+
+    #[test]
+    fn a_mistake_that_only_a_built_scene_shows_is_located_in_the_files_own_text() {
+        let camera = "[camera]\n# The eye.\nposition = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
+        let tracks = format!(
+            "[[animation.track]]\npath = \"camera.position\"\nvalues = [[0, 0, 3],\n[0, 0, 0]]\n{camera}"
+        );
+        let (folder, first, mut animation) = animated(&tracks);
+        let Error::Input(error) = animation.scene(3, &first).unwrap_err() else { panic!("no input error") };
+        let text = std::fs::read_to_string(folder.path().join("a.toml")).unwrap();
+        assert_eq!(error.source_code.as_ref().unwrap().inner(), &text);
+        let span = error.span.unwrap();
+        assert_eq!(&text[span.offset()..span.offset() + span.len()], "[0, 0, 0]");
+        assert_eq!(crate::error::line_of(&text, span.offset()), text.lines().count());
+        let help = &error.help;
+        assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
+
+        // The track's own value is the mistake.
+        let tracks = "[[animation.track]]\npath = \"object.0.faces\"\nvalues = [[[0, 1, 2]], [[0, 1, 7]]]\n\
+            interpolation = \"step\"\n";
+        let (_folder, first, mut animation) = animated(tracks);
+        let message = animation.scene(3, &first).unwrap_err().to_string();
+        assert!(message.contains("a.toml:11: track `object.0.faces` at frame 3: "), "{message}");
     }
 }

@@ -31,8 +31,8 @@ pub(super) struct Assembled {
     /// The index of the first triangle of each object or, for a glTF file without a scene file, of each node with a
     /// mesh. A ground that raycl added counts as the last object.
     pub starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and, where it fits, a ground, because a mesh was given without a scene
-    /// file.
+    /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
+    /// scene file.
     pub dressed: bool,
 }
 

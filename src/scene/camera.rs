@@ -26,9 +26,9 @@ pub struct Camera {
     /// The width of the ray cone around a pixel's ray, as a share of the pixel's width; less than 1 if the pixel gets
     /// several samples.
     pub cone_share: f32,
-    /// The size of another image. If it is given, the camera's image shows the field of view of the other image,
-    /// although the aspect ratios of the two images may differ slightly. If `None`, the size of the camera's image
-    /// determines the field of view.
+    /// The size of another image whose field of view the camera's image shows. For a half picture, this is the size of
+    /// the whole picture; if that size is odd, the aspect ratios of the two pictures may differ slightly. If `None`,
+    /// the field of view follows from the aspect ratio of the camera's own image.
     pub covers: Option<[u32; 2]>,
 }
 
@@ -45,7 +45,7 @@ pub struct PixelFrame {
     pub step_x: DVec3,
     /// The change of direction per pixel down.
     pub step_y: DVec3,
-    /// The smallest visible depth.
+    /// Hits are visible if their depth is more than this.
     pub z_near: f64,
     /// The inner product of this vector and the vector from the eye to a point is the width of a pixel's ray cone at
     /// this point. The width grows with the point's depth.
@@ -68,9 +68,9 @@ impl Camera {
         covers: None,
     };
 
-    /// Returns a camera at `position` that looks at `target`, with a field of view of less than 180 degrees
-    /// across the height or the width, and a z_near of 0. `None` if the points or `up` do not determine a
-    /// direction.
+    /// Returns a camera at `position` that looks at `target`, with a z_near of 0. The field of view, across the height
+    /// or the width, must be less than 180 degrees. Returns `None` if the two points are equal, or if `up` is zero or
+    /// parallel to the viewing direction.
     pub fn looking_at(
         position: Vec3,
         target: Vec3,

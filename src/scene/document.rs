@@ -101,8 +101,8 @@ impl Document {
         Some(Error::input(shortened(message)).with_help(Wanted::Scene.read()))
     }
 
-    /// Sets values in the text and formats it again. Messages about a mistake quote the file's own text or, if the
-    /// mistake is in a set value, name the setting.
+    /// Sets values in the text, and formats the text again. The file's own text is kept for messages: a message quotes
+    /// this text or, if the mistake is in a set value, names the setting.
     fn set(&mut self, settings: &[Setting]) -> Result<()> {
         let mut table: Table = self.text.parse().map_err(|error| self.misread(&error))?;
         overrides::apply(&mut table, settings)?;
@@ -127,7 +127,8 @@ impl Document {
         }
     }
 
-    /// Returns the place of a part of the text: `FILE:LINE`, or the setting from which the part comes.
+    /// Returns the place of a part of the text: `FILE:LINE`, or the setting from which the part comes; only the file's
+    /// name if neither is known.
     pub fn place_of(&self, span: &Range<usize>) -> String {
         match self.origin(span) {
             Origin::Setting(setting) => shortened(&*setting.origin),
@@ -142,19 +143,24 @@ impl Document {
     }
 
     /// Adds the names of all settings to the remedy of an error whose mistake lies in no setting.
-    fn with_settings(&self, error: Error) -> Error {
-        let Some(changed) = &self.changed else { return error };
+    pub fn with_settings(&self, error: Error) -> Error {
+        let Some(changed) = self.changed.as_ref().filter(|changed| !changed.settings.is_empty()) else {
+            return error;
+        };
         let remedy = format!("{}; {}", error.remedy(), changed.told());
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame, with this text. If this document has opened the file of a mesh and not read
-    /// it yet, the new document takes over the open file.
-    pub fn at_frame(&self, frame: u32, text: String) -> Self {
+    /// Returns the document of one frame, with this text. The text contains the values `of_tracks`, which tracks set
+    /// for the frame. If this document has opened the file of a mesh and not read it yet, the new document takes over
+    /// the open file.
+    pub fn at_frame(&self, frame: u32, text: String, of_tracks: Vec<Setting>) -> Self {
+        let settings = self.changed.as_ref().map_or(&[][..], |changed| &changed.settings);
+        let settings = settings.iter().cloned().chain(of_tracks).collect();
         Self {
             name: format!("{} at frame {frame}", self.name),
             text,
-            changed: None,
+            changed: Some(Changed { settings, original: self.original().to_owned() }),
             folder: self.folder.clone(),
             stem: self.stem.clone(),
             held: RefCell::new(self.held.take()),
@@ -194,7 +200,7 @@ impl Document {
 
     /// Returns an error with a location in this document.
     pub fn error(&self, span: Range<usize>, message: impl Into<String>, label: &str) -> Error {
-        // Labels contain only raycl's own words, so messages may show them even if they must not quote the file.
+        // Labels contain only raycl's own words, so messages may show labels even if the file must not be quoted.
         let why = if label == "here" { String::new() } else { format!(" ({label})") };
         let expected = format!("{PERMITTED}{why}");
         let message = match self.quotes {

@@ -1,5 +1,6 @@
 //! Tests whether surfaces lie all around the eye, as in a room. If they do, more rays hit something, and shadow rays
-//! are longer, than if the eye is in front of an object.
+//! are longer, than if the eye is in front of an object. Therefore other strategies are fastest
+//! (`src/strategy/fastest.rs`).
 
 use super::Scene;
 

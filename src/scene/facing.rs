@@ -12,8 +12,8 @@ const ACROSS: usize = 48;
 /// A note is added if more than this fraction of the visible surface faces away.
 const MOST: f64 = 0.5;
 
-/// The nearest surface at each sample: its distance in units of the length of the sample's direction (infinite if there
-/// is no surface), and whether the surface faces away.
+/// The nearest surface at each sample: its depth along the camera's forward axis, and whether it faces away. The depth
+/// is infinite if there is no surface.
 type Nearest = Vec<(f64, bool)>;
 
 /// Returns a note if most of the visible surface faces away, in images with this ratio of width to height.
@@ -166,7 +166,7 @@ mod tests {
                 .to_vec(),
             ..generate(&Shape::Ground)
         };
-        // The floor fills the lower half of the picture.
+        // The floor fills the lower half of the picture. The banner, which faces away, fills the upper quarter.
         let floor = [[-1e4, 1e4], [1e4, 1e4], [1e4, -1e4], [-1e4, -1e4]].map(|[x, z]| Vec3::new(x, -1.0, z));
         let mut mesh = rectangle(floor, Vec3::Y);
         let banner = [[-1.0, 0.5], [1.0, 0.5], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, -1.0));

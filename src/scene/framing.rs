@@ -10,8 +10,7 @@ const FOV_Y_DEGREES: f32 = 35.0;
 /// The mesh fills this fraction of the picture in one direction, across or down, and at most this
 /// fraction in the other direction.
 const FILL: f64 = 0.92;
-/// The direction towards the camera: from the right, above and in front, for meshes with y up and their front
-/// towards +z.
+/// The default direction from a mesh to the camera: the components to the right, upwards and to the front.
 const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 /// The camera of a turntable is placed so that the whole mesh is visible at this many equally spaced angles.
 const TURNS: u32 = 24;
@@ -101,7 +100,8 @@ impl View {
     }
 }
 
-/// Returns a camera that shows the whole mesh and fills the picture's width or height with it.
+/// Returns a camera that shows the whole mesh. The mesh usually fills the fraction `FILL` of the picture's width or
+/// height.
 pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let [towards_eye, upright] = view.towards_eye(ball.opening);
     let look = Camera::looking_at(Vec3::ZERO, -towards_eye.as_vec3(), upright.as_vec3(), FOV_Y_DEGREES, true);
@@ -110,7 +110,8 @@ pub(super) fn camera(mesh: &Mesh, ball: Ball, view: &View) -> Camera {
     let tan_y = f64::from(look.tan_half_fov) * FILL;
     let tan_x = tan_y * view.shot.aspect;
     let (right, up) = (look.right.as_dvec3(), look.up.as_dvec3());
-    // Four planes through the ball's centre are parallel to the sides of the view. `reach_after` returns five numbers.
+    // Four planes through the ball's centre are parallel to the sides of the view pyramid. `reach_after` returns five
+    // numbers.
     // The first four say how far a corner is beyond the right, left, upper and lower plane. The last number says how
     // much nearer to the eye the corner is than the centre.
     let reach_after = |turn: &DMat3, corner: Vec3| {
@@ -158,9 +159,9 @@ pub(super) fn key_at(ball: Ball) -> (f64, f64) {
 }
 
 /// Returns a key light from the viewer's upper left and a weaker fill light from the right. The power of both lights is
-/// proportional to the square of the mesh's size, so the picture does not depend on the scale. The key light alone
-/// makes a surface with a k_L of 0.8 that faces this light appear as 88% grey where the ball is nearest to the light,
-/// and as 80% grey at the ball's centre.
+/// proportional to the square of the mesh's size, so the picture does not depend on the scale. Consider a surface with
+/// a diffuse reflectance (k_L) of 0.8 that faces the key light and receives no other light. This surface is displayed
+/// as 88% of white where the ball is nearest to the light, and as 80% of white at the ball's centre.
 pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     let axes = [camera.right, camera.up, camera.forward].map(|axis| axis.as_dvec3());
     let light = |right: f64, up: f64, back: f64, strength: f64| {
@@ -176,9 +177,9 @@ pub(super) fn lights(camera: &Camera, ball: Ball) -> Vec<Light> {
     }
 }
 
-/// Returns the power of a light that makes a surface at `distance` appear as 88% of white. The surface faces the
-/// light and has a k_L of 0.8. This follows from `15 L = 0.88^2.2`, with the default exposure 15 and gamma 2.2,
-/// and from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
+/// Returns the power of a light that makes a surface at `distance` appear as 88% of white. The surface faces the light
+/// and has a diffuse reflectance (k_L) of 0.8. The power follows from `15 L = 0.88^2.2`, with the default exposure 15
+/// and gamma 2.2, and from the surface's radiance `L = power / (4 pi distance^2) * 0.8 / pi`.
 fn key_power(distance: f64) -> f64 {
     let radiance = 0.88_f64.powf(2.2) / 15.0;
     radiance * 4.0 * std::f64::consts::PI.powi(2) * distance * distance / 0.8

@@ -23,8 +23,8 @@ pub struct Loaded {
     /// The number of the first triangle of each object or, for a glTF file without a scene file, of each node with a
     /// mesh. A ground that raycl added counts as the last object.
     pub object_starts: Vec<u32>,
-    /// True if raycl added soft light, a sky and, where it fits, a ground, because a mesh was given without a scene
-    /// file.
+    /// True if raycl added soft light, a sky and usually a ground, because a mesh without lights was given without a
+    /// scene file.
     pub dressed: bool,
     /// The scene's animation, if its file has one. The animation makes the scenes of the later
     /// frames.
@@ -53,11 +53,11 @@ impl Shot {
     pub const SQUARE: Self = Self { aspect: 1.0, turns: false, dressed: false, most_triangles: None };
 }
 
-/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The contents or, if they are
-/// unclear, the extension show which of the two the file is. A mesh without a scene file has the camera and the lights
-/// of its own file. If the file has no camera, the mesh is seen from the right, above and in front (a room is seen
-/// through its open side), and is visible as a whole in images that are at least as wide as high. If the file has no
-/// lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
+/// Loads a scene file (TOML), or a mesh without a scene file (OBJ, PLY, STL, glTF). The file's contents show which of
+/// the two it is; if they are unclear, its extension does. A mesh without a scene file is seen with the camera and the
+/// lights of its own file. If that file has no camera, the mesh is seen from the right, above and in front (a room is
+/// seen through its open side), and is visible as a whole in images that are at least as wide as high. If the file has
+/// no lights, the mesh gets a key light and a fill light. The normals of the mesh are turned to the viewer.
 ///
 /// # Errors
 ///

@@ -10,9 +10,9 @@ pub const PAPER_GLOSSY: f32 = 0.2;
 pub const PAPER_SHININESS: f32 = 100.0;
 
 /// The largest k_L and k_G. This limit exceeds the reflectance of any real surface, and products
-/// with it stay within single precision.
+/// with it do not overflow single precision.
 pub const MAX_REFLECTANCE: f32 = 1e6;
-/// The largest exponent s of a highlight; a highlight with this exponent is a point.
+/// The largest exponent s of a highlight; a highlight with this exponent is hardly wider than a point.
 pub const MAX_SHININESS: f32 = 1e6;
 
 /// The reflectance formula of a surface.
@@ -20,7 +20,8 @@ pub const MAX_SHININESS: f32 = 1e6;
 pub enum MaterialKind {
     /// Diffuse: `k_L / pi`.
     Lambertian,
-    /// Diffuse with a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`.
+    /// Diffuse with a highlight: `(k_L + k_G (s + 8) max(0, n.w_h)^s / 8) / pi`. Here n is the surface's normal, and
+    /// w_h is the half vector between the directions to the light and to the eye.
     BlinnPhong,
 }
 

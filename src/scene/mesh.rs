@@ -76,7 +76,7 @@ impl Mesh {
         self.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
     }
 
-    /// Adds another mesh's triangles, with their indices shifted.
+    /// Appends another mesh. The indices in its triangles grow by the lengths of this mesh's lists.
     pub fn append(&mut self, other: Mesh) {
         if self.positions.is_empty() && self.normals.is_empty() && self.materials.is_empty() {
             *self = other;

@@ -17,7 +17,8 @@ const TRANSPARENT_WEIGHT: f32 = 1e-4;
 const LARGEST_TEXEL: f64 = 1e18;
 
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(linear_values);
-/// For each two neighbouring 8-bit values of a channel: the linear light of the displayed value halfway between them.
+/// The thresholds for rounding linear light to 8-bit values: the linear light of the value halfway between each two
+/// neighbouring 8-bit values.
 static BETWEEN: LazyLock<[f32; 255]> =
     LazyLock::new(|| std::array::from_fn(|value| linear((value as f32 + 0.5) / 255.0)));
 
@@ -44,7 +45,7 @@ impl Textures {
         }
     }
 
-    /// Returns whether pictures have mip levels.
+    /// Returns whether at least one picture has mip levels.
     pub fn have_levels(&self) -> bool {
         self.list.iter().any(|texture| texture.last_level() > 0)
     }
@@ -106,8 +107,8 @@ fn halved(size: [u32; 2], light: impl Fn(usize) -> Light + Sync) -> Vec<Light> {
     rows.flat_map_iter(|down| columns.iter().map(move |across| mean((&down, across)))).collect()
 }
 
-/// The texels that a texel of the next level covers along an axis: the index of the first texel, and the
-/// share of each texel.
+/// The texels that a texel of the next level covers along an axis: the index of the first texel, and each
+/// texel's weight in the mean (the weights add up to 1).
 struct Covered {
     first: usize,
     shares: [f32; 3],

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 /// A placeholder in `Triangle::normals` for a normal that is still to be generated.
 pub(super) const MISSING: u32 = u32::MAX;
 
-/// Assigns to every corner a finite normal that is not zero. Generated normals are smooth; if there is a crease angle
-/// (in degrees), edges stay sharp if their faces meet at a larger angle.
+/// Assigns to every corner a finite normal that is not zero. Generated normals are smooth. If there is a crease angle
+/// (in degrees), an edge stays sharp if the normals of its faces differ by more than this angle.
 pub(super) fn complete(mesh: &mut Mesh, crease_degrees: Option<f32>) {
     let without: Vec<u32> = (0..)
         .zip(&mesh.triangles)
@@ -35,9 +35,9 @@ pub(super) fn flatten(mesh: &mut Mesh) {
     }
 }
 
-/// Reverses the normals of every triangle whose front does not face `eye`, so that a mesh with inward-facing
-/// triangles is not lit from behind. All normals of a triangle are reversed together, since reversing some of
-/// them would disturb the shading along outlines.
+/// Reverses the normals of every triangle whose normals point to the side away from `eye`, so that a mesh with
+/// inward-facing triangles is not lit from behind. All normals of a triangle are reversed together, since reversing
+/// some of them would disturb the shading along outlines.
 pub(super) fn turn_towards(mesh: &mut Mesh, eye: Vec3) {
     let eye = eye.as_dvec3();
     let turned = |triangle: &Triangle| {
@@ -76,8 +76,8 @@ pub(super) fn turn_outwards(mesh: &mut Mesh) {
     }
 }
 
-/// Adds one normal per position, the mean of its faces' normals weighted by area, and assigns it to the
-/// triangles without normals.
+/// Adds one normal per position, and assigns these normals to the triangles without normals. A position's normal is
+/// the mean, weighted by area, of the face normals of those triangles that have a corner there.
 fn generate(mesh: &mut Mesh) {
     // In f64, the cross product of the smallest f32 edges is not zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];

@@ -13,9 +13,9 @@ const ANGLES: [&str; 2] = ["azimuth_degrees", "elevation_degrees"];
 /// The camera's keys for its position, direction and field of view.
 const PLACE_OF_CAMERA: [&str; 4] = ["position", "look_at", "fov_x_degrees", "fov_y_degrees"];
 
-/// Sets the value at each dotted path. A number in a path is an index of an array, from 0; the index after the last
-/// element adds an element: in a scene without lights, `light.0.power` adds a light. If an angle of the camera is set,
-/// the whole scene is shown, so the camera's own position, direction and field of view are removed.
+/// Sets the value at each dotted path. A number in a path is an index of an array, from 0. The index after the last
+/// element adds an element: in a scene without lights, `light.0.power` adds a light. If a setting is an angle of the
+/// camera, the whole scene is shown, so the camera's own position, direction and field of view are removed.
 pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     for setting in settings {
         let Setting { path, value, .. } = setting;

@@ -173,8 +173,8 @@ pub fn pixel_samples(count: u32) -> Vec<Sample> {
 /// Returns the offsets of samples from a pixel's centre, in pixels. A single sample is at the centre. Several samples
 /// are distributed like Sobol's sequence (Owen-scrambled), more densely where the filter is larger. The most central
 /// sample comes first, since with adaptive sampling a pixel may get only this sample. The exclusive or of each index
-/// with the most central sample's index brings that sample to the front. Aligned blocks of the sequence stay together,
-/// which matters because only aligned blocks are evenly distributed.
+/// with the most central sample's index brings that sample to the front. Each aligned block of the
+/// sequence (2^k numbers from a multiple of 2^k on) stays together; only aligned blocks are evenly distributed.
 fn pixel_offsets(count: u32) -> Vec<[f32; 2]> {
     if count <= 1 {
         return vec![[0.0; 2]];

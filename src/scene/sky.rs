@@ -106,7 +106,11 @@ impl SkyPicture {
             None => Ok(texels),
             Some(at) => {
                 let [x, y] = [at as u32 % size[0], at as u32 / size[0]];
-                Err(format!("has a value of {:?} at ({x}, {y}); expected at most {most:e}", texels[at]))
+                Err(format!(
+                    "has a value of {:?} in column {x}, row {y} (from 0) after multiplication by its \
+                     strength; expected at most {most:e}",
+                    texels[at]
+                ))
             }
         }
     }
@@ -143,14 +147,14 @@ mod tests {
         assert_eq!(doubled[0], [2.0, 4.0, 6.0]);
         assert_eq!(SkyPicture::strengthened(&file, 1.0, 4.0).unwrap(), file.1);
         let told = SkyPicture::strengthened(&file, 2.0, 7.0).unwrap_err();
-        assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] at (1, 1)"), "{told}");
+        assert!(told.starts_with("has a value of [8.0, 0.0, 0.0] in column 1, row 1"), "{told}");
     }
 
     #[test]
     fn of_several_texels_that_are_too_bright_the_first_is_told() {
         let file: FileTexels = ([2, 2], vec![[0.0; 3], [9.0, 0.0, 0.0], [0.0; 3], [8.0, 0.0, 0.0]].into());
         let told = SkyPicture::strengthened(&file, 1.0, 7.0).unwrap_err();
-        assert!(told.starts_with("has a value of [9.0, 0.0, 0.0] at (1, 0)"), "{told}");
+        assert!(told.starts_with("has a value of [9.0, 0.0, 0.0] in column 1, row 0"), "{told}");
     }
 
     #[test]

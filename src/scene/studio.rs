@@ -7,8 +7,8 @@ use super::{Camera, Light, MAX_COORDINATE, Material, Mesh, Sky, Triangle};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Power of the key and the fill light, relative to the lights that a mesh has without these surroundings. The sky
-/// provides the rest of the light.
+/// Factors by which the powers of the key light and of the fill light are multiplied. Without these surroundings, a
+/// mesh's lights have their full powers; here, the sky provides the rest of the light.
 const STRENGTHS: [f32; 2] = [0.74, 0.3];
 /// Colour of the key light: slightly warmer than the sky.
 const KEY_COLOUR: Vec3 = Vec3::new(1.04, 1.0, 0.94);
@@ -18,9 +18,9 @@ const KEY_RADII: f64 = 0.8;
 /// The sky's radiance; a radiance of 1/15 is displayed as white.
 const ZENITH: Vec3 = Vec3::new(0.0150, 0.0160, 0.0175);
 const HORIZON: Vec3 = Vec3::new(0.0108, 0.0110, 0.0114);
-/// Surfaces farther away than this many radii do not occlude the sky.
+/// Surfaces do not occlude the sky if they are farther from a hit than this many radii of the mesh's ball.
 const REACH_RADII: f64 = 3.0;
-/// The same distance for a room that is open on one side.
+/// The distance that replaces [`REACH_RADII`] for a room that is open on one side.
 const REACH_RADII_INSIDE: f64 = 0.4;
 /// The ground's diffuse reflectance k_L, which is lower than that of meshes without a colour.
 const GROUND: Vec3 = Vec3::new(0.52, 0.52, 0.53);
@@ -37,8 +37,8 @@ const GAP_RADII: f64 = 2e-4;
 pub(super) struct Studio {
     pub lights: Vec<Light>,
     pub sky: Sky,
-    /// The ground; `None` for a room, if the eye is below the ground, or if the ground would exceed the limit of
-    /// coordinates.
+    /// The ground; `None` if the mesh is a room, if the eye is below the ground, or if the ground would exceed the
+    /// limit of coordinates.
     pub ground: Option<Mesh>,
     /// The background: the colour of the ground far away.
     pub background: Vec3,
@@ -101,8 +101,9 @@ fn ground(mesh: &Mesh, ball: Ball, camera: &Camera, up: DVec3) -> Option<Mesh> {
     })
 }
 
-/// Returns the corners of the ground's triangles: the inner square, then each frame's four sides, between the
-/// corners of one square and the next.
+/// Returns the corners of the ground's triangles: first the two triangles of the inner square, then, for each frame,
+/// the two triangles of each of its four sides. The picture shows the inner square and the first frame, with the
+/// corners' indices.
 ///
 /// ```text
 ///  7 ------------- 6

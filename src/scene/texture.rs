@@ -1,4 +1,4 @@
-//! Textures: pictures from which surfaces take their colour.
+//! Textures: pictures that give surfaces their colours or, as masks, their holes.
 
 use super::files::linear;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ pub struct Texture {
     pub size: [u32; 2],
     /// How the texture continues beyond its edges, across and down.
     pub wrap: [Wrap; 2],
-    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a colour.
+    /// For a mask, the least alpha of a point that is not in a hole, in 65535ths; 0 for a texture that is no mask.
     pub least_alpha: u16,
     /// Red in the lowest 8 bits, then green, blue and alpha. Mip levels, if there are any, follow the picture.
     pub texels: Arc<[u32]>,
@@ -95,8 +95,8 @@ impl Mapped {
         Self { corners, texture, mask }
     }
 
-    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the three floats
-    /// that `texel_on` returns, and a zero.
+    /// Returns the number of floats per triangle on a device. With mip levels, there are four more: the triangle's
+    /// normal times the side of a texel (from `texel_on` in `mip.rs`), and a zero.
     pub fn floats(mip_levels: bool) -> usize {
         if mip_levels { Self::FLOATS + 4 } else { Self::FLOATS }
     }
@@ -153,7 +153,8 @@ impl Textures {
         self.list.extend(other.list);
     }
 
-    /// Swaps the second and the third corner of every triangle.
+    /// Swaps the texture coordinates of every triangle's second and third corner, since mirroring a mesh swaps these
+    /// corners.
     pub fn mirror(&mut self) {
         self.mapped.iter_mut().for_each(|row| row.corners.swap(1, 2));
     }

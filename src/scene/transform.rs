@@ -23,7 +23,7 @@ impl Transform {
     /// Transforms a mesh's normals and positions. `origin` is the vector that was subtracted from the positions when
     /// the file was read; it is added again before the positions are transformed.
     pub fn apply(&self, mesh: &mut Mesh, origin: DVec3) {
-        // An untransformed mesh stays the same bit for bit, since the paper's scenes have exact coordinates.
+        // An untransformed mesh stays the same bit for bit, so that the paper's scenes keep their exact coordinates.
         if *self == Self::IDENTITY && origin == DVec3::ZERO {
             return;
         }

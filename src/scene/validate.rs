@@ -14,7 +14,7 @@ pub const MAX_COORDINATE: f32 = 1e12;
 /// Largest power of a light; enough for a scene of the largest allowed size.
 pub const MAX_POWER: f32 = 1e28;
 
-/// Largest allowed product in the computation of a pixel; single precision holds up to 3.4e38.
+/// Largest value that [`Brightness::check`] allows in the computation of a pixel; single precision holds up to 3.4e38.
 const MAX_PRODUCT: f64 = 1e37;
 
 /// Smallest distance, relative to the scene's diagonal, at which a light and a surface count as separate.
@@ -49,7 +49,9 @@ impl Scene {
             })?;
         }
         let gamma = self.display.gamma;
-        require(gamma > 0.0 && gamma.is_finite(), || format!("gamma is {gamma}; expected more than 0"))?;
+        require(gamma > 0.0 && gamma.is_finite(), || {
+            format!("gamma is {gamma}; expected a finite value of more than 0")
+        })?;
         check_camera(&self.camera)?;
         self.lights.iter().try_for_each(check_light)?;
         self.sky.iter().try_for_each(check_sky)
@@ -83,7 +85,7 @@ pub(super) fn check_camera(camera: &Camera) -> Result<()> {
     })?;
     let near = camera.z_near;
     require(near >= 0.0 && near.is_finite(), || {
-        format!("z_near is {near}; expected a distance of at least 0")
+        format!("z_near is {near}; expected a finite distance of at least 0")
     })
 }
 
@@ -104,12 +106,17 @@ fn check_sky(sky: &Sky) -> Result<()> {
     let valid = |radiance: &Vec3| radiance.is_finite() && radiance.min_element() >= 0.0;
     let most = zenith.max(*horizon).max_element();
     require(valid(zenith) && valid(horizon) && most <= MAX_POWER, || {
-        format!("the sky's radiance is {zenith} to {horizon}; expected values from 0 to {MAX_POWER:e}")
+        format!(
+            "the sky's radiance is {zenith} at the zenith and {horizon} at the horizon; expected values from 0 to \
+             {MAX_POWER:e}"
+        )
     })?;
     require((up.length() - 1.0).abs() < 1e-3, || {
         format!("the sky's zenith is towards {up}, which is not a unit vector")
     })?;
-    require(*reach > 0.0 && reach.is_finite(), || format!("the sky's reach is {reach}; expected more than 0"))
+    require(*reach > 0.0 && reach.is_finite(), || {
+        format!("the sky's reach is {reach}; expected a finite distance of more than 0")
+    })
 }
 
 /// An upper bound on the brightness that a scene's lights give to its surfaces.
@@ -145,9 +152,9 @@ impl Brightness {
         require(product <= MAX_PRODUCT || nearest == 0.0, || {
             let Self { reflectance, .. } = self;
             format!(
-                "a light with the power {} may be only {nearest:e} away from a surface with a reflectance of up to \
-                 {reflectance:e}: the light that the surface receives, multiplied by the reflectance and the number of \
-                 lights, may be {product:e}; expected at most {MAX_PRODUCT:e}, so that it fits into single precision; \
+                "a light with the power {} may be only {nearest:e} away from a surface, and surfaces have a \
+                 reflectance of up to {reflectance:e}, so the computation of a pixel may contain the number \
+                 {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
                  reduce the power or move the light away",
                 light.power
             )
@@ -165,7 +172,10 @@ fn check_material(material: &Material) -> Result<()> {
     let numbers = material.to_floats();
     let most = MAX_REFLECTANCE.max(MAX_SHININESS);
     require(numbers.iter().all(|value| (0.0..=most).contains(value)), || {
-        format!("a material has {numbers:?} (k_L, k_G, shininess, kind); expected values from 0 to {most:e}")
+        format!(
+            "a material has the values {numbers:?} (three of k_L, three of k_G, shininess, kind); expected values from \
+             0 to {most:e}"
+        )
     })
 }
 
@@ -205,7 +215,7 @@ fn check_textures(mesh: &Mesh) -> Result<()> {
             && [row.texture, row.mask].into_iter().flatten().all(|number| (number as usize) < list.len())
     };
     require(mapped.iter().all(valid), || {
-        "a triangle's texture does not exist, or its coordinates are not finite".to_owned()
+        "a triangle's texture or mask does not exist, or its texture coordinates are not finite".to_owned()
     })
 }
 

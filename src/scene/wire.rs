@@ -1,5 +1,5 @@
-//! The types that a scene file's TOML is read into. The number types refuse values out of range, so that
-//! `toml` reports the location.
+//! The types that a scene file's TOML is read into. The number types refuse values out of range while the file is
+//! parsed, so that the errors of the crate `toml` have the values' locations.
 
 mod background;
 mod numbers;
@@ -34,8 +34,8 @@ pub(super) struct SceneWire {
     /// The background: radiance (one number or three), a display colour such as "#204060", or "transparent"
     /// [default: the sky's picture or, if there is none, the paper's radiance, [0.0022, 0.0032, 0.0053]].
     pub background: Option<BackgroundWire>,
-    /// Reverse the normals of triangles that face away from the camera, so that they are lit from the front
-    /// [default: false].
+    /// Reverse the normals of triangles that face away from the camera, so that these triangles are lit like front
+    /// faces [default: false].
     pub two_sided: Option<bool>,
     /// Use the colour textures of meshes [default: true].
     pub textures: Option<bool>,
@@ -74,9 +74,9 @@ pub(super) struct CameraWire {
     pub fov_y_degrees: Option<Spanned<Number<Angle>>>,
     /// Hits are ignored if their depth along the view is at most this distance [default: 0].
     pub z_near: Option<Number<NonNegative>>,
-    /// See the whole scene from this direction: degrees to the right of its front, which is +z, or -y if z is up.
+    /// See the whole scene from this direction, in degrees to the right of the scene's front (+z, or -y if z is up).
     pub azimuth_degrees: Option<Number<Finite>>,
-    /// See the whole scene from this height: degrees above the horizon.
+    /// See the whole scene from this angle above the horizon, in degrees.
     pub elevation_degrees: Option<Number<Elevation>>,
 }
 
@@ -95,7 +95,7 @@ pub(super) struct ObjectWire {
     /// With a shape: the target number of triangles.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_TRIANGLES))]
     pub triangles: Option<Spanned<u32>>,
-    /// With the teapot: quads along the side of each of its 32 patches.
+    /// With the teapot: the number of quads along a side of each of its 32 patches.
     #[schemars(with = "Option<u32>", range(min = 1, max = MAX_FINENESS))]
     pub fineness: Option<Spanned<u32>>,
     /// With the terrain: the seed for the shape of the hills.
@@ -168,8 +168,8 @@ pub(super) struct SkyWire {
     pub zenith: Option<Triple<Power>>,
     /// Radiance from the horizon and below [default: the zenith's].
     pub horizon: Option<Triple<Power>>,
-    /// A picture of all directions, instead of zenith and horizon: a Radiance HDR or an OpenEXR, relative to this
-    /// file.
+    /// A picture of all directions, instead of zenith and horizon: the path of a Radiance HDR or OpenEXR file, relative
+    /// to this file.
     #[schemars(with = "Option<String>")]
     pub picture: Option<Spanned<String>>,
     /// A factor for the picture's radiance [default: 1].

@@ -32,7 +32,7 @@ pub fn watch(hardware: &Hardware) -> Watch {
     Watch::start(move || nvml::find(&hardware))
 }
 
-/// Returns how much of a device's memory is in use now; `None` if the device has no library that reports it.
+/// Returns how much of a device's memory is in use now; `None` if no installed library reports this.
 pub fn used_memory(hardware: &Hardware) -> Option<UsedMemory> {
     nvml::used_memory(hardware)
 }

@@ -12,8 +12,8 @@ use std::sync::OnceLock;
 /// The sensors of one device.
 struct NvmlSensor<D>(D);
 
-/// Returns the sensors of the device with this PCI address or UUID; `None` if there is no such library or
-/// device.
+/// Returns the sensors of the device with this PCI address or UUID; `None` if NVML is not installed, or does not know
+/// such a device.
 pub(super) fn find(hardware: &Hardware) -> Option<Box<dyn Sensor>> {
     Some(Box::new(NvmlSensor(device(hardware)?)))
 }
@@ -101,7 +101,7 @@ impl Source for Device<'_> {
 impl<D: Source + Send> Sensor for NvmlSensor<D> {
     fn read(&mut self) -> Reading {
         let Self(device) = self;
-        // The reasons for throttling; idleness and clocks set by a user are not among them.
+        // The reasons that count as throttling. Idleness and clocks set by a user do not count.
         let slowing = ThrottleReasons::SW_POWER_CAP
             | ThrottleReasons::HW_SLOWDOWN
             | ThrottleReasons::SW_THERMAL_SLOWDOWN

@@ -64,7 +64,8 @@ pub struct Attempt {
 }
 
 impl About {
-    /// Describes this process. The scheduler's environment variables give the machine, the job and the restart.
+    /// Describes this process. The machine, the job and the restart come from the scheduler's environment variables, if
+    /// it sets them.
     pub fn of_this_process(shard: Shard, devices: Vec<String>, hang_limit_s: f64) -> Self {
         let own = Self {
             shard: shard.number,
@@ -83,8 +84,8 @@ impl About {
     fn started_by(self, variable: &dyn Fn(&str) -> Option<String>, machine: Option<String>) -> Self {
         let set = |name: &&str| variable(name).filter(|text| !text.is_empty());
         let first = |names: &[&str]| names.iter().find_map(set);
-        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. Inside a Kubernetes
-        // pod, the host name is the pod's name.
+        // Slurm's virtual nodes share a machine, so the node's name is used, not the machine's. Kubernetes needs no
+        // variable here, since inside a pod, the machine's name is the pod's name.
         let host = first(&["SLURMD_NODENAME"]).or(machine);
         let restart = first(&["SLURM_RESTART_COUNT", "GITHUB_RUN_ATTEMPT"]);
         Self {
@@ -104,7 +105,7 @@ impl Attempt {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", path.display()))
-                .with_help("choose another folder with --out DIR that all machines can reach")
+                .with_help("choose a folder that all machines can reach, and write to: --out DIR")
         };
         std::fs::create_dir_all(&parts).map_err(|error| failed(&parts, error))?;
         let mut about = about.clone();

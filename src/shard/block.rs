@@ -45,7 +45,7 @@ const GRAINS: [f64; 4] = [1.0, 0.5, 0.34, 0.25];
 /// the longest shard by more than this fraction.
 const WORTHWHILE: f64 = 0.05;
 
-/// Cuts groups of comparable points into blocks for this number of shards. Equal costs always result in equal
+/// Cuts groups of comparable points into blocks for this number of shards. Equal arguments always result in equal
 /// blocks.
 pub fn cut(groups: &[Vec<Cost>], shards: u32) -> Vec<Block> {
     let shards = shards.max(1);

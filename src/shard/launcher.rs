@@ -33,8 +33,9 @@ struct Ranks {
     only_with: Option<&'static str>,
 }
 
-/// Launchers that number the processes of one job, the innermost first. Only a step of Slurm sets `SLURM_STEP_ID`. A
-/// batch script has the variable `SLURM_PROCID`, too, but there its value is not the number of a task.
+/// Launchers that number the processes of one job, the innermost first. A batch script of Slurm has the variable
+/// `SLURM_PROCID`, too, but there its value is not the number of a task. raycl therefore reads this variable only if
+/// `SLURM_STEP_ID` is set, which only a step of Slurm does.
 const INNER: [Ranks; 3] = [
     Ranks {
         launcher: "Open MPI (OMPI_COMM_WORLD_RANK)",
@@ -91,8 +92,8 @@ pub fn shard(of: Option<u32>, variable: Variable<'_>) -> Result<Shard> {
     let inner =
         INNER.iter().filter_map(|ranks| ranks.told(variable).transpose()).collect::<Result<Vec<_>>>()?;
     let array = array(of.is_some(), variable)?;
-    // A launcher that started a single process does not decide the process's shard: the process may be an element of an
-    // array that runs as a step with one task.
+    // A launcher that started a single process does not decide the process's shard: the process may be the only task of
+    // a step, and the step may be an element of an array.
     let numbered = inner.into_iter().find(|told| told.count != Some(1));
     if let (Some(inner), Some(array)) = (&numbered, array.as_ref().filter(|array| array.count != Some(1))) {
         return Err(twice(array, inner));
@@ -120,7 +121,7 @@ impl Ranks {
         let Some(place) = number(self.place, variable)? else { return Ok(None) };
         let count = self.count.map_or(Ok(None), |name| number(name, variable))?;
         let place = place.checked_sub(self.origin).ok_or_else(|| {
-            Error::input(format!("{} is {place}, but its values start at {}", self.place, self.origin))
+            Error::input(format!("{} is {place}, but its values must start at {}", self.place, self.origin))
                 .with_help("number the tasks from 1, or give the shard's number: --shard 3/16")
         })?;
         Ok(Some(Told { launcher: self.launcher, place, count, number: None }))

@@ -163,7 +163,7 @@ fn command(plan: &ShardPlan, words: &[String], shards: &BTreeSet<u32>) -> String
     }
 }
 
-/// Returns a command line that begins with `raycl` and lacks the option for the shard.
+/// Returns this command line with `raycl` in place of the program's path, and without the option `--shard`.
 fn without_shard(command: &[String]) -> Vec<String> {
     let rest = command.iter().skip(1).cloned();
     without(&std::iter::once("raycl".to_owned()).chain(rest).collect::<Vec<_>>(), "--shard")

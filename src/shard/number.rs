@@ -24,7 +24,8 @@ impl Shard {
         match (1..=MOST).contains(&of) && (1..=of).contains(&number) {
             true => Ok(Self { number, of }),
             false => Err(Error::input(format!(
-                "there is no shard {number} of {of}; expected 1 to the number of shards (at most {MOST})"
+                "there is no shard {number} of {of}; the number of shards may be 1 to {MOST}, and a shard's number 1 \
+                 to the number of shards"
             ))
             .with_help(format!(
                 "the number of shards may be 1 to {MOST}; a shard's number may be 1 to the number of shards"

@@ -58,10 +58,14 @@ impl ShardPlan {
         if write_new(&out.join(FILE), &text)? {
             return Ok(plan);
         }
-        // Another shard wrote its plan first. The written plan is used, since its blocks may be based on other expected
-        // times.
-        let first = Self::read(out)?
-            .ok_or_else(|| Error::run(format!("{FILE} was deleted from {}; start again", out.display())))?;
+        // Another shard wrote its plan first. All shards must use that plan: the two plans may have different blocks,
+        // since they may be based on different expected times.
+        let first = Self::read(out)?.ok_or_else(|| {
+            Error::run(format!(
+                "{FILE} was deleted from {} while this shard started; start the shard again",
+                out.display()
+            ))
+        })?;
         first.checked(header, out)
     }
 
@@ -136,10 +140,10 @@ fn told(header: &Header) -> String {
     format!("{}{set} (hash {hash})", header.config)
 }
 
-/// Lists the first digits of the scenes' hashes.
+/// Returns the number of scenes, and the first digits of at most four scenes' hashes.
 fn few(hashes: &[String]) -> String {
     let begins: Vec<_> = hashes.iter().take(4).map(|hash| hash.get(..8).unwrap_or(hash)).collect();
-    format!("{} ({})", hashes.len(), begins.join(", "))
+    format!("{} in all (hashes {})", hashes.len(), begins.join(", "))
 }
 
 #[cfg(test)]
@@ -206,8 +210,8 @@ mod tests {
     #[test]
     fn at_most_four_hashes_of_scenes_are_listed() {
         let hashes: Vec<String> = (0..5).map(|digit| digit.to_string().repeat(64)).collect();
-        assert_eq!(few(&hashes[..1]), "1 (00000000)");
-        assert_eq!(few(&hashes), "5 (00000000, 11111111, 22222222, 33333333)");
+        assert_eq!(few(&hashes[..1]), "1 in all (hashes 00000000)");
+        assert_eq!(few(&hashes), "5 in all (hashes 00000000, 11111111, 22222222, 33333333)");
     }
 
     #[test]

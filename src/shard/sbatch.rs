@@ -25,8 +25,8 @@ pub struct Wishes {
 }
 
 /// If the longest shard takes at least this long, or its time is a guess, the shards become elements of a job array.
-/// Slurm starts the elements of an array one after another, which takes a few seconds per element, and can requeue a
-/// single element. Shorter shards become tasks of one job step, which all start at the same time.
+/// Slurm starts the elements of an array one after another, and takes a few seconds for each; it can requeue a single
+/// element. Shorter shards become tasks of one job step, which all start at the same time.
 const WORTH_AN_ELEMENT: Duration = Duration::from_secs(120);
 
 /// Returns a shell script that writes the scripts of the shards and of the merge, and submits them.

@@ -73,7 +73,7 @@ fn state(end: Option<End>, [first, second]: [Option<Beat>; 2], hang_limit_s: f64
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Begun => write!(f, "begun: the counter in its folder has not increased yet"),
+            Self::Begun => write!(f, "begun: there is no counter in its folder yet"),
             Self::Going => write!(f, "going"),
             Self::Hung(seconds) => write!(
                 f,
@@ -166,7 +166,7 @@ mod tests {
     #[test]
     fn every_state_is_told_in_words() {
         for (state, words) in [
-            (State::Begun, "begun: the counter in its folder has not increased yet"),
+            (State::Begun, "begun: there is no counter in its folder yet"),
             (State::Going, "going"),
             (
                 State::Hung(42),

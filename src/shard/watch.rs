@@ -1,6 +1,6 @@
 //! Checks whether the launcher of this process is still alive. If a scheduler has lost a job step, it does not look for
-//! the step's processes again. A process of a lost step would go on and measure the same points as the process that
-//! replaces it, but a merge uses only one record of each point.
+//! the step's processes again. Without this check, a process of a lost step would go on and measure the same points as
+//! the process that replaces it, although a merge uses only one record of each point.
 
 use super::{Asked, Attempt, End};
 use std::time::Duration;
@@ -53,7 +53,8 @@ pub fn watch_launcher(attempt: &Attempt, asked: Asked) {
     });
 }
 
-/// Prints a line to standard error, which may be a closed pipe of the launcher.
+/// Prints a line to standard error. An error is ignored, since standard error may be a pipe whose reader, the launcher,
+/// has ended.
 fn eprintln_if_heard(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr(), "{line}");

@@ -29,13 +29,14 @@ const READING: [&str; 3] = ["include", "import", "embed"];
 
 /// Splits a file into lines; `name` is its path for messages. Refuses an `#include` in any form other than a line
 /// `#include "FILE"`: only a compiler could resolve such an include, and the include could name any file of the
-/// machine. Refuses a comment without an end, which would hide the next file.
+/// machine. Refuses a comment without an end, since it would hide the files that are joined after this one.
 pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
     let (mut within, mut begun, mut continues) = (Within::Code, String::new(), false);
     let (mut lines, mut opened) = (Vec::new(), 1);
     for (number, text) in (1..).zip(text.lines()) {
         let spliced = text.ends_with('\\');
-        // A comment that is open at the line's end began on this line, unless an earlier comment was not closed.
+        // A comment that is open at the line's end began on this line, unless it was already open at the line's start
+        // and the line has no `*/`.
         if within != Within::BlockComment || text.contains("*/") {
             opened = number;
         }
@@ -48,7 +49,7 @@ pub fn lines<'a>(name: &str, text: &'a str) -> Result<Vec<SourceLine<'a>>> {
         if includes.is_none() && is_reading(&begun) {
             return Err(other_form(name, number));
         }
-        // Most lines are not directives; for these, nothing is allocated.
+        // Nothing is allocated for a line that is not a directive, since most lines are not.
         let directive = if continued || !is_directive(&begun) { String::new() } else { begun.clone() };
         if !continued {
             begun.clear();

@@ -184,7 +184,7 @@ file_axis! {
 axis! {
     /// The time at which a triangle's data for the ray-triangle test is computed.
     Records "records" "when a triangle's data for the tests is computed" {
-        EachTest "each-test" "at each test, or once per tile of triangles; memory holds only the scene's corners",
+        EachTest "each-test" "at each test, or once per tile of triangles; memory holds only the triangles' corners",
         Once "once" "once per scene, by a kernel of its own: every test reads a triangle's record from global memory",
     }
 }
@@ -198,7 +198,7 @@ axis! {
 axis! {
     /// When a ray counts as parallel to a triangle or outside it in the ray-triangle test.
     Epsilons "epsilons" "when a test counts a ray as parallel to a triangle, or as passing outside it" {
-        Paper "paper" "the paper's absolute numbers: |a| <= 1e-7, weights < -1e-10",
+        Paper "paper" "the paper's absolute numbers: |determinant| <= 1e-7, weights < -1e-10",
         Relative "relative" "tolerances relative to the triangle, independent of the scene's scale",
     }
 }

@@ -137,8 +137,8 @@ impl Strategy {
     }
 
     /// Returns whether the kernel for primary rays also does as much of the rest of a frame as it can. If work-items
-    /// share tiles, this kernel can only cast shadow rays in addition. A scene without lights and sky has no shadow
-    /// rays, so the passes are then separate even with `passes = fused`.
+    /// share tiles, this kernel can only cast shadow rays in addition. The passes of such a strategy are therefore
+    /// separate, even with `passes = fused`, if the scene has neither lights nor a sky, and thus no shadow rays.
     pub fn fuses(&self, workload: &Workload) -> bool {
         let casts_shadows = workload.lights > 0 || workload.sky;
         self.passes == Passes::Fused && (casts_shadows || !self.shares_tiles())
@@ -180,7 +180,8 @@ impl Strategy {
             Fact::HalfLight => workload.half_light && self.family().takes(Fact::Soft),
             Fact::Fused => self.fuses(workload),
             Fact::Separate => !self.fuses(workload),
-            // The shading kernel casts leftover shadow rays only with fused passes and one ray from the eye per pixel.
+            // The shading kernel casts leftover shadow rays only with fused passes and one ray from the eye per pixel
+            // at a time. Pictures with soft light have one ray per pixel at a time even with many samples.
             Fact::LeftOver => !self.fuses(workload) || (workload.many_samples && !workload.is_soft()),
             Fact::GivenRays => workload.given_rays,
             of_strategy => self.holds(of_strategy),

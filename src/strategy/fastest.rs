@@ -53,11 +53,13 @@ pub enum Class {
     SingleRays,
 }
 
-/// From this number of triangles on, traversing a tree with single rays or packets is faster than testing all
-/// triangles.
-const TREE_TRIANGLES: usize = 200;
+/// From this number of triangles on, devices that do not support tiles traverse a tree with single rays, which is then
+/// faster than testing all triangles (measured on an H200 without its tiles, docs/results/rule/h200.json).
+const TREE_TRIANGLES: usize = 10;
 
-/// The limits between the candidates, for one class of devices that support tiles.
+/// The limits between the candidates, for one class of devices that support tiles. Some limits are compared with the
+/// number of pixels multiplied or divided by a root of the number of triangles. These roots were fitted to the times of
+/// 274 pictures on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
@@ -68,14 +70,19 @@ pub struct Constants {
     /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
     /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// Below this number of pixels per compute unit, there are too few tiles to keep the unit busy, and single rays
-    /// are faster.
+    /// Below this number of pixels per compute unit, divided by the square root of the number of triangles, there are
+    /// too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
-    /// Large tiles share more work. From this number of pixels on, there are enough large tiles to keep the device
-    /// busy. Large tiles are only used if the limit `large_pixels_a_triangle` is reached too.
-    pub large_pixels: f64,
-    /// The least number of pixels per triangle for large tiles.
-    pub large_pixels_a_triangle: f64,
+    /// With fewer triangles than this limit, the rays of a tile have little work to share. Single rays are then faster
+    /// in small pictures, below `few_pixels_a_unit`.
+    pub few_triangles: f64,
+    /// The limit for small pictures of few triangles: pixels per compute unit, times the fourth root of the number of
+    /// triangles.
+    pub few_pixels_a_unit: f64,
+    /// Large tiles share more work, but the slowest tile takes longer, in particular if there are many triangles. From
+    /// this number of pixels per compute unit on, divided by the fourth root of the number of triangles, there are
+    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster.
+    pub large_pixels_a_unit: f64,
     /// From this number of pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
     /// The value of `separate_pixels` for scenes in which surfaces lie all around the eye.
@@ -85,8 +92,10 @@ pub struct Constants {
 impl Constants {
     /// Returns, for each limit, its name, the limit itself, and the value of the task that is compared with
     /// it. `units` is the device's number of compute units.
-    pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 8] {
+    pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 9] {
         let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
+        let pixels_a_unit = pixels / f64::from(units.max(1));
+        let root = triangles.sqrt();
         [
             ("tree_triangles", &mut self.tree_triangles, triangles),
             ("single_triangles_a_pixel", &mut self.single_triangles_a_pixel, triangles / pixels),
@@ -95,9 +104,10 @@ impl Constants {
                 &mut self.single_triangles_a_pixel_inside,
                 triangles / pixels,
             ),
-            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, pixels / f64::from(units.max(1))),
-            ("large_pixels", &mut self.large_pixels, pixels),
-            ("large_pixels_a_triangle", &mut self.large_pixels_a_triangle, pixels / triangles),
+            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, pixels_a_unit / root),
+            ("few_triangles", &mut self.few_triangles, triangles),
+            ("few_pixels_a_unit", &mut self.few_pixels_a_unit, pixels_a_unit * root.sqrt()),
+            ("large_pixels_a_unit", &mut self.large_pixels_a_unit, pixels_a_unit / root.sqrt()),
             ("separate_pixels", &mut self.separate_pixels, pixels),
             ("separate_pixels_inside", &mut self.separate_pixels_inside, pixels),
         ]
@@ -106,18 +116,16 @@ impl Constants {
     /// Returns the fastest candidate according to these limits.
     pub fn way(mut self, task: &Task, units: u32) -> Way {
         let inside = task.inside;
-        let [tree, single, single_inside, unit, large, a_triangle, separate, separate_inside] =
+        let [tree, dense, dense_inside, unit, many, few_pixels, large, separate, separate_inside] =
             self.of(task, units).map(|(_, least, value)| value >= *least);
-        let single = if inside { single_inside } else { single };
+        let dense = if inside { dense_inside } else { dense };
+        let small = !unit || !many && !few_pixels;
         // Without triangles there is no tree.
         let tree = tree && task.triangles > 0;
-        match (tree, single || !unit) {
+        match (tree, dense || small) {
             (false, _) => Way::Exhaustive,
             (true, true) => Way::Single,
-            (true, false) => Way::Tiles {
-                large: large && a_triangle,
-                separate: if inside { separate_inside } else { separate },
-            },
+            (true, false) => Way::Tiles { large, separate: if inside { separate_inside } else { separate } },
         }
     }
 }
@@ -215,12 +223,12 @@ impl Way {
 }
 
 /// Returns the fastest strategy for a task on a device with these limits, according to measurements, and its local
-/// size. Scenes with fewer triangles than [`Constants::tree_triangles`], which may be 0, are cast exhaustively: on a
-/// CPU with as many rays per work-item as its vectors hold; on a GPU with a few rays per work-item, and triangles
-/// streamed through `__local` memory. Larger scenes use a tree that tiles of rays traverse together. On a CPU, the rays
-/// of a tile are in vectors. A GPU casts tiles only if 32 work-items can share a tile by means of lane operations, and
-/// tiles have been measured with these operations. If triangles are much smaller than pixels, single rays are faster,
-/// since the rays of a tile take different paths.
+/// size. Scenes with fewer triangles than [`Constants::tree_triangles`] (0 for some devices) are cast exhaustively. A
+/// CPU then casts as many rays per work-item as its vectors hold. A GPU casts a few rays per work-item, and streams
+/// triangles through `__local` memory. Larger scenes use a tree that tiles of rays traverse together. On a CPU, the
+/// rays of a tile are in vectors. On a GPU, 32 work-items share a tile by means of PTX's lane operations, with which
+/// tiles have been measured; a GPU without these operations casts single rays. If triangles are much smaller than
+/// pixels, single rays are faster, since the rays of a tile take different paths.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Way::fastest(limits, task).strategy(limits, task.watertight)
 }
@@ -241,11 +249,12 @@ mod tests {
     /// Constants that are independent of the sweeps, so that new sweeps do not break these tests.
     const EXAMPLE: Constants = Constants {
         tree_triangles: 50.0,
+        few_triangles: 100.0,
+        few_pixels_a_unit: 3e4,
+        single_pixels_a_unit: 40.0,
         single_triangles_a_pixel: 2.0,
         single_triangles_a_pixel_inside: 1.0,
-        single_pixels_a_unit: 100.0,
-        large_pixels: 6e6,
-        large_pixels_a_triangle: 25.0,
+        large_pixels_a_unit: 1e5,
         separate_pixels: f64::INFINITY,
         separate_pixels_inside: 1e7,
     };
@@ -262,11 +271,13 @@ mod tests {
     fn each_constant_decides_between_two_ways() {
         let of = |triangles, pixels| EXAMPLE.way(&Task { triangles, pixels, ..Task::default() }, 10);
         assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Way::Exhaustive, TILES]);
-        assert_eq!([of(199_999, 100_000), of(200_000, 100_000)], [TILES, Way::Single]);
-        assert_eq!([of(50, 999), of(50, 1000)], [Way::Single, TILES]);
+        assert_eq!([of(1_999_999, 1_000_000), of(2_000_000, 1_000_000)], [TILES, Way::Single]);
+        // The fourth root of 81 is 3, and that of 625 is 5.
+        assert_eq!([of(81, 99_999), of(81, 100_000), of(100, 90_000)], [Way::Single, TILES, TILES]);
+        assert_eq!([of(625, 9_999), of(625, 10_000)], [Way::Single, TILES]);
         let large = Way::Tiles { large: true, separate: false };
-        assert_eq!([of(10_000, 5_999_999), of(10_000, 6_000_000)], [TILES, large]);
-        assert_eq!([of(240_001, 6_000_000), of(240_000, 6_000_000)], [TILES, large]);
+        assert_eq!([of(625, 4_999_999), of(625, 5_000_000)], [TILES, large]);
+        assert_eq!([of(10_000, 9_999_999), of(10_000, 10_000_000)], [TILES, large]);
         let inside =
             |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, ..Task::default() }, 10);
         assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);

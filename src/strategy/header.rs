@@ -20,14 +20,14 @@ pub struct Header {
     facts: Vec<(&'static str, Said)>,
 }
 
-/// A value of another axis that cannot be combined with this one.
+/// A value of another axis that cannot be combined with the header's value.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Contradiction {
     /// The other axis.
     pub axis: &'static str,
     /// The value of the other axis.
     pub value: String,
-    /// The reason for the contradiction, if the file states one.
+    /// The reason for the contradiction, if the header states one.
     pub because: Option<String>,
 }
 
@@ -69,11 +69,12 @@ pub(super) struct Reader<'a> {
     pub axis: &'static str,
     /// The file's path, as messages show it.
     pub path: &'a str,
-    /// The names of an axis's values; empty if there is no such axis.
+    /// Returns the names of an axis's values; an empty list if there is no such axis.
     pub names_of: &'a dyn Fn(&str) -> Vec<String>,
 }
 
-/// The entries of a header that have been read so far, with the numbers of their lines.
+/// The entries of a header that have been read so far. Entries that may occur only once have the numbers of their
+/// lines.
 #[derive(Default)]
 struct Entries {
     meaning: Option<(usize, String)>,
@@ -88,16 +89,16 @@ impl Reader<'_> {
         let mut found = Entries::default();
         let comment = text.lines().map_while(|line| line.strip_prefix("//").map(str::trim));
         for (row, line) in comment.take_while(|line| !line.is_empty()).enumerate() {
-            // A line with a URL has a colon, but is not a key.
+            // A line with a URL has a colon, but sets no key.
             let pair = line.split_once(':').filter(|(key, value)| is_key(key) && !value.starts_with("//"));
             if let Some((key, value)) = pair {
                 self.take(&mut found, row + 1, key, value.trim())?;
             }
         }
         let lacks = |key: &str, what: &str| {
-            Error::input(format!("{}, line 1: the file's header has no '{key}': {what}", self.path))
+            Error::input(format!("{}, line 1: the file's header has no '{key}' ({what})", self.path))
                 .with_help(format!(
-                    "begin the file with {}; docs/own-kernels.md describes headers",
+                    "begin the file with these lines, and one value in each: {}; docs/own-kernels.md describes headers",
                     self.example()
                 ))
         };
@@ -105,7 +106,7 @@ impl Reader<'_> {
         let meaning = meaning.ok_or_else(|| lacks("meaning", "the value's meaning, in a line"))?;
         let said = |key: &Key| found.facts.iter().any(|(_, name, _)| *name == key.name);
         if let Some(key) = self.keys().find(|key| !key.optional && !said(key)) {
-            return Err(lacks(key.name, &format!("{}: {}", key.about, key.takes)));
+            return Err(lacks(key.name, &format!("{}; expected {}", key.about, key.takes)));
         }
         self.check_planes(&found)?;
         let facts = found.facts.into_iter().map(|(_, name, said)| (name, said)).collect();
@@ -119,7 +120,9 @@ impl Reader<'_> {
 
     fn take(&self, found: &mut Entries, line: usize, key: &str, value: &str) -> Result<()> {
         match key {
-            _ if value.is_empty() => Err(self.wrong(line, format!("'{key}' is empty"), None)),
+            _ if value.is_empty() => {
+                Err(self.wrong(line, format!("'{key}' is empty; expected a value after the colon"), None))
+            }
             "meaning" => match found.meaning.replace((line, value.to_owned())) {
                 Some((first, _)) => Err(self.twice(line, key, first)),
                 None => Ok(()),
@@ -143,7 +146,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Parses `axis=value, axis=value because why`.
+    /// Parses `axis=value, axis=value because reason`. The reason applies to all pairs.
     fn contradictions(&self, line: usize, text: &str) -> Result<Vec<Contradiction>> {
         let (pairs, because) = match text.split_once(" because ") {
             Some((pairs, because)) => (pairs, Some(because.trim().to_owned())),
@@ -191,7 +194,7 @@ impl Reader<'_> {
         match (planes, said("record_floats")) {
             (Some((other, ..)), Some((line, _, Said::Number(floats)))) if *floats != PLANES_FLOATS => {
                 let message = format!(
-                    "'record_floats' is {floats}, but the data of a triangle that is prepared for an origin (line {other}) has {PLANES_FLOATS} floats"
+                    "'record_floats' is {floats}; expected {PLANES_FLOATS}, since 'prepared_for' in line {other} is origin or pixels"
                 );
                 Err(self.wrong(*line, message, None))
             }
@@ -202,8 +205,11 @@ impl Reader<'_> {
     fn unknown(&self, line: usize, key: &str) -> Error {
         let own: Vec<_> =
             ["meaning", "contradicts"].into_iter().chain(self.keys().map(|key| key.name)).collect();
-        let message =
-            format!("'{key}' is not a key of a header of {}; expected one of {}", self.axis, own.join(", "));
+        let message = format!(
+            "'{key}' is not a key in headers of the axis '{}'; expected one of {}",
+            self.axis,
+            own.join(", ")
+        );
         self.wrong(line, message, nearest(key, own))
     }
 
@@ -226,7 +232,7 @@ impl Reader<'_> {
     }
 }
 
-/// Number of floats in a row: the planes that are prepared for a triangle and an origin.
+/// Number of floats of the planes that are prepared for a triangle and an origin.
 const PLANES_FLOATS: u32 = crate::manifest::ROW_FLOATS as u32;
 
 /// Returns whether the text before a colon can be a key: one word of lower-case letters and underscores.

@@ -8,11 +8,11 @@ use crate::accel::Bvh;
 use crate::memory::Available;
 use crate::scene::{Mapped, Mesh};
 
-/// Bytes of the program, its libraries and a driver: 93 MB with PoCL 3.1 if its kernels are cached, 239 MB if
-/// LLVM 15 compiles them (one triangle, 64 x 40 pixels; 2026-11-20).
+/// Bytes of the program, its libraries and a driver. With PoCL 3.1, 93 MB were measured if the kernels were cached, and
+/// 239 MB if LLVM 15 compiled them (one triangle, 64 x 40 pixels; 2026-11-20).
 const PROGRAM_BYTES: u64 = 240_000_000;
-/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle's corners and number,
-/// and 72 bytes for nodes.
+/// An upper bound of the bytes per triangle in the reference's tree: 80 bytes for the triangle, which takes 44 bytes
+/// there, and 72 bytes for two nodes.
 const REFERENCE_BYTES: u64 = 80 + 72;
 /// Bytes per pixel of the reference: a sample (`PixelSample`, 96 bytes), the radiance, and whether the pixel is
 /// certain.
@@ -53,9 +53,9 @@ impl HostNeeds {
         let mut moments = Vec::new();
         if strategy.needs_tree() {
             let mut sum = kept.clone();
-            // With fewer than 32 children per node, `WideBvh::of_mesh` builds the tree with small leaves and then
-            // combines some of these leaves. With 32 children, the tree may be built with larger leaves, and then
-            // needs less than this sum.
+            // The sum assumes small leaves. With fewer than 32 children per node, `WideBvh::of_mesh` builds the tree
+            // with such leaves and then combines some of them. With 32 children, leaves may be larger, and the tree
+            // then needs less memory than this sum.
             let leaf_size = strategy.leaf_size.triangles().min(Bvh::LEAF_SIZE);
             let build_bytes = Bvh::build_bytes(w.triangles as u64, leaf_size as u64);
             sum.add("tree being built", &[(build_bytes, " B")]);
@@ -63,7 +63,7 @@ impl HostNeeds {
         }
         let mut casting = kept.clone();
         if strategy.needs_tree() {
-            // The host's copy of the nodes is freed before the triangles are uploaded.
+            // Only the leaf order is left: the host's copy of the nodes is freed before the triangles are uploaded.
             casting.add("leaf order", &[(4, " B"), (w.triangles as u64, " triangles")]);
         }
         if shared {
@@ -92,8 +92,8 @@ impl HostNeeds {
         self.moments.iter().map(|(_, sum)| sum.recorded()).max().unwrap_or(0)
     }
 
-    /// Returns an error if the needs exceed the available memory plus `own_bytes`, which is the part that
-    /// this process has already allocated, such as the program and the mesh.
+    /// Returns an error if the needs exceed the available memory plus `own_bytes`. `own_bytes` is the part of the needs
+    /// that this process has already allocated, such as the program and the mesh.
     pub fn check(&self, available: &Available, own_bytes: u64) -> Result<(), Infeasible> {
         let limit = available.bytes.saturating_add(own_bytes);
         let Some((moment, sum)) = self.moments.iter().max_by_key(|(_, sum)| sum.bytes) else { return Ok(()) };

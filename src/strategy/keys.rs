@@ -17,7 +17,7 @@ pub(super) enum Said {
 pub(super) enum Takes {
     /// One of these words.
     Words(&'static [&'static str]),
-    /// A number in the range that is a multiple of the second field.
+    /// A multiple of the second field in the range of the first.
     Numbers(RangeInclusive<u32>, u32),
 }
 
@@ -66,7 +66,7 @@ pub(super) static KEYS: [Key; 10] = [
     key(
         "intersector",
         "record_floats",
-        "number of floats in a triangle's record, which the test reads",
+        "number of floats that the test reads of each triangle",
         Takes::Numbers(1..=64, 1),
     ),
     key(
@@ -86,7 +86,7 @@ pub(super) static KEYS: [Key; 10] = [
         ..key(
             "intersector",
             "operations",
-            "operations of a test up to the point where most misses are found",
+            "number of arithmetic operations in a test up to the point where most misses are found",
             Takes::Numbers(1..=10_000, 1),
         )
     },

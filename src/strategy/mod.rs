@@ -96,7 +96,7 @@ strategy! {
     math: Math,
 }
 
-/// The help in an error about an unknown name of an axis, a value or a preset.
+/// The help in an error about an unknown preset.
 const LISTED: &str = "`raycl strategies` lists every axis, its values and the presets";
 
 fn unknown_axis(axis: &str) -> Error {
@@ -135,8 +135,8 @@ impl Strategy {
     }
 
     /// Returns the block of pixels whose rays a work-item casts side by side: (across, down). The block is nearly
-    /// square, so that its rays hit the same triangles. If the test uses planes that are linear in the pixel's
-    /// coordinates, the block is wider and lower, since the rays of a row share terms.
+    /// square, so that its rays hit the same triangles. Blocks of 16 rays are wider and lower if the test uses planes
+    /// that are linear in the pixel's coordinates, since the rays of a row share terms of these planes.
     pub fn block(&self) -> (usize, usize) {
         let across = match self.width {
             Width::W1 => 1,
@@ -159,9 +159,9 @@ impl Strategy {
         self.shares_tiles().then(|| self.tile.pixels().into())
     }
 
-    /// Returns the number of lights in a round: work-items that share a tile cast the shadow rays to these lights at
-    /// the same time. The bits of a word limit the number of lights: a word has one bit for each pair of a light and a
-    /// ray of the work-item, and one extra bit.
+    /// Returns the number of lights in a round. Work-items that share a tile cast the shadow rays to all lights of a
+    /// round at the same time. The bits of a word limit this number: each pair of a light and a ray of the work-item
+    /// has one bit, and bit 31 is reserved for leftover shadow rays.
     pub fn lights_of_round(&self) -> usize {
         let (across, down) = self.tile.pixels();
         let rays = across * down / GROUP_LANES as usize;
@@ -191,7 +191,8 @@ mod tests {
         assert_eq!([block("wide"), block("wide-pixel-linear")], [(4, 4), (8, 2)]);
     }
 
-    /// A word of 32 bits has one bit for each pair of a light and a ray of the lane. One bit of the word is kept free.
+    /// A word of 32 bits has one bit for each pair of a light and a ray of the lane. Bit 31 is reserved for leftover
+    /// shadow rays.
     #[test]
     fn the_lights_of_a_round_and_a_lanes_rays_fit_into_31_bits() {
         let lights = |tile: &str| {

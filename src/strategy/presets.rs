@@ -62,8 +62,8 @@ const TILE: Strategy = Strategy {
 };
 
 /// A tile shared by 32 work-items. In a single pass, tiles that have finished the rays from the eye continue with
-/// shadow rays while other tiles still cast rays from the eye. The watertight test needs too many registers for a
-/// single pass.
+/// shadow rays while other tiles still cast rays from the eye. The preset with the watertight test has separate passes,
+/// because this test needs too many registers for a single pass.
 const TILE_GROUP: Strategy = Strategy {
     traversal: Traversal::Tile,
     passes: Passes::Fused,
@@ -114,7 +114,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "compounded",
-        about: "both optimisations, which the paper could not combine",
+        about: "the paper's optimisations 1 and 2 together, which the paper could not combine",
         strategy: Strategy { vectors: Vectors::LOCAL, triangles: Triangles::LOCAL, ..PAPER },
         meant_for: None,
     },
@@ -126,19 +126,19 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "split-vertices",
-        about: "the paper's next step: indexed, vertices in __local memory and normals in global",
+        about: "a next step that the paper proposes: indexed triangles, with vertices in __local memory and normals in global memory",
         strategy: Strategy { triangles: Triangles::SPLIT_VERTICES, layout: Layout::INDEXED_16, ..PAPER },
         meant_for: None,
     },
     Preset {
         name: "split-normals",
-        about: "the reverse of split-vertices: indexed, normals in __local memory and vertices in global",
+        about: "the reverse of split-vertices: indexed triangles, with normals in __local memory and vertices in global memory",
         strategy: Strategy { triangles: Triangles::SPLIT_NORMALS, layout: Layout::INDEXED_16, ..PAPER },
         meant_for: None,
     },
     Preset {
         name: "raster",
-        about: "the paper's other next step: the book's rasteriser, with the ray caster's shading",
+        about: "another next step that the paper proposes: the book's rasteriser, with the ray caster's shading",
         strategy: Strategy { traversal: Traversal::Raster, ..MODERN },
         meant_for: None,
     },
@@ -168,7 +168,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "wide-common-origin",
-        about: "wide, with edge planes prepared for the eye and each light",
+        about: "wide, with the test common-origin: planes through each edge and the eye or a light",
         strategy: Strategy { width: Width::W16, intersector: Intersector::COMMON_ORIGIN, ..MODERN },
         meant_for: Some(DeviceKind::Cpu),
     },
@@ -208,7 +208,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "bvh",
-        about: "deferred and watertight, each ray walking a tree of four children per node: fastest on a GPU with more triangles than pixels, or with soft light",
+        about: "deferred and watertight, each ray walking a tree of four children per node: fastest on a GPU for scenes with soft light, or with more triangles than pixels",
         strategy: Strategy {
             traversal: Traversal::Bvh,
             node_width: NodeWidth::N4,

@@ -87,7 +87,8 @@ impl Requirements {
         sum.recorded()
     }
 
-    /// Returns the needs of `strategy` for `workload`, or an error if they exceed these limits.
+    /// Returns the needs of `strategy` for `workload`. Returns an error if the needs exceed these limits, or if the
+    /// strategy does not support the local size or the scene.
     pub fn check(
         strategy: &Strategy,
         workload: &Workload,
@@ -140,7 +141,7 @@ fn add_normals(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     }
 }
 
-/// Adds the bytes of the whole scene, all of which lies in one kind of memory.
+/// Adds the bytes of the whole scene. All parts of the scene lie in the same kind of memory.
 fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.layout.index_bits().is_none() {
         sum.add("scene", &[(SOUP_BYTES, " B"), (w.triangles as u64, " triangles")]);
@@ -211,8 +212,8 @@ fn half_pictures(w: &Workload) -> impl Iterator<Item = Workload> {
     std::iter::repeat_n(w.halved(), if w.half_light { 2 } else { 0 })
 }
 
-/// Returns the bytes of a work-group's private memory: values that live across barriers, if the strategy has barriers,
-/// and the rays of tiles.
+/// Returns the bytes of private memory that a work-group needs at the same time: the rays of tiles, and working vectors
+/// that are stored for all work-items at once.
 fn private(strategy: &Strategy, w: &Workload) -> Sum {
     let mut sum = Sum::default();
     if strategy.traversal == Traversal::Tile {

@@ -65,7 +65,7 @@ impl Strategy {
             ),
             (
                 planes && self.layout.index_bits().is_some(),
-                "intersector = {intersector} reads a table of its own, a row per triangle, so layout must be soup",
+                "intersector = {intersector} reads a table with one row per triangle instead of the scene's data, so layout must be soup",
             ),
             (
                 planes && !tables,
@@ -73,7 +73,7 @@ impl Strategy {
             ),
             (
                 planes && records,
-                "intersector = {intersector} prepares a row for each origin, once per frame, so records must be each-test",
+                "intersector = {intersector} prepares a row for each origin of rays (the eye and each light) in every frame, so records must be each-test",
             ),
             (
                 records && !tables,
@@ -81,7 +81,7 @@ impl Strategy {
             ),
             (
                 eager && self.intersector.counts_in_pixels(),
-                "intersector = {intersector} orders hits by depth, not by distance, and shades only the nearest, so shading must be deferred",
+                "intersector = {intersector} computes the depth of a hit, but shading = {shading} needs its distance, so shading must be deferred",
             ),
         ];
         let (_, reason) = rules.into_iter().find(|(broken, _)| *broken)?;
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(
             tile.contradiction().unwrap_or_default(),
             "intersector = moller-trumbore, but traversal = tile with vectors of rays (width = 16) prepares a leaf's \
-             triangles for all rays of a tile; expected intersector = edge-planes or watertight"
+             triangles itself, once for all rays of a tile; expected intersector = edge-planes or watertight"
         );
     }
 

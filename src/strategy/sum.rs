@@ -40,7 +40,7 @@ impl Sum {
         Err(Infeasible::beyond(format!("{memory}: {sum} = {bytes} B > {limit_bytes} B")))
     }
 
-    /// Returns an error, with a term's arithmetic, if this single term exceeds the limit.
+    /// Returns an error, with the largest term's arithmetic, if this term exceeds the limit.
     pub fn each_within(&self, memory: &str, limit_bytes: u64) -> Result<(), Infeasible> {
         match self.terms.iter().max_by_key(|(bytes, _)| bytes) {
             Some((bytes, term)) if *bytes > u128::from(limit_bytes) => {

@@ -1,5 +1,5 @@
-//! The values that are files: built-in ones, and those of a `--cl-dir`. A new file in a folder of values is a
-//! new value.
+//! The values of axes that are kernel files: built-in files, and those in the folder that the option `--cl-dir` names.
+//! A new file in a folder of values is a new value.
 
 use super::AXES;
 use super::header::{Header, Reader};
@@ -105,7 +105,7 @@ fn named(files: &[String]) -> Vec<Named> {
     all
 }
 
-/// Returns the headers of all values, in order.
+/// Returns the headers of all values, in the order of their axes and names.
 fn headers(sources: &Sources) -> Result<Vec<Header>> {
     let all = named(&sources.files()?);
     let names_of = |axis: &str| -> Vec<String> {
@@ -121,7 +121,7 @@ fn headers(sources: &Sources) -> Result<Vec<Header>> {
     all.iter().map(read).collect()
 }
 
-/// Refuses values whose names could not be written in `--strategy`, in TOML and in records.
+/// Refuses values whose names cannot be written in `--strategy`, in TOML and in records.
 fn refuse_names(sources: &Sources) -> Result<()> {
     let fits = |name: &str| name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
     for file in sources.own_files()? {
@@ -176,13 +176,13 @@ fn unused(path: &str, file: &str, built_in: &[&'static str]) -> Error {
         format!("{path} is neither a file of raycl nor a value of an axis, and no file includes it");
     if let Some(folder) = path.strip_suffix(file).filter(|_| file.starts_with("cl/")) {
         return Error::input(message).with_help(format!(
-            "{folder}cl is a folder of kernels inside the folder that --cl-dir names: write --cl-dir {folder}cl, or remove it"
+            "{folder}cl is a folder of kernels inside the folder that --cl-dir names: write --cl-dir {folder}cl, or remove {folder}cl"
         ));
     }
     let folders: Vec<_> = FOLDERS.iter().map(|(folder, _)| *folder).collect();
     let stem = file.rsplit('/').next().unwrap_or(file);
     let as_values: Vec<_> = folders.iter().map(|folder| format!("{folder}{stem}")).collect();
-    let places = format!("the file of an axis's value lies in {}", folders.join(", "));
+    let places = format!("the file of an axis's value lies in one of the folders {}", folders.join(", "));
     // A file in a wrong folder is more likely than a misspelt name.
     let is_named_so = |name: &&str| name.rsplit('/').next() == Some(stem);
     let same: Vec<&str> = built_in.iter().copied().filter(is_named_so).collect();

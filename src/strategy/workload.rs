@@ -5,8 +5,8 @@ use crate::manifest::{GROUP_LANES, SAMPLED_BLOCK};
 use crate::scene::Mapped;
 use serde::{Deserialize, Serialize};
 
-/// A pixel has at most 2^2 sub-pixels across and 2^2 down. A pixel thus has at most 16 sub-pixels, as many as a vector
-/// has rays.
+/// The base-2 logarithm of the largest number of sub-pixels across a pixel, and down. A pixel thus has at most 16
+/// sub-pixels (4 x 4), as many as a vector has rays.
 pub const MOST_SUBPIXEL_BITS: u32 = 2;
 
 /// The largest number of rays in a frame that divides pixels into sub-pixels and whose tiles are shared. Each ray takes
@@ -14,7 +14,7 @@ pub const MOST_SUBPIXEL_BITS: u32 = 2;
 /// samples of 1920 x 1080 pixels.
 const MOST_SHARED_RAYS: u64 = 1 << 25;
 
-/// The properties of a scene, an image and a work-group that determine a strategy's program and the memory that it
+/// The properties of a scene, an image and a work-group that determine which program and how much memory a strategy
 /// needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Workload {
@@ -143,10 +143,10 @@ impl Workload {
     }
 
     /// Returns the base-2 logarithm of the number of sub-pixels across a pixel in a frame whose tiles are each shared
-    /// by 32 work-items. With several sub-pixels, several samples of each pixel are cast. The number of rays is
-    /// limited, since each ray needs its own entry in the buffers between kernels. With soft light or a sky, the result
-    /// is 0: soft light is cast for one sample at a time, and the kernel that adds the picture of a sky supports only
-    /// whole pixels.
+    /// by 32 work-items. With several sub-pixels, several samples of each pixel are cast at the same time. The number
+    /// of rays is limited, since each ray needs its own entry in the buffers between kernels. With soft light or a sky,
+    /// the result is 0: soft light is cast for one sample at a time, and the kernel that adds the picture of a sky
+    /// supports only whole pixels.
     pub fn shared_subpixel_bits(&self, strategy: &Strategy) -> u32 {
         if !self.many_samples || !strategy.shares_tiles() || self.is_soft() {
             return 0;

@@ -3,11 +3,11 @@
 //! The [`Reference`] also casts rays in slightly changed directions (nudges). Wide nudges move a pixel's ray by much
 //! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if no nudge changes
 //! its value noticeably. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
-//! [`relative_difference`]), and within one 8-bit step per channel as displayed. Any other pixel must lie within the
-//! range of its values under narrow nudges. If only wide nudges change the pixel, no value in this range differs from
-//! the reference by more than the relative limit. Pixels outside their range are counted, and only few of them are
-//! allowed. The number of pixels that hit something must also lie in the range that the reference allows, since the
-//! result `shadow_rays_per_s` is computed from this number.
+//! [`relative_difference`]), and within one 8-bit step per channel as displayed. The value of any other pixel should
+//! lie within the range of the pixel's values under narrow nudges. If only wide nudges change a pixel, this range is so
+//! narrow that the pixel is judged almost like a certain one. Pixels outside their range are counted, and only few of
+//! them are allowed (see [`unexplained_limit`]). The number of pixels that hit something must also lie in the range
+//! that the reference allows, since the result `shadow_rays_per_s` is computed from this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
@@ -27,7 +27,7 @@ pub struct Verdict {
     pub worst_pixel: Option<[u32; 2]>,
     /// Number of pixels that depend on rounding.
     pub uncertain_pixels: usize,
-    /// Number of uncertain pixels outside the range of their values under nudges.
+    /// Number of pixels that are not certain and lie outside the range of their values under narrow nudges.
     pub unexplained_pixels: usize,
     /// Number of wrong pixels: certain pixels that disagree, and pixels that are not finite.
     pub wrong_pixels: usize,
@@ -69,7 +69,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     }
 }
 
-/// Returns the number of uncertain pixels outside the range of their values under nudges.
+/// Returns the number of pixels that are not certain and lie outside the range of their values under narrow nudges.
 fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     let strays = |doubt: &&Doubt| {
         let found = image.pixels[doubt.pixel];
@@ -80,16 +80,15 @@ fn unexplained(image: &Radiance, reference: &Reference) -> usize {
     reference.doubts.iter().filter(strays).count()
 }
 
-/// Returns how many uncertain pixels may lie outside the range of their values under nudges: one in ten thousand of the
+/// Returns how many pixels may lie outside the range of their values under narrow nudges: one in ten thousand of the
 /// compared pixels, but at least 16.
 pub fn unexplained_limit(judged: usize) -> usize {
     (judged / 10_000).max(16)
 }
 
 /// Returns why the number of pixels that hit something is wrong; `None` if it is right, or if the reference has cast
-/// only some pixels. The number may lie outside the range that the reference allows by as many pixels as
-/// [`unexplained_limit`] permits, since so many uncertain pixels may lie outside the range of their values under
-/// nudges.
+/// only some pixels. The number may lie outside the reference's range by as many pixels as [`unexplained_limit`]
+/// permits, since the same number of pixels may have values that no nudge explains.
 fn wrong_hits(hits: usize, reference: &Reference) -> Option<String> {
     if reference.judged < reference.radiance.pixels.len() {
         return None;
@@ -122,8 +121,8 @@ impl Finding {
         };
         let pixels = if wrong_pixels == 1 { "pixel is" } else { "pixels are" };
         format!(
-            "{wrong_pixels} {pixels} wrong; the worst, ({x}, {y}), {what}: it is {found:?} and should be \
-             {expected:?} (in 8 bits {:?} and {:?})",
+            "{wrong_pixels} {pixels} wrong; the worst, ({x}, {y}), {what}: its radiance is {found:?} and should be \
+             {expected:?} (as displayed, in 8 bits: {:?} and {:?})",
             shown[0], shown[1]
         )
     }

@@ -96,8 +96,8 @@ fn uncertain_pixels_look_like_their_nudges_or_are_few() {
     assert!(reason.ends_with("at most 16 such pixels are allowed"), "{reason}");
 }
 
-/// A wide nudge moves a ray by ten times as much as rounding can. Pixels that only wide nudges change do not depend on
-/// rounding, so they must agree with the reference.
+/// A wide nudge turns a ray ten times as far as a narrow nudge, and so much farther than rounding can. Pixels that only
+/// wide nudges change do not depend on rounding, so they must agree with the reference.
 #[test]
 fn pixels_that_only_a_wide_nudge_changes_are_judged() {
     let scene = fixtures::random(300, 1);
@@ -233,8 +233,8 @@ fn the_worst_pixel_is_a_wrong_one_where_there_is_any() {
     assert_eq!((verdict.wrong_pixels, verdict.worst_pixel), (1, Some([1, 0])), "{verdict:?}");
 }
 
-/// Like a certain pixel, a dark uncertain pixel may differ by a thousandth of the reference's
-/// `floor`, since darker pixels are compared relative to the floor.
+/// A dark uncertain pixel may lie outside its range by a thousandth of the reference's `floor`, since pixels darker
+/// than the floor are compared relative to the floor.
 #[test]
 fn a_dark_doubtful_pixel_may_stray_as_far_as_one_of_the_floors_brightness() {
     let mut reference = judged();

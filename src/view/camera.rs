@@ -30,8 +30,8 @@ impl Pose {
     /// The scene's own camera.
     pub const START: Self = Self { turn: 0.0, tilt: 0.0, distance: 1.0, aside: [0.0; 2] };
 
-    /// Moves the eye around the scene, by angles to the right and upwards in radians, but never
-    /// over the scene's top. `elevation` is the angle by which the scene's own camera looks down.
+    /// Moves the eye around the scene, by angles to the right and upwards in radians, but never over the scene's top or
+    /// bottom. `elevation` is the angle by which the scene's own camera looks down.
     pub fn orbit(&mut self, [right, up]: [f64; 2], elevation: f64) {
         self.turn = (self.turn + right).rem_euclid(TAU);
         let most = FRAC_PI_2 - POLE;

@@ -112,7 +112,7 @@ pub const KEYS: &[Row] = &[
     Row { names: "h", about: "show or hide these keys", keys: &[(Key::Char('h'), Action::Help)] },
     Row {
         names: "q Escape",
-        about: "end",
+        about: "quit",
         keys: &[(Key::Char('q'), Action::Quit), (Key::Escape, Action::Quit)],
     },
 ];

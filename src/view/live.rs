@@ -276,8 +276,9 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
     Session::new(queue.clone(), &device.info, sources, Arc::clone(scene)).sampling(Sampling::all(samples))
 }
 
-/// Returns the program that applies the display transform on a device with its own memory. `None` if the device uses
-/// the host's memory or the program cannot be built; the host then applies the transform.
+/// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
+/// rounding to 8 bits). Returns `None` if the device uses the host's memory, or if the program cannot be built; the
+/// host then applies the transform.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
     if queue.shares_memory {
         return None;
@@ -286,8 +287,8 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowPro
     ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
 }
 
-/// Returns the choices of the strategy and of the local size. They begin with those that the user requested, or else
-/// with the usual ones for the device.
+/// Returns the choices of the strategy and of the local size. Each list begins with the user's choice or, if the user
+/// made none, with the usual value for the device.
 fn usual(subject: &Subject, device: &Device, scene: &Scene) -> Result<Way> {
     let (strategy, local_size) = subject.strategy(&device.info, subject.task(scene, 1))?;
     Ok((strategies(strategy, &device.info), local_sizes(local_size)))

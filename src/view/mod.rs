@@ -135,8 +135,8 @@ impl<S: Screen> Viewer<S> {
         Ok(true)
     }
 
-    /// Returns the next picture or heat map; `None` if all samples are cast, or if the finest heat map was returned
-    /// before, and nothing has changed since.
+    /// Returns the next picture or heat map. Returns `None` after the last sample or the finest heat map, until
+    /// something changes.
     fn next_picture(&mut self) -> Result<Option<RgbImage>> {
         if let Some(heat) = &mut self.heat {
             let camera = self.live.camera(&self.pose);
@@ -207,7 +207,7 @@ impl<S: Screen> Viewer<S> {
         false
     }
 
-    /// Shows a heat map of the number of triangles that each pixel's rays are tested against, or the picture again.
+    /// Shows the heat map of triangle tests or, if the heat map is shown, the picture again.
     fn turn_heat(&mut self) {
         let is_shown = self.heat.take().is_some();
         self.live.moved();
@@ -254,7 +254,7 @@ impl<S: Screen> Viewer<S> {
         }
     }
 
-    /// Changes the strategy, local size or device, or reads changed files. If this fails, everything stays as it is,
+    /// Changes the strategy, local size or device, or reads changed files. If this fails, the scene is cast as before,
     /// and a note states the reason.
     fn tried(&mut self, change: impl FnOnce(&mut Live) -> Result<()>) {
         self.note = change(&mut self.live).err().map(|error: Error| error.to_string());
@@ -292,8 +292,8 @@ impl<S: Screen> Viewer<S> {
     }
 }
 
-/// Returns how the eye goes around the scene if the pointer is dragged. The scene seems to follow the pointer: it turns
-/// to the right because the eye goes to the left, and down because the eye goes up.
+/// Returns how the eye goes around the scene if the pointer is dragged. The eye goes to the left if the pointer goes to
+/// the right, and up if the pointer goes down, so that the scene seems to follow the pointer.
 fn dragged(input: &Input) -> Action {
     Action::Orbit([-DRAG * input.orbit[0], DRAG * input.orbit[1]])
 }

@@ -52,8 +52,8 @@ pub fn pick(
     })
 }
 
-/// Finds triangles of a scene with a tree. Another thread builds the tree when the pointer is over the
-/// picture for the first time.
+/// Finds the triangles of a scene that pixels show, by means of a tree. Another thread builds the tree when the pointer
+/// is over the picture for the first time, and again after the scene has changed.
 #[derive(Default)]
 pub struct Picker {
     scene: Option<Arc<Scene>>,

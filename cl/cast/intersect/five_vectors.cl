@@ -10,7 +10,8 @@
 // here each test has five arrays of its own. The arrays are volatile, and the vectors begin at an index that depends on
 // the scene. Otherwise, compilers would keep the arrays in registers. (With a constant index, NVIDIA's compiler keeps
 // even volatile arrays in registers.) On a GPU, the arrays are in the work-item's private memory, which is off the
-// chip. Operations: 6 for direction x e2, 3 for a, 3 for origin - v0, and 3 for the first weight.
+// chip. Operations up to the point where most misses are found: 6 for direction x e2, 3 for the determinant a, 3 for
+// origin - v0, and 3 for the first weight.
 
 enum { E1, E2, Q, S, R, TEST_VECTORS };
 

@@ -5,9 +5,10 @@
 // operations: 15
 //
 // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", JGT 2(1), 1997. Weights stay multiplied by
-// |a| until a ray is known to be inside all edges, so that most misses cost no division. Operations: 6 for
-// direction x e2, 3 for a, 3 for origin - v0, and 3 for the first weight; 6 more for the edges if they are not stored
-// in a row.
+// |a|, the absolute value of the determinant, until a ray is known to be inside all edges. Most misses therefore cost
+// no division. Operations up to the point where most misses are found: 6 for direction x e2, 3 for a, 3 for
+// origin - v0, and 3 for the first weight. If the edges were not stored in advance, they take 6 more, which are not
+// counted.
 
 #ifndef PAPER_EPSILONS
 #error "PAPER_EPSILONS: 0 or 1: whether epsilons = paper"
@@ -38,9 +39,9 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
 // The bounds of each weight are extended by its rounding error, so that a ray along an edge does not fall through
 // between two triangles. The error grows with the distance to the corner, and with the length of the edge in the cross
 // product. (Only the watertight test guarantees that no ray falls through.) If a triangle is seen nearly edge-on, no
-// digit of the determinant `a` is correct after rounding. With PAPER_EPSILONS, the two slacks of the weights and
-// the bound of `a` are the paper's constants. Otherwise, each slack is proportional to the length of one edge, and the
-// bound of `a` to the product of two edges' lengths, because the rounding errors are proportional to them, too.
+// digit of the determinant `a` is correct after rounding, so the triangle is not hit. With PAPER_EPSILONS, the two
+// slacks of the weights and the bound of `a` are the paper's constants. Otherwise, they are proportional to the
+// rounding errors: a slack to the size of one edge (its 1-norm), the bound of `a` to the product of both sizes.
 Row row_of(Corners corners) {
     Row row;
     row.a = corners.a;
@@ -90,8 +91,8 @@ int intersect(const Probe *probe, Vec3 origin, Vec3 direction, Row row, varying 
     hit->t = flip_sign(dot3(e2, r), sign) * per_size;
     hit->w1 = w1 * per_size;
     hit->w2 = w2 * per_size;
-    // A ray within the edges still misses if the triangle is seen edge-on, is nearer than t_min, or is behind the
-    // nearest hit so far.
+    // A ray within the edges still misses if the triangle is seen edge-on, is nearer than t_min, or is farther than
+    // t_max.
     hit->lanes = inside & (size > EDGE_ON(row)) & (hit->t > probe->t_min) & (hit->t < t_max);
 #if CULL_BACK
     hit->lanes &= a > 0.0f;

@@ -7,7 +7,7 @@
 //
 // The common-origin test, in which the planes for primary rays are functions of the pixel. A ray through pixel (x, y)
 // has the direction (x, y, 1), so that neighbouring rays in a row or a column share terms of the dot products.
-// Operations: 2 for each of three planes.
+// Operations up to the point where most misses are found: 2 for each of three planes.
 
 #include "cast/planes_of_origin.cl"
 

@@ -8,21 +8,23 @@
 // Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Corners are sheared so that the ray
 // runs along +z from the origin. An edge function is then the difference of two products, each rounded separately. The
 // function's sign is therefore exactly opposite in the neighbouring triangle, and no ray passes between the two
-// triangles. This guarantee only holds without contraction to fma. Operations: 9 for the corners, 30 for sheared x and
-// y (not contracted), 9 for the edge functions, and 2 for their sum.
+// triangles. This guarantee only holds without contraction to fma. Operations up to the point where most misses are
+// found: 9 for the corners, 30 for sheared x and y (not contracted), 9 for the edge functions, and 2 for their sum.
 
 #include "common/exact_signs.cl"
 
 // The shear of a ray, as the three rows of a matrix. The test is watertight for every shear that depends only on the
-// ray. Because the shear is stored as rows, axes need not be permuted if lanes have different dominant axes.
+// ray. Lanes may have different dominant axes (the axis of the direction's largest component). The rows also contain
+// the order of the axes, so no lane needs to permute coordinates.
 typedef struct {
     varying t_min;
     Vec3 x, y, z;
 } Probe;
 
-// Let k be the dominant axis, and k+1 and k+2 the next axes in cyclic order. The three rows of the matrix are then
-// e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - ..., and e_k / d_k. All three shears are computed, and each lane selects one.
-// Lanes may have different dominant axes, so that a branch would execute every path.
+// Let d be the direction, k its dominant axis, k+1 and k+2 the next axes in cyclic order, and e_i the unit vector along
+// axis i. The three rows of the matrix are then e_(k+1) - d_(k+1)/d_k e_k, e_(k+2) - d_(k+2)/d_k e_k, and e_k / d_k.
+// All three shears are computed, and each lane selects one. Lanes may have different dominant axes, so that a branch
+// would execute every path.
 Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 size = vec3(fabs(direction.x), fabs(direction.y), fabs(direction.z));
     // The axis of the largest component becomes z, so that the divisions by this component do not make the shear large.
@@ -41,7 +43,8 @@ Probe prepare_probe(varying t_min, Vec3 direction) {
     const Vec3 x_for_y = vec3(zero, -direction.z * per.y, one);
     const Vec3 y_for_y = vec3(one, -direction.x * per.y, zero);
     const Vec3 x = select3(along_x, x_for_x, select3(along_y, x_for_y, x_for_z));
-    // For a ray that runs against its axis, the shear would mirror triangles and swap front and back faces.
+    // If the ray runs against its dominant axis, this shear would mirror triangles and swap front and back faces. The
+    // first row then changes its sign.
     const varying_int against = sign_bit(SELECT(along_x, per.x, SELECT(along_y, per.y, per.z)));
     probe.x = vec3(flip_sign(x.x, against), flip_sign(x.y, against), flip_sign(x.z, against));
     probe.y = select3(along_x, y_for_x, select3(along_y, y_for_y, y_for_z));

@@ -9,9 +9,10 @@
 // and Q of an edge span the plane with the normal (P - Q) x (P + Q). A ray's direction d lies inside the edge if its
 // dot product with this normal has the right sign. The neighbouring triangle has the same plane with the opposite sign,
 // to the last bit. (Embree's robust mode uses the same planes.) At a vertex, rounding could let a ray slip through.
-// Neighbouring triangles therefore overlap a little: by 1, after the planes are scaled. With a = d.(e2 x e1),
-// the product of `a` and t is the same for all rays: the height. A hit lies in front of the ray's origin if `a` and the
-// height have the same sign. The planes are multiplied by the height's sign once, so that the tests need not do it.
+// Neighbouring triangles therefore overlap a little: after the planes are scaled, 1 is added to each dot product. The
+// number `a` is d.(e2 x e1), where e1 and e2 are two of the triangle's edges. The product of `a` and t is the same for
+// all rays, and is called the height. A hit lies in front of the ray's origin if `a` and the height have the same sign.
+// The planes are multiplied by the height's sign once, so that the tests need not do it.
 
 #define PREPARED TOGETHER
 
@@ -51,7 +52,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     const __global float4 *rows = (const __global float4 *)tree->leaves + 3 * (size_t)first;
     const Lanes3 corner_a = load_corners(rows), corner_b = load_corners(rows + 1), corner_c = load_corners(rows + 2);
     const Lanes3 e1 = lanes_difference(corner_b, corner_a), e2 = lanes_difference(corner_c, corner_a);
-    // The origin is shared by all rays, so that the subtraction is done once per tile and not once per ray.
+    // All rays of the tile share the origin, so one subtraction is enough for all of them.
     const Lanes3 a = lanes_seen(corner_a, bundle->origin);
     const Lanes3 b = lanes_seen(corner_b, bundle->origin);
     const Lanes3 c = lanes_seen(corner_c, bundle->origin);
@@ -73,7 +74,7 @@ uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const 
     vstore8(1.0f / fabs(height), 0, prepared->per_height);
     vstore8(EDGE_ON_ROUNDING * bundle->longest * size1 * size2, 0, prepared->edge_on);
 #if CULL_BACK
-    // Shadow rays run from the light, where front faces look like back faces.
+    // Shadow rays run towards the light, but are tested from the light, so front and back faces are swapped.
     return LANE_BITS8(any ? height < 0.0f : height > 0.0f);
 #else
     return LANE_BITS8(height != 0.0f);

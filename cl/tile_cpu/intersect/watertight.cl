@@ -1,7 +1,7 @@
 // The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. For each ray of a vector, a
 // triangle's corners are sheared along an axis that all rays of the vector share, which takes two products per corner.
-// Relative to the origin, the corners are the same for all rays. Vectors whose rays have no common axis are tested
-// like single rays.
+// Relative to the origin, the corners are the same for all rays. Vectors whose rays have no common axis use the
+// test of cast/intersect/watertight.cl, which chooses an axis for each ray.
 
 #define NO_AXIS 3
 
@@ -16,7 +16,8 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     float longest = 0.0f;
     bundle->shears.axis[vector] = NO_AXIS;
     for (int axis = 0; axis < 3; axis++) {
-        // `along` is the smallest component along this axis, or not positive if rays run in both directions.
+        // `along` is the smallest absolute value of a component along this axis, or not positive if rays run in both
+        // directions.
         const varying component = along_axis(bundle, vector, axis);
         const float least = least_lane(SELECT(rays, component, (varying)(FAR)));
         const float most = most_lane(SELECT(rays, component, (varying)(-FAR)));
@@ -28,8 +29,8 @@ void prepare_rays(Bundle *bundle, int vector, Mask rays) {
     }
     const int axis = bundle->shears.axis[vector];
     if (axis == NO_AXIS) return;
-    // The shear x' = x - (d_x / d_z) z, once per ray. If rays run against the axis, x' is mirrored, so that back faces
-    // stay back faces.
+    // The shear x' = x - (d_x / d_z) z, computed once per ray; z is the common axis. If rays run against the axis, x'
+    // is mirrored, so that back faces stay back faces.
     const varying per = -1.0f / along_axis(bundle, vector, axis);
     bundle->shears.x[vector] = along_axis(bundle, vector, (axis + 1) % 3) * per * bundle->shears.forward[vector];
     bundle->shears.y[vector] = along_axis(bundle, vector, (axis + 2) % 3) * per;
@@ -79,7 +80,7 @@ typedef struct {
     float a[3], b[3], c[3];
 } Prepared;
 
-// Prepares the triangle `first`. Returns bit 0, since the preparation excludes no triangle.
+// Prepares the triangle `first`. Returns 1, the triangle's bit, since the preparation excludes no triangle.
 uint prepare_triangles(const Bundle *bundle, const Tree *tree, int first, const int any, Prepared *prepared) {
     Corners corners = leaf_corners(tree, first);
     if (any) { // rays are tested from the light: swapping two corners swaps front and back faces

@@ -1,10 +1,12 @@
-// Prepares and tests a leaf's triangle for the rays of a pass (rays that run mainly along one axis, see entry.cl), as
-// in edge_planes.cl, but with a table: tile_prepare computes the planes of every triangle once per frame, for the eye
-// and for each light. The table has a row of quads (float4) for each axis of the scene. In an axis's row, a triangle's
-// quad contains the components of its three planes and of 1/z along this axis. Three loads are therefore enough,
-// whatever the axes of the pass. In each row, the quads of a leaf's triangles are contiguous.
+// Prepares and tests a leaf's triangle for the rays of a pass, as in edge_planes.cl, but with planes from a table. (A
+// pass consists of rays that run mainly along one axis: see entry.cl.) The kernel tile_prepare computes the table once
+// per frame. It contains the planes of every triangle for the eye and for each light. The table has a row of quads
+// (float4) for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes
+// and of 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass. In each row, the quads
+// of a leaf's triangles are contiguous.
 
-// The table for one origin. A row has a quad per triangle, in leaf order, so that a leaf's lanes load side by side:
+// The table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load neighbouring
+// quads:
 //
 //                 triangle 0               triangle 1               ...
 //     x's row     u.x  v.x  w.x  (1/z).x   u.x  v.x  w.x  (1/z).x
@@ -67,7 +69,7 @@ INLINED int meets(const Candidate *triangle, float x, float y, float nearest, fl
 
 // Computes the planes of every triangle (first dimension of the index space) for every origin from `first_origin` on
 // (second dimension). Origin 0 is the eye; the other origins are the lights of a round (see shadow.cl). Also empties
-// the round's queue, which saves a command.
+// the round's queue of leftover shadow rays, which saves a separate command for this.
 __kernel void tile_prepare(TILE_PREPARE_PARAMETERS) {
     const int place = get_global_id(0), origin = first_origin + (int)get_global_id(1);
     if (get_global_id(0) == 0 && get_global_id(1) == 0) *queued = 0;

@@ -61,7 +61,7 @@ fn text(rows: &[Row]) -> String {
     let header = [
         "local size",
         "threads per multiprocessor,\nfrom Figure 5's two limits",
-        "with 63 registers\n(CC 2.0)",
+        "with 63 registers\n(compute capability 2.0)",
         "and with optimisation 1's\n108 B per work-item",
         "63 registers and\nFigure 5",
     ];
@@ -76,7 +76,7 @@ fn text(rows: &[Row]) -> String {
         ]);
     }
     let mut text = format!(
-        "The paper gives {GROUPS} blocks, {THREADS} threads, {REGISTERS} registers and 48 KB as the limits of its Figure 5, but the figure\nonly uses the limits of blocks and threads: threads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
+        "The paper names four limits for its Figure 5: {GROUPS} blocks, {THREADS} threads and 48 KB of shared memory per multiprocessor,\nand {REGISTERS} registers per thread. The figure uses only the limits of blocks and threads:\nthreads = min({GROUPS}, floor({THREADS} / block)) x block,\nwhere block is the number of threads in a block.\n{table}"
     );
     for row in rows.iter().filter(|row| row.contradicted()) {
         text += &format!("\n{}: {}", row.size, contradiction(row));

@@ -1,4 +1,4 @@
-//! Casts the frame and reads the image.
+//! Casts the frame of a picture on one device, and reads the image from the device.
 
 use super::Args;
 use super::timeline::Timeline;
@@ -12,13 +12,13 @@ use crate::output::Target;
 use crate::scene::{Display, SampleCounts, Sampling, Scene};
 use image::RgbImage;
 
-/// An image, in the form in which it is saved.
+/// An image that was read from a device.
 pub enum Picture {
     /// Radiance, as the device computed it.
     Radiance(Radiance),
-    /// Colours in 8 bits, which the host converted.
+    /// Colours in 8 bits, which the host computed from radiance.
     Shown(RgbImage),
-    /// Colours in 8 bits, which the device converted and sent in bands of rows.
+    /// Colours in 8 bits, which the device computed from radiance and sent in bands of rows.
     Incoming(Incoming),
 }
 
@@ -42,7 +42,7 @@ pub struct Cast {
     pub sampling: Sampling,
     /// How many samples the pixels of each block got; `None` if sampling was not adaptive.
     pub counts: Option<SampleCounts>,
-    /// The pictures from which the filter of soft light makes the final picture. They are only kept if the picture is
+    /// The pictures from which the filter of soft light makes the final picture. They are read only if the picture is
     /// verified and its soft light is cast at half resolution.
     pub parts: Option<LightParts>,
 }
@@ -61,7 +61,8 @@ impl Cast {
 
     /// Returns the number of primary rays of a picture of `size`, and the number of its shadow rays: each hit has
     /// `per_hit` shadow rays. Soft light at half resolution needs two additional pictures, each with a quarter of the
-    /// pixels. In this case only one of these two small pictures has shadow rays.
+    /// pixels. In this case only one of these two pictures has shadow rays; the other one and the picture of full size
+    /// have none.
     pub fn rays(&self, size: [u32; 2], per_hit: usize) -> [f64; 2] {
         let [pixels, half_pixels] =
             [1, 2].map(|by| size.iter().map(|side| f64::from(side.div_ceil(by))).product::<f64>());
@@ -106,7 +107,8 @@ pub fn cast(
         cast.map_err(Refused::at("the launch")).map_err(refused)
     };
     let first = frame()?;
-    // Some drivers compile a kernel when it first starts. This time counts as build time.
+    // Some drivers compile a kernel when it first starts. The time that the first frame takes on the host, beyond its
+    // device time, therefore counts as build time.
     let compile_ms = (first.host_ms - first.frame_ms).max(0.0);
     timeline.ends_with("casting", &[("build", compile_ms)]);
     let mut frames: Vec<_> = Some(first).filter(|first| counts(first, args.repeat)).into_iter().collect();
@@ -158,8 +160,8 @@ fn read_shown(
     Ok(hits.map(|hits| (Picture::Incoming(incoming), hits)))
 }
 
-/// Returns the median of each of a frame's times, over these frames. The processor time is left out, because frames
-/// have one only in experiments.
+/// Returns the median of each of a frame's times, over these frames. The processor time is left out, because it is
+/// measured only in experiments.
 pub fn medians(frames: &[FrameTimes]) -> FrameTimes {
     let median = |time: &dyn Fn(&FrameTimes) -> Option<f64>| {
         let times: Vec<f64> = frames.iter().filter_map(time).collect();
@@ -254,8 +256,8 @@ mod tests {
 
     #[test]
     fn what_goes_in_pieces_arrives_as_what_goes_at_once() {
-        // The three strategies transfer the following data, in this order: triangles without a tree; a tree and its
-        // triangles; a tree, its triangles, and their surfaces in separate buffers.
+        // `deferred` transfers triangles without a tree; `bvh` transfers a tree and its triangles; `tile` transfers a
+        // tree, its triangles, and their surfaces in separate buffers.
         for strategy in ["deferred", "bvh", "tile"] {
             let [apart, shared] = [true, false]
                 .map(|is_apart| with_caster(strategy, is_apart, |caster, _, _| caster.read().unwrap()));

@@ -19,7 +19,7 @@ const KIND: &str = "guess";
 /// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per triangle,
 /// that of the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// Number of stack entries in `__local` memory that most trees need.
+/// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
 
 /// The facts that determine a program and cannot be derived from the command's arguments alone.
@@ -44,8 +44,8 @@ pub fn likely(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo
 
 /// Returns the program that the preset [`hurry::QUICK`] needs for the scene. The scene is not read yet, so the function
 /// guesses the scene's properties on which the program depends. Returns `None` if no guess is possible. This program is
-/// compiled early instead of the [`likely`] program if the [`likely`] program is not compiled yet, and [`hurry::may`]
-/// returns true (the picture may be cast with this preset instead of the fastest strategy).
+/// compiled early instead of the [`likely`] program if two conditions hold: the [`likely`] program is not compiled yet,
+/// and [`hurry::may`] allows this preset to cast the picture.
 pub fn quick(cache: &Cache, args: &Args, sources: &Sources, device: &DeviceInfo) -> Option<ProgramSpec> {
     let (_, known) = last_time(cache, args, device).or_else(|| by_file(args, device))?;
     let (strategy, local_size) = hurry::quick(device)?;
@@ -132,15 +132,15 @@ fn usual_stack(strategy: &Strategy) -> usize {
     }
 }
 
-/// Returns the number of samples per pixel. A bare mesh has a default of its own. The name of the scene's file decides
-/// whether it is a bare mesh, since the file has not been read yet.
+/// Returns the number of samples per pixel. A bare mesh has a default of its own. The file's name decides whether the
+/// file counts as a bare mesh, since the file has not been read yet.
 pub fn sampling(args: &Args) -> Sampling {
     let is_scene = unpacked_name(&args.subject.scene).extension().is_some_and(|ending| ending == "toml");
     super::sampling(args, is_dressed(args) && !is_scene)
 }
 
 /// Returns a text that identifies the scene's file in its present state, the device, and all arguments that affect
-/// which program is chosen. `None` if the file's state is unknown.
+/// which program is chosen. `None` if the file's state is unknown, as for standard input.
 fn key(args: &Args, device: &DeviceInfo) -> Option<String> {
     let path = args.subject.scene.canonicalize().ok()?;
     let found = path.metadata().ok()?;

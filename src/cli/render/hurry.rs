@@ -1,8 +1,8 @@
 //! Chooses the strategy for a picture on a GPU, if the fastest strategy's program is not compiled yet.
 //!
-//! Compiling that program takes seconds. The program of [`QUICK`] compiles in a fraction of this time, and either
-//! program casts a picture in milliseconds. So this picture is cast with [`QUICK`]. Then a background process compiles
-//! the fastest strategy's program for the next start of raycl.
+//! Compiling that program takes seconds. The program of the preset [`QUICK`] compiles in a fraction of this time, and
+//! either program casts a picture in milliseconds. So the picture is cast with [`QUICK`], and a background process
+//! compiles the fastest strategy's program for the next start of raycl.
 
 use super::Args;
 use crate::device::DeviceInfo;
@@ -15,9 +15,9 @@ use crate::strategy::{Strategy, Workload, preset};
 pub const QUICK: &str = "bvh";
 /// Work-items per work-group with [`QUICK`], across and down.
 const QUICK_LOCAL: [u32; 2] = [8, 8];
-/// With more rays than this, casting with a slower strategy may take longer than compiling a faster one.
+/// With more primary rays than this, casting with a slower strategy may take longer than compiling a faster one.
 const MOST_RAYS: u64 = 200_000_000;
-/// With more triangles than this, a second tree (for [`QUICK`]) takes too long to build.
+/// With more triangles than this, it takes too long to build a tree for [`QUICK`] besides the fastest strategy's tree.
 const MOST_TRIANGLES: usize = 1_000_000;
 
 /// A program that a background process compiles, with its strategy and workload.
@@ -135,7 +135,7 @@ mod tests {
         }
         let cpu = DeviceInfo { limits: DeviceLimits { is_cpu: true, ..gpu.limits }, ..gpu.clone() };
         assert!(!super::may(&args(&[]), &cpu, Sampling::ONE));
-        // The limits are 200 million rays and one million triangles.
+        // The limits are 200 million primary rays and one million triangles.
         let large = args(&["--width", "8192", "--height", "8192"]);
         assert!(super::may(&large, &gpu, Sampling::all(2)) && !super::may(&large, &gpu, Sampling::all(4)));
         let of = |count: usize| {

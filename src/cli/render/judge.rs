@@ -21,7 +21,7 @@ pub(super) fn refuse_not_finite(image: &Radiance, fate: &str) -> Result<()> {
     let message =
         format!("the picture is wrong: {count} {pixels} not finite; the first, ({x}, {y}), is {found:?}");
     Err(Error::run(message).with_help(format!(
-        "a light may be too close to the surface at this pixel: move or dim the light, or set shadow_bias; {fate}"
+        "a light may be too close to the surface at this pixel: move or dim the light, or raise shadow_bias; {fate}"
     )))
 }
 
@@ -49,7 +49,7 @@ pub(super) fn check(
             "the picture is wrong: some pixels have a number of samples other than {first} or {most}"
         );
         return Err(Error::run(message).with_help(
-            "this is a bug in raycl or in the driver: update the driver, or report the bug with the command",
+            "this is a bug in raycl or in the driver: update the driver, or report the bug with your command",
         ));
     }
     let compare =
@@ -157,8 +157,8 @@ mod tests {
         let found =
             check(&scene, (&image, parts.hits), (&strategy, (sampling, None)), Some(&parts), &saved, None);
         let usual = found.expect("a correct picture");
-        // If one pixel of the filtered picture is wrong, the check returns the difference if it is within the
-        // tolerance, and names the pixel if it is not.
+        // One pixel of the filtered picture is changed. The check returns the difference if it is within the tolerance,
+        // and otherwise names the pixel.
         let judged = |factor: f32, hits: usize| {
             let mut image = image.clone();
             image.pixels[10] = image.pixels[10].map(|channel| factor * channel);

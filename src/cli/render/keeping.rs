@@ -1,5 +1,6 @@
-//! Stores a program in the cache if the driver needs a long time to return the program's binary. The command that casts
-//! the picture does not wait: a background process with low priority stores the program.
+//! Prepares the next start of raycl in background processes with low priority, for which the command that casts the
+//! picture does not wait. A process stores a program whose binary the driver takes long to return, compiles a program
+//! that this picture did without, or lists the devices.
 
 use super::hurry::Later;
 use super::{Args, guess, hurry};
@@ -44,9 +45,9 @@ struct Source {
     options: String,
 }
 
-/// Prepares the next start: lets background processes store the program, or compile the fastest strategy's program
-/// (`later`) and the program for the display transform (`show_later`). Also stores in the cache which program the scene
-/// needs. Returns notes for the user about these processes.
+/// Prepares the next start: lets background processes store the program that cast the picture, or compile the fastest
+/// strategy's program (`later`) and the program for the display transform (`show_later`). Also stores in the cache
+/// which program the scene needs. Returns notes for the user about these processes.
 pub fn for_the_next_start(
     args: &Args,
     device: &Device,
@@ -57,8 +58,8 @@ pub fn for_the_next_start(
     // With --cl-dir or --watch, kernels are probably being edited, so storing their programs is not worth it.
     let stores = args.subject.cl_dir.is_none() && !args.watch && order(prepared, device);
     let shows = show_later.is_some_and(|spec| compile_later(&Cache::of_user(), &spec, &device.info));
-    // Every background process also lists the devices, so a process for the list alone is only needed if there is no
-    // other.
+    // Every background process also lists the devices. A process for the list alone is only needed if no other process
+    // starts.
     if !stores && !shows && later.is_none() && !device.lanes_are_tested {
         list_later(&device.info);
     }
@@ -96,8 +97,8 @@ fn order(prepared: &Prepared, device: &Device) -> bool {
     worth && in_background(&cache, &prepared.spec, &device.info)
 }
 
-/// Returns whether a program should be stored by a background process: it is not stored yet, and the driver needs a
-/// long time to return the binary.
+/// Returns whether a program should be stored by a background process: the cache is in use, the program is not in it
+/// yet, and the driver needs a long time to return the binary.
 fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> bool {
     !from_cache && !device.has_binaries_at_hand() && cache.keeps()
 }

@@ -54,7 +54,7 @@ pub struct Motion {
 
 /// The name of the group of options that make pictures move.
 pub(super) const MOVING: &str = "moving";
-/// The options that can only be used with a single picture.
+/// The options that can only be used with a single picture, besides `layers`, which declares the conflict itself.
 const STILL: [&str; 4] = ["watch", "devices", "verify", "repeat"];
 
 impl Motion {

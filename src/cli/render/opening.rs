@@ -21,9 +21,12 @@ pub struct Opened {
     pub load_ms: f64,
     /// Time for starting the driver and opening the device, while the scene is read.
     pub start_ms: f64,
-    /// The program that was built early.
+    /// The program that the scene will probably need. It is built without waiting until the scene is loaded. `None` if
+    /// no program could be guessed, or if its build failed; raycl then builds the program later.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
-    /// The tree that was built early.
+    /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while another
+    /// thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then builds the
+    /// tree later, if the strategy needs one.
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,
@@ -34,9 +37,9 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Adds the parts of this work to the timeline. If two parts ran in parallel, the time in which both ran counts
-    /// once. The parts are, in this order: loading the scene, starting the driver, building the program, building the
-    /// tree. Of each part, only the time after the end of all earlier parts counts.
+    /// Adds the parts of the work that [`open`] did to the timeline. If two parts ran in parallel, the time in which
+    /// both ran counts once. The parts are, in this order: loading the scene, starting the driver, building the
+    /// program, building the tree. Of each part, only the time after the end of all earlier parts counts.
     pub fn tell(&self, timeline: &mut Timeline) {
         let show_ms = self.show.as_ref().map_or(0.0, ShowProgram::build_ms);
         let build_ms = self.early.as_ref().map_or(0.0, |(_, program)| program.build_ms) + show_ms;

@@ -56,7 +56,7 @@ pub struct Report {
     pub primary_ms: Option<f64>,
     /// Device time of the shadow pass, if there is one; it includes shading if `shade_ms` is null.
     pub shadow_ms: Option<f64>,
-    /// Device time of the shading pass, if it is separate from shadow rays.
+    /// Device time of the shading pass; null if the kernel that shades also casts all shadow rays.
     pub shade_ms: Option<f64>,
     /// Device time of the whole frame.
     pub frame_ms: f64,
@@ -98,9 +98,9 @@ pub struct Report {
 #[derive(Debug, Serialize)]
 pub struct Verified {
     /// The largest relative difference from the reference, over all certain pixels. If soft light was cast in half
-    /// pictures, this is the larger of two differences. The pictures from which the filter made the final one are
-    /// compared with the reference, over their certain pixels. The final picture is compared with the result of the
-    /// same filter on the host, over all pixels.
+    /// pictures, this is the larger of two differences. The first is that of the pictures from which the filter made
+    /// the final picture, compared with the reference over their certain pixels. The second is that of the final
+    /// picture, compared with the result of the same filter on the host over all pixels.
     pub max_difference: f64,
     /// Number of uncertain pixels: those whose radiance may depend on rounding. Uncertain pixels of half pictures are
     /// not counted.

@@ -210,7 +210,7 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-/// Returns the number of rays of a frame, from the number of shadow rays per sample.
+/// Returns the number of rays of a frame. `shadow_rays` is the number of its shadow rays with one sample per pixel.
 fn rays(image_size: [u32; 2], shadow_rays: usize, samples: u32) -> f64 {
     let [width, height] = image_size.map(f64::from);
     (width * height + shadow_rays as f64) * f64::from(samples)

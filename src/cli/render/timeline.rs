@@ -1,5 +1,5 @@
-//! Measures where a command's time goes. The parts follow one another without gaps from the start of the process, so
-//! that no time is left out.
+//! Measures where a command's time goes. The parts of this time follow one another without gaps, so that no time is
+//! left out.
 
 use crate::load::processor_time;
 use serde::Serialize;
@@ -66,7 +66,7 @@ impl Timeline {
         self.parts.iter().find(|known| known.part == part).map_or(0.0, |known| known.ms)
     }
 
-    /// Returns all parts, in the order in which they first began, and their sum.
+    /// Returns all parts, in the order in which they were first added, and their sum.
     pub fn into_parts(self) -> (Vec<Part>, f64) {
         let total_ms = self.parts.iter().map(|part| part.ms).sum();
         (self.parts, total_ms)

@@ -1,4 +1,5 @@
-//! `raycl run --sbatch N`: prints scripts for Slurm and submits no job.
+//! `raycl run --sbatch N`: prints a shell script that submits N shards and their merge to Slurm. raycl itself submits
+//! no job.
 
 use super::{Args, chosen, default_folder, listed, shard, two_kernels};
 use crate::cli::print;
@@ -11,10 +12,10 @@ use crate::shard::{Header, ShardPlan, Wishes, scripts};
 use std::path::Path;
 use std::time::Duration;
 
-/// Words that select CPUs.
+/// Words in `--device` that select CPUs.
 const PROCESSORS: [&str; 6] = ["cpu", "pocl", "portable", "epyc", "ryzen", "xeon"];
 
-/// Prints the scripts for this number of shards. This machine, such as a login node, need not have the devices.
+/// Prints the shell script for this number of shards. This machine, such as a login node, need not have the devices.
 pub fn run(args: &Args, shards: u32) -> Result<()> {
     let sources = two_kernels::sources(args, true)?;
     let experiment = config::load(&args.config, &args.set)?;

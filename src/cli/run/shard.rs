@@ -48,8 +48,8 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     part.report(&records)
 }
 
-/// Refuses a folder that raycl did not make. Also refuses the folder of a run without shards, since `raycl merge`
-/// writes files with the same names. Accepts a folder of shards.
+/// Refuses a folder with files that raycl did not make, unless `force` is true. Also refuses the folder of a run
+/// without shards, since `raycl merge` writes files with the same names. Accepts a folder of shards.
 fn refuse_others(out: &Path, force: bool) -> Result<()> {
     let refused = match out.join("records.jsonl").exists() {
         true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
@@ -61,7 +61,8 @@ fn refuse_others(out: &Path, force: bool) -> Result<()> {
     refused.or_else(|error| ShardPlan::read(out)?.map_or(Err(error), |_| Ok(())))
 }
 
-/// Returns this process's header of the plan. The header must be the same for all shards, except for the config's path.
+/// Returns the header that the plan has if this process makes it. The headers of all shards' processes must be equal,
+/// except for the config's path.
 fn header(experiment: &Experiment, sources: &Sources, shards: u32) -> Result<Header> {
     let hash = |scene: &config::SceneChoice| scene.load().map(|loaded| loaded.scene.content_hash());
     Ok(Header {
@@ -149,6 +150,7 @@ impl Part<'_> {
 
     /// Writes one file for each kind of device on which this shard measures; the file contains the keys of the points.
     /// Writes nothing if all these files exist already. `own` contains this shard's points, as indices into the plan.
+    /// The host counts as a kind of device if casters on the host are among these points.
     fn write_kinds(&self, own: &[usize]) -> Result<()> {
         let has_host = own.iter().any(|place| self.run.is_on_host(*place));
         let kinds = self
@@ -191,7 +193,7 @@ impl Part<'_> {
             0 => Ok(()),
             failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
                 .with_help(
-                    "`raycl merge` gives the reason for each point; --resume --retry-failed measures these points again",
+                    "`raycl merge` gives the reason for each point; the same command with --resume --retry-failed measures these points again",
                 )),
         }
     }
@@ -217,7 +219,7 @@ mod tests {
     }
 
     /// The plan has three shards for two groups of points, so a group is divided among shards. One of these shards also
-    /// measures (borrows) the control point of a group, which belongs to another shard.
+    /// measures (borrows) the control point of a group, although this point belongs to another shard.
     #[test]
     fn a_plan_names_its_points_and_cases_and_expects_each_shards_time() {
         let place = tempfile::tempdir().expect("a folder");

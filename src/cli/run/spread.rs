@@ -21,9 +21,9 @@ struct Spread {
     blocks: Vec<Block>,
 }
 
-/// Returns the plan's blocks for the devices of a run. A resumed run uses the blocks of its first session, even if the
-/// expected times of points have changed; with new blocks, points of one group that different sessions measured could
-/// have different control points.
+/// Returns the plan's blocks for the devices of a run. A run that is resumed with the same points on as many devices
+/// uses the blocks of its first session, even if the expected times of points have changed. With new blocks, the
+/// control point of a group could change between the sessions.
 pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
     let devices = run.devices.len();
     let plan = Plan::new(run.experiment, devices.min(1));

@@ -11,10 +11,10 @@ use crate::words::counted;
 /// A change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this fraction.
 const THRESHOLD: f64 = 0.02;
 
-/// Prints how the times with the second folder of kernels compare with those with the first. Returns an error with exit
-/// code 1 if the second folder causes a statistically significant slowdown of more than `limit_percent`: of the mean of
-/// all points, of the mean of one strategy's points or of a single point. Also returns this error if a point fails with
-/// the second folder but was measured with the first.
+/// Prints how the times with the second folder of kernels compare with those with the first. If `limit_percent` is
+/// given, returns an error with exit code 1 in two cases. In the first case, the second folder causes a statistically
+/// significant slowdown of more than `limit_percent`: of the mean of all points, of the mean of one strategy's points
+/// or of a single point. In the second case, a point fails with the second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {

@@ -1,4 +1,4 @@
-//! Options for the view of a mesh or a scene; each one sets a value of the scene.
+//! Options for the view of a mesh or a scene. Each option except `--plain` sets a value of the scene.
 
 use crate::scene::Setting;
 use toml::Value;

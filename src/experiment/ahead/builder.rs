@@ -61,7 +61,7 @@ impl Pool {
 }
 
 impl Patience<'_> {
-    /// Returns a process's reply; `None` if the process is dead, hangs or is no longer needed.
+    /// Returns a process's reply; `None` if the process is dead or hangs, or if the user has ended the run.
     fn wait(&self, worker: &mut dyn Worker) -> Option<Reply> {
         let start = Instant::now();
         loop {

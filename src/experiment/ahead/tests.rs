@@ -146,8 +146,8 @@ fn a_run_that_ends_builds_nothing_more() {
     assert!(ahead.next().is_none());
 }
 
-/// The program of a tree is compiled for this scene and this way of building the tree. A version of raycl that builds
-/// trees in another way must not use the stored program, so the program gets another name.
+/// A program that traverses a tree is compiled for one scene and for one way of building trees. A version of raycl that
+/// builds trees in another way must not use the stored program, so it gives the program another name.
 #[test]
 fn the_name_of_a_trees_program_has_the_scene_and_the_kind_of_tree() {
     let name = |scene: Option<&str>| {

@@ -33,7 +33,7 @@ pub(super) struct Timed<'b, 's, K> {
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// Number of frames cast on each device, which determines when its anchor is run.
+    /// Number of samples taken on each device. This number determines when the device's anchor is run.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -87,8 +87,8 @@ impl Latency {
 /// What a run says while it waits for near processors.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run once for this many frames of points. With this number, the anchor's time is known more
-/// precisely than a point's, yet the anchor takes little time compared with the frames.
+/// A device's anchor is run once for this many samples of points. With this number, the anchor's time is known more
+/// precisely than a point's, yet the anchor takes little time compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {

@@ -8,8 +8,9 @@
 //! these values. The spread includes all effects within a launch, even autocorrelation, so no model of these effects
 //! is needed.
 //!
-//! 1. In each launch the drift that all points share is subtracted ([`drift`]), and a point's value is the median
-//!    of the remaining logarithms. This is a paired design, so samples of different points must be interleaved.
+//! 1. In each launch, the drift that all points share is subtracted from the logarithms of the times ([`drift`]). A
+//!    point's value is the median of its logarithms without the drift. This is a paired design, so samples of different
+//!    points must be interleaved.
 //! 2. Each value in the table of points and launches is split into the effect of its point, the effect of its launch,
 //!    and the rest (two-way analysis of variance). Three launches give only a poor estimate of the spread of a pair of
 //!    points (two degrees of freedom). Therefore the pair's variance is averaged with the usual variance of all points

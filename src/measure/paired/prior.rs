@@ -4,9 +4,9 @@
 use statrs::function::gamma::digamma;
 
 /// Before the distribution of the points' true variances ([`Prior`]) is estimated, a variance above this multiple of
-/// the typical variance is reduced to this multiple. Both are compared after the bias of the variances' logarithms is
-/// corrected. With two degrees of freedom, a variance exceeds this limit if it is more than 9 times the typical
-/// variance; if all points are alike, one in 8,000 does so by chance.
+/// the typical variance is reduced to this multiple. For the comparison, the logarithm of the observed variance is
+/// corrected for its bias. With two degrees of freedom, an observed variance therefore exceeds this limit if it is more
+/// than 9 times the typical variance; if all points are alike, one in 8,000 does so by chance.
 const MOST_TIMES: f64 = 16.0;
 /// Before the distribution is estimated, a variance below this fraction of the mean variance is raised to this
 /// fraction. A variance can be 0, because with a coarse clock all times of a point can be equal.
@@ -19,8 +19,9 @@ const DEGREES: [f64; 2] = [1e-2, 1e4];
 const HALVINGS: usize = 44;
 
 /// The distribution of the true variances of points: a scaled inverse chi-square distribution, estimated from the
-/// observed variances. Smyth, "Linear models and empirical Bayes methods for assessing differential expression in
-/// microarray experiments" (Statistical Applications in Genetics and Molecular Biology 3, 2004), section 6.2.
+/// observed variances. The method is that of Smyth, "Linear models and empirical Bayes methods for assessing
+/// differential expression in microarray experiments" (Statistical Applications in Genetics and Molecular Biology 3,
+/// 2004), section 6.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prior {
     /// The variance of a point of which nothing is known.
@@ -50,8 +51,8 @@ impl Prior {
         let logs: Vec<f64> = logs.iter().map(|log| log.min(most)).collect();
         let typical = mean_of(logs.iter().copied());
         let squares = logs.iter().map(|log| (log - typical).powi(2)).sum::<f64>();
-        // The observed variances differ even if the points are alike; the rest of the spread is that of the true
-        // variances.
+        // The observed variances differ even if the points are alike: their logarithms then have the variance
+        // trigamma(half). The rest of the variance is that of the true variances' logarithms.
         let own = squares / (logs.len() - 1) as f64 - trigamma(half);
         let degrees = 2.0 * inverse_trigamma(own);
         let scale = if degrees.is_finite() { log_bias(0.5 * degrees) } else { 0.0 };

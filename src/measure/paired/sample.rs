@@ -1,6 +1,6 @@
-//! One timed frame.
+//! One measured time of a point.
 
-/// One timed frame.
+/// One measured time of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairedSample {
     /// The point's index among the points that are compared.

@@ -1,5 +1,5 @@
-//! Simulates machines with known sources of error, to test whether intervals contain the results of other
-//! runs.
+//! Simulates machines with known sources of error, to test whether the 95% intervals of one run contain the results of
+//! other runs.
 
 use super::*;
 use crate::measure::summary::quantile;
@@ -15,7 +15,7 @@ const RUNS: u64 = 24;
 /// Points whose times differ by less than this fraction tie.
 const RESOLUTION: f64 = 0.01;
 
-/// Sources of error of a machine, as standard deviations of logarithms.
+/// The sources of error of a machine: standard deviations of the logarithms of times, and two probabilities.
 #[derive(Clone, Copy)]
 struct Machine {
     /// By how much a run changes the times of all points.
@@ -217,7 +217,7 @@ fn steady_points_are_told_apart_beside_bimodal_ones() {
     assert!(steady.1 <= 0.04 && steady.1 <= 1.2 * undisturbed.1, "{steady:?} {undisturbed:?}");
 }
 
-/// Returns the 95% percentile bootstrap interval of the median, which assumes independent samples.
+/// Returns the 95% interval of the median by the percentile bootstrap. This method assumes independent samples.
 fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     let mut resampled = || {
         let drawn: Vec<f64> = samples.iter().map(|_| samples[rng.random_range(0..samples.len())]).collect();
@@ -230,8 +230,8 @@ fn bootstrap(samples: &[f64], rng: &mut impl Rng) -> Interval {
     Interval { middle, low, high, error: 0.0, degrees: 0.0 }
 }
 
-/// Shows why launches are repeated: the bootstrap, which ignores launches, yields intervals that contain far fewer
-/// results of other runs.
+/// Shows why launches are repeated: the bootstrap ignores launches, and its intervals contain far fewer results
+/// of other runs than those of [`Paired`].
 #[test]
 fn the_plain_interval_of_a_median_does_not_hold() {
     let plain = |samples: &Vec<PairedSample>, point: usize| {

@@ -5,7 +5,8 @@ use super::prior::Prior;
 use crate::measure::mean_and_sigma;
 use crate::measure::summary::quantile;
 
-/// The largest weight, in degrees of freedom, with which the spread of all points is added to a pair's own spread.
+/// The largest weight, in degrees of freedom, of a spread that is borrowed. A point or a pair of points borrows the
+/// spread of all points; a table borrows the spread of other tables.
 const BORROWED: usize = 6;
 /// The effect that a column (a launch) has on all rows (points) is estimated from the steadiest rows only: from one row
 /// in this many. The other rows may be far from steady: in a run of the paper's Figure 8 on a CPU, 19 of 37 points took
@@ -15,8 +16,8 @@ const STEADY_PART: usize = 3;
 /// be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
-/// The spread of repeated values, pooled over all points. The table has a row per point and a column per
-/// repeat.
+/// The spread of the values in a table, pooled over all points. The table has a row per point and a column per repeat,
+/// that is, per launch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
     /// The distribution of the variances of the rows' residuals, after subtracting the effects of rows and columns.
@@ -30,8 +31,8 @@ pub(super) struct Pooled {
 }
 
 impl Pooled {
-    /// Pools two tables of the same shape: `relative` has medians from which drift was subtracted; `plain` has medians
-    /// of the measured times.
+    /// Pools two tables of the same shape. Their values are medians of the logarithms of times: in `relative` after the
+    /// drift was subtracted, in `plain` before.
     pub(super) fn of(relative: &[&[f64]], plain: &[&[f64]]) -> Self {
         let (rows, columns) = (relative.len(), relative.first().map_or(0, |row| row.len()));
         let together: Vec<f64> = plain.iter().map(|row| variance(row)).collect();
@@ -40,15 +41,15 @@ impl Pooled {
         Self { apart: interaction(relative), together, rows, columns, elsewhere }
     }
 
-    /// Returns the error of the mean of `differences`. There is one difference per column, between the mean of
-    /// `rows[0]` rows and the mean of `rows[1]` others.
+    /// Returns the error of the mean of `differences`. There is one difference per column: between the mean of
+    /// some rows and the mean of others. `rows` has the numbers of rows in these two means.
     pub(super) fn of_difference(&self, differences: &[f64], rows: [usize; 2]) -> Error {
         let parts: f64 = rows.iter().map(|rows| 1.0 / *rows as f64).sum();
         self.moderated(parts, variance(differences))
     }
 
-    /// Returns the error of a row's mean. Effects of a column are common to all rows, so other rows of the same table
-    /// add no information about these effects. Other tables add information.
+    /// Returns the error of a row's mean. All rows share the effects of a column, so the other rows of the same table
+    /// add no degrees of freedom. Other tables add some.
     pub(super) fn of_level(&self, row: &[f64]) -> Error {
         let borrowed = self.borrowed(self.together, 1);
         let own = self.weighted(self.together.variance, borrowed, variance(row));
@@ -94,8 +95,8 @@ impl Pooled {
         prior.degrees.min(BORROWED.min(others) as f64)
     }
 
-    /// Returns the mean of a row's `own` variance and the `usual` variance of all rows, weighted by their degrees of
-    /// freedom.
+    /// Returns the mean of two variances, weighted by their degrees of freedom. `own` is the variance of a row or of
+    /// differences; `usual` is that of all rows, and has `borrowed` degrees of freedom.
     fn weighted(&self, usual: f64, borrowed: f64, own: f64) -> f64 {
         let columns = self.columns as f64 - 1.0;
         (borrowed * usual + columns * own) / (borrowed + columns)
@@ -135,16 +136,16 @@ fn interaction(table: &[&[f64]]) -> Prior {
         let residuals: Vec<f64> =
             centred[row].iter().zip(&sorted).map(|(value, column)| value - effect(column, *value)).collect();
         // The effect of the column has an error, too, which makes the variance of the residuals larger. The division
-        // corrects this. It treats the effect as a mean of rows. The effect is a median, and the variance of a median's
-        // error is about a half larger (less for few rows).
+        // would correct this exactly if the effect were a mean of rows. The effect is a median, and the variance of a
+        // median's error is about a half larger (less for few rows), so the correction is slightly too small.
         variance(&residuals) / (1.0 + 1.0 / (steady.len() - usize::from(own)) as f64)
     };
     Prior::of(&(0..rows).map(of_row).collect::<Vec<_>>(), columns - 1)
 }
 
-/// Returns the third of the rows, but at least [`LEAST_STEADY`], that change most alike from column to column. Each row
-/// forms a set with its nearest rows. The returned set is the one whose farthest row is nearest to the row that formed
-/// the set.
+/// Returns the rows that change most alike from column to column: a third of all rows, but at least [`LEAST_STEADY`] if
+/// there are so many. Each row forms a set with its nearest rows. The returned set is the one whose farthest row is
+/// nearest to the row that formed the set.
 fn steady(centred: &[Vec<f64>]) -> Vec<usize> {
     let rows = centred.len();
     let count = rows.div_ceil(STEADY_PART).max(LEAST_STEADY).min(rows);
@@ -181,7 +182,8 @@ mod tests {
     #[test]
     fn what_rows_and_columns_share_is_no_interaction() {
         assert!(interaction(&[&[1.0, 2.0, 4.0], &[11.0, 12.0, 14.0]]).variance < 1e-20);
-        // Computed by hand: the residuals are +-0.5 in all four cells, with one degree of freedom.
+        // Computed by hand, with means as the effects: the residuals are +-0.5 in all four cells. The sum of their
+        // squares is 1, with one degree of freedom.
         assert!((interaction(&[&[1.0, 0.0], &[0.0, 1.0]]).variance - 1.0).abs() < 1e-12);
         assert_eq!(interaction(&[&[1.0, 9.0]]).variance, 0.0);
     }

@@ -3,10 +3,10 @@
 use super::*;
 use crate::measure::Ranking;
 
-/// Methods for a whole table, which identify points by their indices in the table; the program compares pairs of
-/// records instead (`record::together`).
+/// Methods for these tests. They identify points by their indices in the table; raycl itself compares records
+/// (`record::together`).
 impl Paired {
-    /// Returns the number of launches that are not ignored.
+    /// Returns the number of launches in which at least one point has enough samples.
     fn launches(&self) -> usize {
         self.launches
     }

@@ -38,7 +38,7 @@ pub fn resources(log: &str, kernel: &str) -> Resources {
         } else if let Some(name) = after(line, "Function properties for ") {
             function = Some(name);
         } else if entry == Some(kernel) {
-            // Functions that a kernel calls have their own stacks, but no registers.
+            // The log states stacks for each function that a kernel calls, but registers only for the kernel.
             let own = function.is_none_or(|name| name.trim_matches('\'') == kernel);
             if own {
                 found.read_stack(line);

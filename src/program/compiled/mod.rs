@@ -24,7 +24,7 @@ pub struct CompiledKernel {
     pub name: String,
     /// Work-items of the largest work-group with which the kernel can run.
     pub work_group_size: Option<u64>,
-    /// The multiple of work-items that the driver prefers as local size: a warp, or a vector.
+    /// The driver prefers local sizes that are multiples of this number: the size of a warp or of a vector.
     pub preferred_multiple: Option<u64>,
     /// Bytes of `__local` memory per work-group, as reported by the driver.
     pub local_bytes: Option<u64>,

@@ -6,11 +6,11 @@ use std::collections::VecDeque;
 /// Lines with more characters than this are broken if possible.
 const WIDEST: usize = 120;
 /// If a bracket opens at this column or further left, the next lines of its contents are aligned with the bracket. The
-/// next lines of other brackets are indented by four more columns.
+/// next lines of other brackets are indented by four columns more than the statement.
 const FURTHEST: usize = 80;
 
-/// Joins a line with the following lines until all round brackets are closed, since a macro earlier in the line has
-/// moved these brackets. Lines that end in a comment stay as they are.
+/// Joins a line with the following lines until all round brackets are closed. Macros in the line have shifted these
+/// brackets, so the following lines are no longer aligned with them. Lines that end in a comment stay as they are.
 pub(super) fn whole_brackets(line: &[Token], after: &mut VecDeque<&[Token]>) -> Vec<Token> {
     let mut whole = line.to_vec();
     let mut taken = 0;
@@ -161,8 +161,9 @@ struct Place {
     depth: usize,
 }
 
-/// Returns where to break a line: the last position at which the line fits, within as few brackets as possible. `None`
-/// if the line is short or cannot be broken. `open` has the columns of brackets that were opened on earlier lines.
+/// Returns where to break a line: of the positions up to which the line fits, the last one within the fewest brackets.
+/// `None` if the line is short or cannot be broken. `open` has the columns of brackets that were opened on earlier
+/// lines.
 fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
     if margin + length(tokens) <= WIDEST {
         return None;

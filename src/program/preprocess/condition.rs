@@ -85,17 +85,17 @@ const LEVELS: &[&[&str]] = &[
     &["*", "/", "%"],
 ];
 
-/// Parses a condition from left to right. `live` is false for an operand whose value does not matter, such as the right
-/// operand of `0 &&`. A division by zero in such an operand is not an error.
+/// Parses a condition from left to right. The methods' parameter `live` is false for an operand whose value does not
+/// matter, such as the right operand of `0 &&`. A division by zero in such an operand is not an error.
 struct Parser<'a> {
     tokens: Vec<Token>,
     at: usize,
-    /// The number of choices and unary operators around the current token.
+    /// The number of `?:` operators, unary operators and brackets around the current token.
     depth: usize,
     compiler: &'a mut Compiler,
 }
 
-/// The largest number of choices and unary operators (such as brackets) within each other. Each of them needs a part of
+/// The largest number of `?:` operators, unary operators and brackets within each other. Each of them needs a part of
 /// the thread's stack.
 const MOST_NESTED: usize = 100;
 

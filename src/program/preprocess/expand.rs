@@ -25,7 +25,7 @@ struct Expander<'a> {
     macros: &'a Macros,
     input: VecDeque<Token>,
     output: Vec<Token>,
-    /// Number of open round brackets in the output.
+    /// Number of open round brackets in the output; with `inline`, one more, so that line breaks become blanks.
     depth: usize,
 }
 
@@ -93,7 +93,7 @@ impl Expander<'_> {
         Ok(())
     }
 
-    /// Returns the body of a macro without parameters if it consists of numbers and operators only.
+    /// Returns the expanded body of a macro without parameters if it consists of numbers and operators only.
     fn constant(&self, called: &Macro, hidden: &[String]) -> Option<Vec<Token>> {
         let name =
             hidden.last().filter(|name| called.parameters.is_none() && self.macros.may_be_constant(name))?;
@@ -119,7 +119,7 @@ impl Expander<'_> {
     }
 
     /// Replaces the line breaks of a macro's body. Within brackets, each becomes a blank. Elsewhere, each becomes a
-    /// line end, and the new line gets the indentation of the output's last line.
+    /// line end, and the new line's own indentation is added to that of the output's last line.
     fn placed(&self) -> impl Fn(Token) -> Vec<Token> {
         let indentation = (self.depth == 0).then(|| self.indentation());
         move |token| match &indentation {

@@ -5,7 +5,7 @@ use super::token::{Kind, Token};
 use std::collections::VecDeque;
 use std::rc::Rc;
 
-/// A line of the result.
+/// A line of the preprocessed text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Line {
     /// The name of the line's file, as given by `#line`; empty if no `#line` named a file.

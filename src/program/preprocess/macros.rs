@@ -26,7 +26,7 @@ const MOST_NESTED: usize = 100;
 pub(super) struct Macros {
     defined: HashMap<String, Macro>,
     /// The names of macros without parameters that are known to expand to more than numbers and operators. Without this
-    /// set, the time for a chain of macros would double with every macro.
+    /// set, the time for a chain of macros, in which each macro uses the next, would double with every macro.
     not_constant: RefCell<HashSet<String>>,
     /// The number of tokens that expansions have made so far.
     made: Cell<usize>,
@@ -116,7 +116,8 @@ fn parameters(tokens: &[Token]) -> Option<(Vec<String>, &[Token])> {
     Some((names, &tokens[end + 1..]))
 }
 
-/// Returns a body in lines, each with its indentation relative to the others.
+/// Returns a body in lines. Before each line but the first is a [`Kind::Break`], whose text is the line's indentation
+/// beyond that of the least indented of these lines.
 fn laid_out(body: &[Token]) -> Vec<Token> {
     let lines: Vec<(usize, Vec<Token>)> = body.split(|token| token.kind == Kind::Break).map(line).collect();
     let first = lines.first().map_or(0, |_| 1);

@@ -1,10 +1,11 @@
-//! Preprocesses a kernel's source as its compiler would: conditions are decided and macros expanded; all
-//! other text stays as written.
+//! Preprocesses a kernel's source as its compiler would: decides the conditions, expands the macros, and removes all
+//! directives except `#pragma`. Code without macro calls stays as written.
 //!
-//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps everything that helps a reader: comments,
-//! indentation, each line's file and number, and the lines of a multi-line macro. If a constant replaces a macro, the
-//! macro's name follows as a comment. This preprocessor supports only what raycl's kernels use: all directives of C99
-//! except `#include`, and macros with a fixed number of arguments. Includes are resolved earlier.
+//! Unlike a compiler's own preprocessor (`cc -E`), this preprocessor keeps what helps a reader: comments on the
+//! remaining code, indentation, each line's file and number, and the lines of a multi-line macro. If a constant
+//! replaces a macro, the macro's name follows as a comment. This preprocessor supports only what raycl's kernels use:
+//! all directives of C99 except `#include`, and macros with a fixed number of arguments. When it runs, `source.rs` has
+//! already replaced each `#include` by the file's text.
 
 mod breaking;
 mod canonical;
@@ -36,15 +37,16 @@ use token::{Kind, Token, lex};
 pub struct Preprocessed {
     /// The remaining lines.
     pub lines: Vec<Line>,
-    /// Macros of the compiler, and `__has_builtin(NAME)`, that conditions use but the caller did not pass. They were
-    /// treated as undefined.
+    /// Names, and texts such as `__has_builtin(NAME)`, that conditions use but that neither the text nor the caller
+    /// defines. They were treated as undefined. A caller can find out the compiler's values for them, and preprocess
+    /// the text again.
     pub asked: Vec<String>,
     /// The files named by `#line`, in order, except those in branches that are not compiled.
     pub files: Vec<String>,
 }
 
 impl Preprocessed {
-    /// Returns a text that compiles to the same program.
+    /// Returns the lines as one text, which compiles to the same program as the source.
     pub fn text(&self) -> String {
         self.lines.iter().flat_map(|line| [line.text.as_str(), "\n"]).collect()
     }
@@ -103,8 +105,8 @@ struct Place {
 }
 
 /// The help in an error about a line that may ask for a value: an `#error` or a condition.
-const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or an axis; otherwise \
-    correct the line in the folder of --cl-dir";
+const VALUES: &str = "if the line asks for a macro's value, set this value with --local-size or with an axis, such as \
+    width=4; otherwise correct the line in the folder of --cl-dir";
 /// The help in an error about any other line.
 const CORRECT: &str = "correct the line in the folder of --cl-dir";
 /// The help in an error about an `#if` without `#endif`.
@@ -203,7 +205,9 @@ impl Preprocessor {
                 let text: String = rest.iter().map(|token| token.text.as_str()).collect();
                 return Err(self.mistake(number, format!("#error {}", text.trim())).with_help(VALUES));
             }
-            other => return Err(self.mistake(number, format!("#{other} is not understood here"))),
+            other => {
+                return Err(self.mistake(number, format!("raycl does not support the directive #{other}")));
+            }
         }
         self.layout.cut(&self.file);
         Ok(())

@@ -1,5 +1,5 @@
-//! Lays out a preprocessed program for reading from top to bottom. Each part follows the name of its file. Functions
-//! and types that the program's kernels do not use are left out.
+//! Lays out a preprocessed program for reading from top to bottom. Consecutive lines of one file form a part, under a
+//! comment with the file's name. Functions, types and variables that the chosen kernels do not use are left out.
 
 use super::Line;
 use super::token::{Kind, Token, lex};
@@ -11,7 +11,7 @@ use std::rc::Rc;
 pub struct Reading {
     /// The program's parts, each under a comment that names its file and line.
     pub text: String,
-    /// Number of lines of unused functions and types that were left out.
+    /// Number of lines of unused functions, types and variables, which were left out.
     pub left_out: usize,
 }
 
@@ -112,9 +112,8 @@ fn whole(lines: Vec<&Line>, apart: bool) -> Item<'_> {
     Item { name: declared(&code), uses: names.collect(), lines, apart }
 }
 
-/// Returns the name that an item declares: for a type the last name, for a function the name before
-/// its bracket, for a variable the name before its size or value. `None` for items without a name,
-/// such as a pragma.
+/// Returns the name that an item declares: for a type the last name, for a function the name before its bracket, for a
+/// variable the name before its size, its value or the semicolon. `None` for items without a name, such as a pragma.
 fn declared(code: &[Token]) -> Option<String> {
     let mut depth = 0;
     let mut outer: Vec<&Token> = Vec::new();

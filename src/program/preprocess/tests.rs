@@ -111,7 +111,7 @@ fn what_is_not_closed_or_not_opened_is_told() {
     for name in ["else", "elif 1", "endif"] {
         assert!(mistake(&format!("#{name}\n")).contains("without #if"), "{name}");
     }
-    assert!(mistake("#include \"a.cl\"\n").contains("#include is not understood"));
+    assert!(mistake("#include \"a.cl\"\n").contains("raycl does not support the directive #include"));
     assert!(mistake("#define\n").contains("needs a name"));
     assert!(mistake("#define F(a, ...) a\n").contains("the parameters of F"));
 }

@@ -20,7 +20,8 @@ pub(super) enum Kind {
     /// A line end after a backslash. In a macro's body, the token's text is the indentation of the
     /// next line.
     Break,
-    /// A mark for the empty expansion of a macro. The mark shows that the line was changed.
+    /// A mark in place of an empty expansion or an empty argument of a macro. After an empty expansion, the mark shows
+    /// that the line was changed.
     Nothing,
 }
 

@@ -3,8 +3,8 @@
 use super::super::summary::tests::{few, judged, measured, sampled};
 use super::*;
 
-/// Returns a record with ten samples near `ms`; those of the second launch take longer by the
-/// fraction `slower`.
+/// Returns a record with five samples in each of two launches. A sample of the first launch takes `ms`. A sample of the
+/// second launch takes longer by the fraction `slower`.
 fn launches(name: &str, ms: f64, slower: f64) -> Record {
     let at = |place: u32| if place < 5 { ms } else { ms * (1.0 + slower) };
     sampled(name, (0..10).map(|place| (place / 5, at(place))))

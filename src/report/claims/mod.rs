@@ -1,10 +1,9 @@
 //! Quotes the paper's claims and tests each of them on the records of one device.
 //!
-//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must
-//! hold. Only claims that do not depend on the speed of a device are tested: which of two points is
-//! faster, by how much, which block size is best, which scene fits into a memory. The same rule
-//! decides all claims: see [`Verdict::of_all`]. The published values were measured on a device that
-//! the paper does not name.
+//! The claims are in `claims.toml`, each with its sentence, its figure and the tests that must hold. Absolute times are
+//! not tested, since the paper does not name the device on which they were measured. The tests find out, for example,
+//! which of two points is faster and by how much, which block size is best, and which scene fits into a memory. The
+//! same rule decides all claims: see [`Verdict::of_all`].
 
 mod claim_data;
 mod kinds;
@@ -32,8 +31,7 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Returns the measurements that would decide the claim, without repetitions; none if the claim
-    /// is decided.
+    /// Returns the measurements that would decide the claim, each only once; none if the claim is decided.
     pub fn decides(&self) -> Vec<&str> {
         let mut all: Vec<&str> = Vec::new();
         let open = matches!(self.verdict, Verdict::Unclear | Verdict::Cannot);
@@ -378,7 +376,8 @@ mod tests {
         assert_eq!([told(6.0, 7), told(0.0, 0)], [Verdict::Cannot; 2], "another launch, or no time");
     }
 
-    /// Returns the claim that a memory's latency is about this many cycles.
+    /// Returns the claim that a memory's latency differs from `cycles` by a factor of at most 1.1, evaluated on a run
+    /// that has this folder.
     fn of_latency(folder: &Folder, memory: &str, cycles: u32) -> Claim {
         let test = format!("kind = 'latency', memory = '{memory}', cycles = {cycles}, within = 1.1");
         claim_in(folder, &test, &[&[measured("gpu", "naive", 8, 10.0)]])

@@ -17,8 +17,7 @@ pub struct Ratio {
 }
 
 impl Ratio {
-    /// Returns the ratio of two measured records' times. All claims compute ratios with this
-    /// function.
+    /// Returns the ratio of two measured records' times; `None` if either record has no time.
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         median(slow)?;
         median(fast)?;

@@ -7,9 +7,9 @@ pub enum Verdict {
     Held,
     /// The measurement contradicts the claim.
     NotHeld,
-    /// The measurement does not decide the claim: an interval (the 95% interval of a ratio, or the quartiles of a
-    /// latency) contains a bound of the claimed range, there are too few samples, a point's measurement was not
-    /// completed, or only some of the claim's comparisons could be made.
+    /// The measurement does not decide the claim. There are too few samples, a point's measurement was not completed,
+    /// or only some of the claim's comparisons could be made. Or a bound of the claimed range lies within the 95%
+    /// interval of a ratio, or between the quartiles of a latency.
     Unclear,
     /// The claim cannot be tested with this data.
     Cannot,

@@ -109,8 +109,8 @@ impl Comparison {
         comparison
     }
 
-    /// Compares two folders of kernels within one run. Leaves out points whose compiled program is
-    /// the same with both folders.
+    /// Compares two folders of kernels within one run. Leaves out points whose program has the same text with both
+    /// folders.
     pub fn of_kernels(folder: &Folder, threshold: f64) -> Self {
         let mut comparison = Self::without_points([folder, folder], threshold);
         comparison.notes.clone_from(&folder.notes);
@@ -119,7 +119,10 @@ impl Comparison {
         labels.dedup();
         let [Some(first), Some(second)] = [0, 1].map(|place| labels.get(place).map(|label| (*label).clone()))
         else {
-            comparison.notes.push("The two folders of kernels compile to the same programs.".to_owned());
+            comparison.notes.push(
+                "The two folders of kernels compile to the same programs, so no points are compared."
+                    .to_owned(),
+            );
             return comparison;
         };
         let of = |record: &&Record, label: &str| record.kernels_of.as_deref() == Some(label);
@@ -227,8 +230,8 @@ impl Comparison {
         }
         if of(Against::BareTimes) {
             self.notes.push(
-                "Plain times are compared, so changes include every other difference between the runs, such as load and \
-                 clock rates."
+                "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
+                 between the runs, such as load and clock rates."
                     .to_owned(),
             );
         }

@@ -49,7 +49,7 @@ impl Pair {
 
     /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format is "496× as long"; if
     /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is
-    /// "n = 10 and 3". If the two folders have no common reference time, the text is "?".
+    /// "n = 10 and 3". If the change cannot be computed although there are enough samples, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
@@ -67,8 +67,8 @@ impl Pair {
         }
     }
 
-    /// Returns the point's name, such as "teapot 800 x 500, naive 8x8", followed by the device if
-    /// `device` is true.
+    /// Returns the point's name, such as "teapot 800 x 500, naive 8x8". If `device` is true and the point is no
+    /// baseline, the device follows.
     pub fn point(&self, device: bool) -> String {
         let on = if device && !self.before.is_baseline() {
             format!(", {}", self.before.device)

@@ -10,8 +10,9 @@ use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
 /// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
 
-/// Returns one line per regression. The permitted probability of a false report (`RISK`) is divided into three equal
-/// parts: for the mean of all points, for the strategies' means, and for the single points.
+/// Returns one line per slowdown that surely exceeds `limit_percent`, and one line per point that was measured before
+/// and fails now. The permitted probability of a false report (`RISK`) is divided into three equal parts: for the mean
+/// of all points, for the strategies' means, and for the single points.
 pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
     let limit = 1.0 + limit_percent / 100.0;
     let slower = |what: &str, change: Interval, tests: usize| {
@@ -40,8 +41,8 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         .collect()
 }
 
-/// Returns the factor by which the 10% quantile of a point's samples changed, relative to the same
-/// reference time as the change of the median. If a program is slower, all its samples take longer. But
+/// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, this
+/// factor is relative to other measurements (see [`Against`]). If a program is slower, all its samples take longer. But
 /// if only the machine was slower for most of the run, the fastest samples take as long as before.
 fn change_of_fastest(pair: &Pair, change: Interval) -> f64 {
     let (before, after) = (spread(&pair.before), spread(&pair.after));
@@ -72,9 +73,9 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     strategies
 }
 
-/// Returns the mean change of some points. Points that were measured together are averaged first.
-/// Returns `None` if the change of any point is unknown, or if it is neither relative to an anchor nor
-/// a comparison of two times from the same rounds.
+/// Returns the mean change of some points: first the change of each group of points that were measured together, then
+/// the mean over the groups. Returns `None` if the change of any group is unknown. The change of a group is known only
+/// if it is relative to an anchor, or if it compares times from the same rounds.
 fn change_of(pairs: &[&Pair]) -> Option<Interval> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
     for &pair in pairs {

@@ -6,7 +6,7 @@ fn folder(label: &str, records: Vec<Record>) -> Folder {
     Folder { label: label.into(), records: judged(records), ..Folder::default() }
 }
 
-/// Returns a record whose samples vary by half a per cent.
+/// Returns a record whose samples are 0%, 0.5% and 1% above `around`, in turn.
 fn timed(device: &str, name: &str, around: f64) -> Record {
     let mut record = measured(device, name, 8, around);
     record.samples_ms = (0..10).map(|n| around * (1.0 + 0.005 * f64::from(n % 3))).collect();
@@ -244,8 +244,8 @@ fn each_group_and_each_device_is_compared_with_the_anchor_of_its_own() {
         let slow_machine = of(&usual, &run("new", 2.0, 1.0));
         assert_eq!(slow_machine.summary(), "0 faster, 0 slower, 8 same, 0 unclear", "{device}");
         assert!(slow_machine.regressions(5.0).is_empty(), "{:?}", slow_machine.regressions(5.0));
-        // Only the points of the second group take 1.2 times as long as before. So the geometric mean of all points'
-        // changes is the square root of 1.2.
+        // Relative to their anchors, the points of the second group take 1.2 times as long as before, and the points of
+        // the first group take as long as before. So the geometric mean of all changes is the square root of 1.2.
         let slow_kernels = of(&usual, &run("new", 2.0, 1.2));
         assert_eq!(slow_kernels.summary(), "0 faster, 4 slower, 4 same, 0 unclear", "{device}");
         let found = slow_kernels.regressions(5.0);
@@ -309,8 +309,8 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
 }
 
-/// In a run, a point's name ends with the folder of its kernels. The message on a regression names a pair of points
-/// without this folder, because the two points have different folders.
+/// If a run compares two folders of kernels, a point's name ends with the folder of its kernels. The message on a
+/// regression names a pair of points without this folder, because the two points have different folders.
 #[test]
 fn a_regression_does_not_name_the_old_folder_of_kernels() {
     let with = |kernels: &str, ms| Record {

@@ -130,7 +130,8 @@ impl Chart {
         svg.upright_text("label", [16.0, f64::midpoint(frame.top, frame.bottom)], &self.y_label);
     }
 
-    /// Returns the length of the longest name along x, in characters.
+    /// Returns the length of the longest name along x, in characters, but at most 20: slanted names are shortened to 20
+    /// characters.
     fn longest_name(&self) -> usize {
         match &self.across {
             Across::Names(names) => names.iter().map(|name| name.chars().count().min(20)).max().unwrap_or(0),

@@ -1,5 +1,5 @@
-//! Draws a heat map for phones. Each row's name is above its cells. Long rows continue on further
-//! lines, with each column's name above its cell. The legend is at the bottom.
+//! Draws a heat map for phones. Each row's name is above its cells. Long rows continue on further lines, so each cell
+//! contains its column's name. The legend is at the bottom.
 
 use super::heat::{Cell, HeatMap, draw_legend_cell, draw_scale, hex, ink_on, rect, ring};
 use super::layout::{LETTER, NARROW};

@@ -33,8 +33,8 @@ pub fn draw(svg: &mut Svg, [left, top]: [f64; 2], entries: &[(&str, Look)]) -> f
 }
 
 /// Shortens a name to at most `longest` characters; an ellipsis replaces its middle. The beginning
-/// and the end of the name remain, since an experiment's names differ there: in the value of an
-/// axis, or in the exponent of a fitted power law.
+/// and the end of the name remain, since names differ there: the preset is at the beginning; the value of an axis, or
+/// the exponent of a fitted power law, is at the end.
 pub fn shorten(name: &str, longest: usize) -> String {
     let length = name.chars().count();
     if length <= longest {

@@ -3,8 +3,8 @@
 /// The kind of a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Equal distances on the axis mean equal differences between values. The axis begins at 0 unless
-    /// there are negative values.
+    /// Equal distances on the axis mean equal differences between values. A scale from [`Scale::over`] begins at 0
+    /// unless there are negative values.
     Linear,
     /// Equal distances on the axis mean equal ratios of values.
     Log,

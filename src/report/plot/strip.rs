@@ -1,4 +1,4 @@
-//! Draws strip plots, which show every sample of a few points as a dot, so that noise is visible.
+//! Draws strip plots, which show the samples of a few points as dots, so that noise is visible.
 
 use super::layout::{Layout, NARROW, WIDE};
 use super::legend::shorten;

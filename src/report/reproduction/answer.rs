@@ -140,8 +140,8 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns the best local size of all kernels, such as "8 x 8", and the best local size of the
-/// naive kernel. If several sizes tie, returns these sizes or their number.
+/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the naive kernel.
+/// If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
@@ -179,7 +179,7 @@ fn why(contests: &[Contest<'_>]) -> String {
     let pixels: f64 = best.image_size.iter().map(|side| f64::from(*side)).product();
     let moved = readable((pixels * triangles as f64 * RAY_BYTES) as u64);
     format!(
-        "naive reads the ray from global memory at each test (for primary rays alone, {moved} per frame on {}: calculated, not measured), and {} reads it from {}; {}",
+        "naive reads the ray from global memory at each test: for primary rays alone, {moved} per frame on {} (calculated, not measured); {} reads the ray from {}; {}",
         best.scene,
         best.name,
         place_of_vectors(best),
@@ -275,7 +275,7 @@ mod tests {
         );
         assert_eq!(found.size, "on teapot, 8 x 8 (naive alone: 4 x 4)");
         assert!(
-            found.why.contains("from global memory at each test (for primary rays alone, 9.8 GB per frame")
+            found.why.contains("from global memory at each test: for primary rays alone, 9.8 GB per frame")
                 && found.why.contains("does not report registers"),
             "{}",
             found.why

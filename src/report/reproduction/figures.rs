@@ -77,7 +77,8 @@ pub fn figure(
     Figure { about, pictures: shown, plots, rows, missing }
 }
 
-/// Returns a scene's picture that a device cast, from the run with the largest picture.
+/// Returns the largest picture of a scene that a device cast. If several pictures have this size, the picture of the
+/// naive kernel is preferred.
 fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures<'_>) -> Option<Picture> {
     let groups = runs.iter().flat_map(|run| &run.groups);
     let own = groups.filter(|group| group.scene == scene && group.device == device);

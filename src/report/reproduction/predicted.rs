@@ -15,7 +15,7 @@ const PUBLISHED: [(u32, u64); 5] = [(2, 32), (4, 128), (8, 512), (16, 1536), (32
 const BLOCKS: [u32; 9] = [2, 4, 6, 8, 10, 12, 14, 16, 32];
 /// The number of registers per thread in the paper.
 const REGISTERS: u32 = 63;
-/// The compute capability that raycl assumes for the paper's device, which the paper does not name.
+/// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
 /// Returns Figure 5 with the published values, the prediction for the paper's number of registers,

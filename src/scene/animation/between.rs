@@ -12,7 +12,8 @@ fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// Returns whether a value can be interpolated: it is a number, or a list of values that can be interpolated.
+/// Returns whether a value can be interpolated: it is a finite number, or a list that is not empty and whose values can
+/// all be interpolated.
 pub(super) fn is_numeric(value: &Value) -> bool {
     match value {
         Value::Array(elements) => !elements.is_empty() && elements.iter().all(is_numeric),
@@ -31,8 +32,9 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. Unless the interpolation is by steps,
-/// the values of all keyframes have the same structure: numbers, or lists (perhaps nested) of the same length.
+/// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are those of all
+/// keyframes of a track, or of these two keyframes and one more on each side. Unless the interpolation is by steps, the
+/// values must have the same structure: all are numbers, or all are lists (perhaps nested) of the same length.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,
@@ -79,9 +81,10 @@ fn smooth(frames: &[f64], values: &[f64], begin: usize, frame: f64) -> f64 {
     value.clamp(from.min(to), from.max(to))
 }
 
-/// Returns the slope at a keyframe. At the first and the last keyframe, [`end_slope`] computes the slope. At any other
-/// keyframe, the slope is 0 at a turning point, and otherwise a weighted harmonic mean of the slopes of the lines to
-/// the neighbouring keyframes, so that the curve does not overshoot. With two keyframes, the curve is a line.
+/// Returns the slope at a keyframe. If there are only two keyframes, the curve is a line. Otherwise, [`end_slope`]
+/// computes the slope at the first and the last keyframe. At any other keyframe, the slope is a weighted harmonic mean
+/// of the slopes of the lines to the two neighbouring keyframes, so that the curve does not overshoot. If these two
+/// slopes have different signs, or if one of them is 0, the slope is 0.
 fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
     let length = |line: usize| frames[line + 1] - frames[line];
     let line = |line: usize| (values[line + 1] - values[line]) / length(line);
@@ -104,8 +107,8 @@ fn slope(frames: &[f64], values: &[f64], key: usize) -> f64 {
 
 /// Returns the slope at the first or the last keyframe: the slope of the parabola through this keyframe and its two
 /// nearest keyframes, limited so that the curve does not overshoot (Moler, Numerical Computing with MATLAB, 2004,
-/// section 3.6). The arguments are the lengths and the slopes of the two lines between these three keyframes. In both
-/// arguments, the line that touches the first or the last keyframe comes first.
+/// section 3.6). The arguments are the numbers of frames and the slopes of the two lines between these three keyframes.
+/// In both arguments, the line at the first or the last keyframe comes first.
 fn end_slope([near, far]: [f64; 2], [line, next]: [f64; 2]) -> f64 {
     let slope = ((2.0 * near + far) * line - near * next) / (near + far);
     if slope * line <= 0.0 {

@@ -4,6 +4,7 @@ use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
 use crate::error::Result;
 use crate::scene::document::Document;
+use crate::scene::setting::Setting;
 use crate::words::counted;
 use toml::{Spanned, Value};
 
@@ -75,11 +76,21 @@ impl Track {
         if frame <= self.at[begin] || begin + 1 == self.at.len() {
             return first.clone();
         }
-        // The slopes at these two keyframes also depend on the keyframe before them and on
-        // the keyframe after them.
+        // The slopes of the curve at the keyframes `begin` and `begin + 1` also depend on the keyframe before them and
+        // on the keyframe after them.
         let (low, high) = (begin.saturating_sub(1), (begin + 3).min(self.at.len()));
         let values: Vec<&Value> = self.values[low..high].iter().map(Spanned::get_ref).collect();
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
+    }
+
+    /// Returns the value that the track sets at a frame. In messages, the value is shown as its place in the scene file
+    /// `document`.
+    pub fn setting(&self, document: &Document, frame: u32) -> Setting {
+        let place = document.place_of(&self.value_span(frame));
+        let path = self.path.get_ref();
+        let name = if document.quotes { format!("track `{path}`") } else { "a track".to_owned() };
+        let origin = format!("{place}: {name} at frame {frame}");
+        Setting { path: path.clone(), value: self.value(frame), origin }
     }
 
     /// Finds the last keyframe that is not after a frame. Returns the location of this keyframe's
@@ -131,7 +142,8 @@ fn evenly(values: usize, frames: u32) -> Vec<f64> {
     (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
 }
 
-/// Returns the interpolation, which must suit the values.
+/// Returns a track's interpolation: `given` or, if it is `None`, the default for these values. Refuses values that
+/// cannot be interpolated in this way.
 fn checked(
     document: &Document,
     values: &[Spanned<Value>],

@@ -16,7 +16,7 @@ pub(in crate::scene) struct AnimationWire {
     /// The number of frames, which are counted from 1.
     #[schemars(with = "u32", range(min = 1, max = MAX_FRAMES))]
     pub frames: Spanned<u32>,
-    /// Frames per second of an .apng or a y4m stream [default: 30].
+    /// Frames per second of an .apng, or of a y4m stream (uncompressed video) [default: 30].
     #[schemars(with = "Option<u16>", range(min = 1, max = MAX_RATE))]
     pub frames_per_second: Option<Spanned<u16>>,
     /// The values that change.

@@ -23,8 +23,8 @@ impl CameraWire {
 }
 
 /// Returns the camera that the scene file's keys modify. Without a `ball` (the ball around the scene), this is the
-/// paper's camera with a z_near of 0. With a `ball`, it is the camera of the mesh's file or, if there is none or if the
-/// user sets an angle or `up`, a camera that sees the whole scene.
+/// paper's camera with a z_near of 0. With a `ball`, this is the camera of the mesh's file. If the file has no camera,
+/// or if the user sets an azimuth, an elevation or `up`, this is a camera that sees the whole scene.
 pub(super) fn base_camera(
     wire: &CameraWire,
     mesh: &Mesh,
@@ -74,13 +74,13 @@ pub(super) fn camera(
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
-/// Returns the tangent of half the field of view, and whether it is measured across the height; `None` if the scene
-/// file sets no field of view.
+/// Returns the tangent of half the field of view, and whether this field of view is measured across the height; `None`
+/// if the scene file sets no field of view.
 fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, bool)>> {
     let tangent = |degrees: f32| (f64::from(degrees).to_radians() / 2.0).tan() as f32;
     match (&wire.fov_x_degrees, &wire.fov_y_degrees) {
         (Some(_), Some(second)) => Err(document
-            .error(second.span(), "both fov_x_degrees and fov_y_degrees", "the second field of view")
+            .error(second.span(), "both fov_x_degrees and fov_y_degrees are set", "one of the two")
             .with_help("set only one of them: the other follows from the image's aspect ratio")),
         (Some(fov), None) => Ok(Some((tangent(fov.get_ref().0), false))),
         (None, Some(fov)) => Ok(Some((tangent(fov.get_ref().0), true))),
@@ -94,7 +94,8 @@ fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: 
         |order: [usize; 3]| order.iter().find_map(|&i| place[i].as_ref()).map_or(0..0, toml::Spanned::span);
     if position == target {
         let message = format!("the camera is at {position} and looks at the same point");
-        return document.error(at([1, 2, 0]), message, "no direction").with_help("move position or look_at");
+        let error = document.error(at([1, 2, 0]), message, "no direction");
+        return document.with_settings(error.with_help("move position or look_at"));
     }
     let message =
         format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);

@@ -53,7 +53,7 @@ pub(super) fn make(
     Ok(file)
 }
 
-/// Returns the object's triangles in the coordinates of the scene, with its material.
+/// Moves the object's triangles into the coordinates of the scene, and applies the object's `material` to them.
 pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile) -> MeshFile {
     let vector = |values: Option<[f32; 3]>, default| values.map_or(default, Vec3::from_array);
     let transform = Transform {
@@ -70,8 +70,8 @@ pub(super) fn placed(document: &Document, wire: &ObjectWire, mut file: MeshFile)
     file
 }
 
-/// Returns the material `base` with the values that the scene file replaces. One of k_g and shininess is enough for a
-/// highlight; the missing one has the paper's value.
+/// Returns the material `base` after the values that the scene file sets have replaced its own. If the file sets only
+/// one of k_g and shininess, the material gets a highlight in which the other one has the paper's value.
 fn paint(base: &Material, wire: &MaterialWire) -> Material {
     let lambertian = wire.k_l.map_or(base.lambertian, |k| Vec3::from_array(k.0));
     if wire.k_g.is_none() && wire.shininess.is_none() {
@@ -126,7 +126,8 @@ fn read_file(
 }
 
 /// Refuses a file that is not a mesh. The message begins with the place that names this file: the scene file and the
-/// number of the line, or a setting such as `--set`. Unlike other messages about scene files, it quotes no text.
+/// number of the line, or a setting such as `--set`. Unlike other messages about mistakes in a scene file, this message
+/// quotes no line of the scene file.
 fn refuse_foreign(document: &Document, file: &Spanned<String>, path: &Path, opened: &Opened) -> Result<()> {
     let name = format!("{}: {}", document.place_of(&file.span()), path.display());
     opened.filetype.refusal(&name, Wanted::Mesh).map_or(Ok(()), Err)
@@ -181,8 +182,9 @@ fn shape(document: &Document, wire: &ObjectWire, name: &Spanned<String>) -> Resu
     Ok(shape)
 }
 
-/// Refuses shapes that have more than `most` triangles together. Only the shapes' target numbers are known, and a shape
-/// may have slightly fewer triangles than its target, so a sixteenth is subtracted from the sum of the targets.
+/// Refuses shapes that have more than `most` triangles together. Before the shapes are made, only their target numbers
+/// of triangles are known. A shape may have slightly fewer triangles than its target, so a sixteenth is subtracted from
+/// the sum of the targets.
 pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], most: u64) -> Result<()> {
     let mut triangles = 0;
     for wire in objects.iter().map(Spanned::get_ref) {
@@ -190,7 +192,8 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
         triangles += shape(document, wire, name)?.triangles();
         if triangles - triangles / 16 > most {
             let message = format!(
-                "{triangles} triangles; expected at most {most}, the largest number that a tree can index"
+                "the shapes up to this one have {triangles} triangles; expected at most {most}, the largest \
+                 number that a tree can index"
             );
             return Err(document
                 .error(name.span(), message, "too many triangles")
@@ -200,9 +203,9 @@ pub(super) fn refuse_many(document: &Document, objects: &[Spanned<ObjectWire>], 
     Ok(())
 }
 
-/// Refuses a shape whose mesh does not fit into the host's memory. The mesh has one vertex, with a position and a
-/// normal, for every two triangles. Joining the rest of the scene to the mesh takes at least half as much memory again,
-/// so three triangles, two positions and two normals are counted for every two triangles.
+/// Refuses a shape whose mesh does not fit into the host's memory. For every two triangles, the mesh has one position
+/// and one normal. Joining the rest of the scene to the mesh takes at least half as much memory again. Rounded up, this
+/// makes three triangles, two positions and two normals for every two triangles of the shape.
 fn room_for(shape: &Shape) -> Result<()> {
     let triangles = shape.triangles();
     let bytes = Mesh::bytes(3, 2, 2) / 2;
@@ -230,7 +233,7 @@ fn inline(
     let mut mesh = Mesh { materials: vec![Material::default()], ..Mesh::default() };
     mesh.positions = vectors(vertices.get_ref());
     mesh.normals = wire.normals.as_ref().map(|list| vectors(list.get_ref())).unwrap_or_default();
-    // Without separate lists of normal numbers, each vertex has the normal of the same number.
+    // Without `face_normals`, each vertex has the normal with the vertex's own number.
     let face_normals = wire.face_normals.as_ref().or(wire.normals.as_ref().map(|_| faces));
     check_indices(document, faces, mesh.positions.len(), "vertex")?;
     if let Some(face_normals) = face_normals {

@@ -42,7 +42,7 @@ pub(super) fn build(
     Ok(Sky { zenith, horizon, up: up.as_vec3(), reach, picture })
 }
 
-/// Returns the texels of a sky's picture, multiplied by its strength.
+/// Returns the size and the texels of a sky's picture. The texels are multiplied by the sky's `strength`.
 fn texels(
     document: &Document,
     wire: &SkyWire,

@@ -151,7 +151,8 @@ fn a_face_names_corners_that_exist() {
     assert!(few.contains("a face of 2 corners; expected three or more"), "{few}");
 }
 
-/// Each line has a value just outside the range that docs/scenes.md gives.
+/// Each line has a valid setting, an invalid setting and a part of the expected error. Invalid numbers lie outside the
+/// range that docs/scenes.md gives.
 #[test]
 fn numbers_out_of_their_range_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -348,7 +349,7 @@ fn a_field_of_view_is_that_of_the_width_or_of_the_height_wherever_the_camera_sta
         }
     }
     let (message, line) = told("[camera]\nfov_y_degrees = 60\nfov_x_degrees = 60\n");
-    assert_eq!((message.as_str(), line), ("both fov_x_degrees and fov_y_degrees", 2));
+    assert_eq!((message.as_str(), line), ("both fov_x_degrees and fov_y_degrees are set", 2));
 }
 
 #[test]

@@ -5,10 +5,11 @@ use crate::scene::material::Material;
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// Number of steps of a colour's channel, as in most files.
+/// Number of steps to which a colour's channel is rounded (8 bits, as in most files), so that triangles of almost equal
+/// colour share a material.
 const FINE: f32 = 255.0;
-/// Number of steps of a colour's channel in a mesh with more colours than 16-bit indices can address. These
-/// steps allow at most 32,768 colours.
+/// Number of steps if `FINE` makes more materials than 16-bit indices can address. These steps allow at most 32,768
+/// colours.
 const COARSE: f32 = 31.0;
 /// Number of materials that 16-bit indices can address.
 const MOST: usize = 1 << 16;
@@ -23,9 +24,8 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Assigns a material to each triangle. The new material's colour is the mean colour of the
-/// triangle's corners, multiplied by the colour of its previous material. `colours` are linear, one
-/// per position.
+/// Assigns a material to each triangle. The new material's colour is the mean colour of the triangle's corners,
+/// multiplied by the colour of the triangle's previous material. `colours` are linear, one per position.
 pub(in crate::scene) fn paint(mesh: &mut Mesh, colours: &[Vec3]) {
     for steps in [FINE, COARSE] {
         let (materials, numbers) = painted(mesh, colours, steps);

@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 /// A directional light becomes a point light at this distance, in radii of the mesh.
 const DIRECTIONAL_RADII: f64 = 50.0;
-/// The smallest distance of a light from the mesh's centre, in radii of the mesh, for the computation of the
-/// brightness at the centre. A nearer light counts as if it were at this distance.
+/// A distance from the mesh's centre, in radii of the mesh. When the brightness at the centre is computed, a nearer
+/// light counts as if it were at this distance.
 const NEAREST_RADII: f64 = 0.25;
 
 /// The origin of a light: a point, or infinity.

@@ -8,8 +8,8 @@ use crate::scene::mesh::Triangle;
 use crate::scene::{Camera, MAX_COORDINATE};
 use glam::{DVec3, Vec3};
 
-/// A mesh counts as far from the origin if its centre is this many radii away; f32 has then lost four of its
-/// 24 bits.
+/// A mesh counts as far from the origin if its centre is more than this many radii away from the origin. The distance
+/// then takes up four of the 24 bits of an f32.
 const FAR_RADII: f64 = 16.0;
 /// A mesh with a smaller radius is scaled, because products of its lengths could underflow. A ray-triangle test
 /// multiplies up to four lengths. The edges of a fine mesh are a thousandth of its radius, so at this radius the
@@ -45,8 +45,9 @@ impl Placement {
         Self { origin: origin_of(centre, radius), scale: scale_of(radius) }
     }
 
-    /// Returns the placement of a mesh with these bounds in single precision; `None` if rounding to single precision
-    /// may have changed the placement, so that the bounds are needed in double precision.
+    /// Returns the identity if a mesh with these bounds, in single precision, certainly need not be moved or scaled.
+    /// Otherwise returns `None`: rounding to single precision may have changed the placement, so the bounds are needed
+    /// in double precision.
     pub fn of_rounded(low: Vec3, high: Vec3) -> Option<Self> {
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let radius = length(high - low) / 2.0;
@@ -82,7 +83,7 @@ impl Placement {
             let (scale, extreme) = (self.scale, if self.scale > 1.0 { "small" } else { "large" });
             format!(
                 "the mesh is too {extreme} for single precision: its positions were multiplied by 2^{} ({scale:.1e}); \
-                 lengths, such as those of the layer `depth` and of camera.position, are in the scaled unit",
+                 camera.position, the layer `depth` and other lengths refer to the scaled mesh",
                 scale.log2()
             )
         };
@@ -91,8 +92,8 @@ impl Placement {
     }
 }
 
-/// Returns the vector to be subtracted from the positions of a mesh with this centre and radius: the centre if it is
-/// far away (in whole numbers if the mesh is larger than one unit), else zero.
+/// Returns the vector to be subtracted from the positions of a mesh with this centre and radius. If the centre is far
+/// from the origin, this vector is the centre, rounded to whole numbers if the radius is above 1. Otherwise it is zero.
 fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     let far = centre.is_finite() && length(centre) > FAR_RADII * radius;
     // The centre of a small mesh is not rounded, because the nearest point with whole coordinates may lie outside the
@@ -101,8 +102,9 @@ fn origin_of(centre: DVec3, radius: f64) -> DVec3 {
     if far { rounded } else { DVec3::ZERO }
 }
 
-/// Returns the power of two that makes an extreme radius at least 1 and less than 2. The power is 1 for a radius of
-/// ordinary size, for the radius 0 of a point, and for a radius below the smallest normal number.
+/// Returns the power of two by which an extreme radius must be multiplied to be at least 1 and less than 2. The power
+/// is 1 for a radius of ordinary size, for the radius 0 of a point, and for a radius below the smallest normal number
+/// of double precision.
 fn scale_of(radius: f64) -> f64 {
     if !radius.is_normal() || (SMALLEST_RADIUS..=LARGEST_RADIUS).contains(&radius) {
         return 1.0;
@@ -110,7 +112,7 @@ fn scale_of(radius: f64) -> f64 {
     2_f64.powi(-radius.log2().floor() as i32)
 }
 
-/// Returns the length of a vector whose squares may underflow.
+/// Returns the length of a vector. The squares of its components may underflow or overflow.
 fn length(vector: DVec3) -> f64 {
     let largest = vector.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
@@ -154,7 +156,7 @@ pub(super) fn placement_of(positions: &[DVec3]) -> Placement {
 
 /// Returns whether a position is finite and within the limit of coordinates.
 pub(super) fn is_valid(position: &DVec3) -> bool {
-    // The limit, 1e12, is slightly smaller after it is rounded to single precision, as the position will be.
+    // The position is compared after it is rounded to single precision, in which the limit, 1e12, is slightly smaller.
     position.is_finite() && position.as_vec3().abs().max_element() <= MAX_COORDINATE
 }
 

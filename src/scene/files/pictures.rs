@@ -22,7 +22,7 @@ const FORMATS: [ImageFormat; 4] = [ImageFormat::Png, ImageFormat::Jpeg, ImageFor
 /// A result; in a message, the error's text follows the picture's name.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// A picture's texels.
+/// A picture's width and height in texels, and its texels.
 type Decoded = ([u32; 2], Arc<[u32]>);
 
 /// How a mesh uses a picture.
@@ -46,7 +46,7 @@ impl Usage {
     }
 }
 
-/// The textures of a mesh; each picture is decoded once.
+/// The textures of a mesh. A picture file is decoded once, even if several textures use it.
 #[derive(Default)]
 pub(in crate::scene) struct Pictures {
     pub list: Vec<Texture>,
@@ -56,7 +56,8 @@ pub(in crate::scene) struct Pictures {
 }
 
 impl Pictures {
-    /// Returns the number of the texture from a file.
+    /// Returns the index in `list` of the texture with this picture file and usage. Adds the texture if it is not in
+    /// the list.
     pub fn file(&mut self, reach: Reach<'_>, name: &str, usage: Usage) -> Parsed<u32> {
         let path = reach.locate(name)?;
         if let Some(number) = self.known.get(&(path.clone(), usage)) {
@@ -73,10 +74,10 @@ impl Pictures {
         Ok(number)
     }
 
-    /// Returns the number of the texture from a picture's bytes; `key` identifies the picture within the mesh
-    /// file.
+    /// Does the same as [`Self::file`] for a picture whose bytes are in the mesh file; `key` identifies the picture
+    /// within the mesh file.
     pub fn bytes(&mut self, key: &str, bytes: &[u8], usage: Usage) -> Parsed<u32> {
-        // Resolved paths are never relative, so they cannot equal this key.
+        // This key is a relative path. The paths from `Reach::locate` are absolute, so they cannot equal this key.
         let key = (Path::new("in the file").join(key), usage);
         if let Some(number) = self.known.get(&key) {
             return Ok(*number);

@@ -27,7 +27,10 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     }
     let mut file = parts.mesh(name, &header)?;
     if strange > 0 {
-        file.notes.push(format!("ignored {} in the header, not defined by PLY", counted(strange, "line")));
+        file.notes.push(format!(
+            "ignored {} in the header: PLY does not define such lines",
+            counted(strange, "line")
+        ));
     }
     Ok(file)
 }
@@ -44,7 +47,7 @@ fn misread(name: &str, error: &ParseError) -> Error {
     }
 }
 
-/// The elements that are read.
+/// The vertices, faces and strips of a file, and the names and counts of its other elements.
 #[derive(Default)]
 struct Parts {
     vertices: Vec<Vertex>,

@@ -41,17 +41,17 @@ impl Wish {
     /// Returns the feature's name, and how raycl treats the feature.
     pub fn words(self) -> (&'static str, &'static str) {
         match self {
-            Self::Texture => ("textures", "only a material's colour may have a texture"),
+            Self::Texture => ("textures", "only a material's colour and its holes can come from a texture"),
             Self::TextureOption => ("options of textures", "they are ignored"),
             Self::Transparency => ("transparency", "every surface is opaque"),
             Self::Blending => {
                 ("blended transparency", "points that are at least half opaque are drawn, others are holes")
             }
-            Self::Emission => ("emitted light", "only the scene's lights illuminate"),
+            Self::Emission => ("emitted light", "only the scene's lights and its sky illuminate"),
             Self::Reflection => ("mirror reflections", "surfaces reflect only lights"),
             Self::Refraction => ("refraction", "every surface is opaque"),
             Self::Unlit => ("a colour without light", "the surface is lit like any other"),
-            Self::NoHighlight => ("no highlight", "there is a highlight if Ks is not zero"),
+            Self::NoHighlight => ("no highlight", "there is a highlight, since Ks is not zero"),
             Self::ShadowCatcher => ("an invisible surface for shadows", "the surface is drawn"),
             Self::UnknownModel => ("an unknown illumination model", "Kd, Ks and Ns are used"),
             Self::Physical => ("physically based shading", "Kd, Ks and Ns are used"),
@@ -59,7 +59,7 @@ impl Wish {
             Self::Shine => {
                 ("sheen, clear coats or other reflections", "surfaces are diffuse, in their base colour")
             }
-            Self::Ambient => ("ambient light", "there is none"),
+            Self::Ambient => ("ambient light", "Ka is ignored"),
             Self::Lines => ("lines", "only faces are drawn"),
             Self::Points => ("points", "only faces are drawn"),
             Self::FreeForm => ("curves and surfaces", "only faces are drawn"),
@@ -87,7 +87,7 @@ impl Count {
         }
     }
 
-    /// Lists each keyword, with its count if there are several keywords.
+    /// Lists up to [`TOLD_NAMES`] keywords, each with its count if there are several keywords.
     fn told(&self) -> String {
         if let [(name, _)] = self.names.iter().collect::<Vec<_>>()[..] {
             return name.clone();

@@ -221,7 +221,7 @@ fn normal(context: &FaceContext, seen: &Start, part: &[u8], token: &[u8]) -> Res
     }
 }
 
-/// Returns the zero-based index of a short number from 1 to `total`; `None` for anything else.
+/// Returns the zero-based index of a number from 1 to `total` that is written with digits only; `None` for other text.
 fn plain_index(token: &[u8], total: usize) -> Option<u32> {
     let mut value = 0_u32;
     for byte in token {
@@ -244,7 +244,7 @@ fn resolve(part: &[u8], token: &[u8], what: &str, seen: usize, total: usize) -> 
     }
     let valid = match (value, total) {
         (_, 0) => format!("an index of a {what}, but the file has no {what} at all"),
-        (..0, _) => format!("-{seen} to -1, since {seen} come before this line"),
+        (..0, _) => format!("-{seen} to -1 (elements of this kind before this line: {seen})"),
         _ => format!("1 to {total}"),
     };
     Err(format!("{what} index {} in {} does not exist; expected {valid}", quoted(part), quoted(token)))
@@ -309,7 +309,7 @@ fn naming(count: usize) -> String {
 pub(super) fn note_unknown_materials(faces: &[FaceChunk], quotes: bool, notes: &mut Vec<String>) {
     let names: BTreeSet<_> = faces.iter().flat_map(|chunk| &chunk.unknown_materials).collect();
     let Some(first) = names.first() else { return };
-    let such_as = if names.len() == 1 { "" } else { "such as " };
+    let such_as = if names.len() == 1 { "material " } else { "for example material " };
     let materials = counted_are(names.len(), "material named by `usemtl`");
     let first = if quotes { format!(" ({such_as}{})", quoted(first.as_bytes())) } else { String::new() };
     notes.push(format!(

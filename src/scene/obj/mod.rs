@@ -77,8 +77,10 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
     let starts = faces::starts(&points, &coordinates);
     let total = starts[points.len()];
     if total.positions.max(total.normals) >= i32::MAX as usize {
-        return Err(Error::input(format!("{name}: more vertices than 32-bit indices can address"))
-            .with_help("split the mesh into several files"));
+        return Err(Error::input(format!(
+            "{name}: too many vertices or normals; expected fewer than 2^31 - 1"
+        ))
+        .with_help("split the mesh into several files"));
     }
     let mut mesh = Mesh { materials: materials.list, ..Mesh::default() };
     add_points(&mut mesh, &points, total);
@@ -144,7 +146,7 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     if coloured == 0 {
         return;
     }
-    // Triangles without a material have the colours of their vertices only.
+    // Vertices' colours are multiplied by the material's colour, so the default material becomes white.
     mesh.materials[0].lambertian = Vec3::ONE;
     paint(mesh, &points::linear_colours(points));
     notes.push(colours_note(coloured));

@@ -55,7 +55,7 @@ pub(super) fn load_all<'a>(
                     let quoted = || format!(" {}", quoted(name.as_bytes()));
                     let name = if reach.permitted.quotes { quoted() } else { String::new() };
                     let note = format!(
-                        "material file{name} {reason}: its materials get the default, k_L {DEFAULT_LAMBERTIAN} (grey)"
+                        "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
                     );
                     if !notes.contains(&note) {
                         notes.push(note);
@@ -251,7 +251,7 @@ mod tests {
         let (told, _) = read("none.mtl", &[], true);
         assert!(told[0].starts_with("material file `none.mtl` cannot be read ("), "{told:?}");
         assert!(
-            told[1].starts_with("1 material named by `usemtl` is in no material file (`paint`): "),
+            told[1].starts_with("1 material named by `usemtl` is in no material file (material `paint`): "),
             "{told:?}"
         );
         let (told, _) = read("none.mtl", &[], false);

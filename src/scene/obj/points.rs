@@ -26,14 +26,14 @@ const LARGEST: f64 = 1e300;
 pub(super) struct Reading {
     /// How positions are changed before they are rounded to single precision.
     pub placement: Placement,
-    /// True if positions of any size are valid.
+    /// True if coordinates up to [`LARGEST`] are valid.
     pub is_large: bool,
 }
 
 impl Reading {
     /// Positions are unchanged, and valid if they are within +-1e12, the limit of coordinates.
     pub const USUAL: Self = Self { placement: Placement::IDENTITY, is_large: false };
-    /// Positions are unchanged, and valid at any size.
+    /// Positions are unchanged, and valid if their coordinates are within +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
     /// Reads a position. Returns `None` if it is not valid.
@@ -188,8 +188,8 @@ pub(super) fn linear_colours(chunks: &[PointChunk]) -> Vec<Vec3> {
     colours
 }
 
-/// Accepts vertices with only two coordinates if the file has no others, as in a plane drawing. If other
-/// valid vertices have more coordinates, vertices with two coordinates are not valid.
+/// Accepts vertices with only two coordinates if all valid vertices of the file have two, as in a plane drawing.
+/// Otherwise, vertices with two coordinates are recorded as vertices that are not valid.
 pub(super) fn drop_mixed(chunks: &mut [PointChunk]) {
     let flat: usize = chunks.iter().map(|chunk| chunk.flat.len()).sum();
     let valid: usize = chunks.iter().map(|chunk| chunk.positions.len() - chunk.odd_vertices.len()).sum();
@@ -248,7 +248,7 @@ fn position<'a>(offset: usize, tokens: &mut impl Iterator<Item = &'a [u8]>) -> R
     }
     let message = format!(
         "vertex ({:e}, {:e}, {:e}) is out of range; expected coordinates within +-{MAX_COORDINATE:e}, \
-         beyond which 32-bit products overflow",
+         since products of larger coordinates overflow in single precision",
         position.x, position.y, position.z
     );
     Err(Mistake::new(offset, message))

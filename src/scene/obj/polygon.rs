@@ -8,7 +8,7 @@ pub(in crate::scene) const MAX_CONCAVE_CORNERS: usize = 32_768;
 
 /// Divides an outline of at least three corners into triangles of corner indices, in the outline's
 /// orientation. Returns `None` if the outline is concave and has more than [`MAX_CONCAVE_CORNERS`] corners. For a
-/// self-intersecting outline the triangles are arbitrary, but the function never fails.
+/// self-intersecting outline, the triangles are arbitrary.
 pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>> {
     let flat = flatten(outline);
     if is_convex(&flat) {
@@ -17,7 +17,7 @@ pub(in crate::scene) fn triangulate(outline: &[DVec3]) -> Option<Vec<[usize; 3]>
     (outline.len() <= MAX_CONCAVE_CORNERS).then(|| clip_ears(&flat))
 }
 
-/// Projects the outline onto the coordinate plane in which its area is largest, counter-clockwise.
+/// Projects the outline onto the coordinate plane in which its area is largest. The result runs counter-clockwise.
 fn flatten(outline: &[DVec3]) -> Vec<DVec2> {
     let next = outline.iter().cycle().skip(1);
     // Newell's normal, which also works for outlines that are not quite flat.
@@ -181,7 +181,7 @@ mod tests {
         }
     }
 
-    /// The corners of a comb: long teeth, whose gaps end at the lower edge.
+    /// The corners of a comb: long teeth on a bar.
     fn comb(teeth: usize) -> Vec<DVec3> {
         let tooth = |i: usize| {
             let x = i as f64;

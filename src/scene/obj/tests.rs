@@ -63,7 +63,7 @@ fn mistakes_name_file_line_value_and_what_was_expected() {
             format!("f 1 2 9\n{CORNERS}"),
             "test.obj:1: vertex index `9` in `9` does not exist; expected 1 to 3",
         ),
-        (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1, since 3 come before this line"),
+        (format!("{CORNERS}f 1 2 -9\n"), "expected -3 to -1 (elements of this kind before this line: 3)"),
     ];
     for (text, expected) in cases {
         assert!(message(&text).contains(expected), "{text:?}: {}", message(&text));
@@ -236,8 +236,14 @@ fn what_a_mesh_asks_for_is_told_by_name_and_count() {
         ("v 0 0 0 1 0 0\nv 0 0 0 1 0.5 0.5 # grey", "colours of 2 vertices: each triangle has one colour"),
         ("s off", "smoothing groups (s) are not read: 1 triangle without normals"),
         ("s 1\nf 1 2 3\ns 2", "smoothing groups (s) are not read: 2 triangles"),
-        ("usemtl None", "1 material named by `usemtl` is in no material file (`None`): the default, k_L 0.8"),
-        ("usemtl b\nusemtl a\nusemtl", "2 materials named by `usemtl` are in no material file (such as `a`)"),
+        (
+            "usemtl None",
+            "1 material named by `usemtl` is in no material file (material `None`): the default, k_L 0.8",
+        ),
+        (
+            "usemtl b\nusemtl a\nusemtl",
+            "2 materials named by `usemtl` are in no material file (for example material `a`)",
+        ),
     ];
     for (lines, expected) in cases {
         let notes = notes_of(lines, "");

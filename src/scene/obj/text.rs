@@ -142,7 +142,7 @@ pub(super) fn chunks(text: &[u8]) -> Vec<Chunk<'_>> {
     chunks
 }
 
-/// Returns the text with line feeds only, without a byte order mark, and with continued lines
+/// Returns the text with line feeds as its only line ends, without a byte order mark, and with continued lines
 /// joined. Empty lines follow a joined line, so that line numbers stay the same.
 pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
@@ -209,7 +209,7 @@ fn separated(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty())
 }
 
-/// Decodes a name or a word for a message: UTF-8, else Latin-1.
+/// Decodes a name or a word as UTF-8 or, if it is not UTF-8, as Latin-1.
 pub(super) fn words(bytes: &[u8]) -> String {
     let bytes = bytes.trim_ascii();
     match std::str::from_utf8(bytes) {
@@ -244,9 +244,9 @@ pub(in crate::scene) fn decimal(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
-/// Parses a decimal number of few digits, as most numbers in meshes are. The integer and the power of ten are
-/// then exact floats, and one division rounds once (Clinger, "How to Read Floating Point Numbers Accurately",
-/// 1990).
+/// Parses a decimal number of few digits, as most numbers in meshes are. The digits as an integer
+/// and the power of ten are exact floats, so their quotient is the nearest float to the number (Clinger, "How to Read
+/// Floating Point Numbers Accurately", 1990).
 fn short_number(token: &[u8]) -> Option<f32> {
     const POWERS: [f32; 11] = [1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10];
     let digits = token.strip_prefix(b"-").unwrap_or(token);

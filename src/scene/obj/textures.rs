@@ -26,7 +26,8 @@ pub(super) struct Maps {
 }
 
 impl Maps {
-    /// Makes a material's textures. The mask is placed on a triangle with the colour's settings.
+    /// Makes a material's textures. The mask, too, is placed with the settings of the colour texture;
+    /// different settings of the mask are counted as unsupported.
     pub fn new(colour: Option<Map>, mask: Option<Map>, asked: &mut Asked) -> Self {
         let places = [&colour, &mask].map(|map| map.as_ref().map(Map::placing));
         if let [Some(colour), Some(mask)] = places
@@ -139,7 +140,7 @@ impl Map {
         (self.scale, self.offset, self.wrap)
     }
 
-    /// Returns the number of the map's texture. If the file does not exist, a file of the same name
+    /// Returns the number of the map's texture. If the file cannot be used, a file of the same name
     /// in the mesh's folder is tried, since many MTL files contain paths of their authors' disks.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
         pictures.file(reach, &self.name, usage).or_else(|why| {

@@ -10,7 +10,7 @@ pub(super) struct Unfit {
     /// The keyword, such as `Kd`. If raycl does not support the form of a colour, the form follows (`Kd spectral`).
     /// Ignored lines of the same kind share one note.
     kind: String,
-    /// The line's value, quoted from the file.
+    /// What is wrong with the line. This text may quote the file.
     found: String,
     /// The form that raycl accepts.
     expected: String,

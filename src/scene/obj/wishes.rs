@@ -28,7 +28,7 @@ pub(super) fn of_line(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
 }
 
 /// Counts a line of a material if it asks for something that raycl does not support. Callers handle `newmtl`, `Kd`,
-/// `Ks` and `Ns` themselves.
+/// `Ks`, `Ns`, `illum`, `map_Kd` and `map_d` themselves.
 pub(super) fn of_material(asked: &mut Asked, keyword: &[u8], rest: &[u8]) {
     let lower = keyword.to_ascii_lowercase();
     let values = || tokens(rest).filter_map(number);

@@ -31,8 +31,8 @@ pub(super) fn broken(triangles: u32) -> Mesh {
     mesh
 }
 
-/// Returns a pseudo-random number from 0 to 1 for each index, the same on every machine (the finalizer of
-/// MurmurHash3, A. Appleby).
+/// Returns a pseudo-random number from 0 to 1 for each index, the same on every machine (like the finaliser of
+/// MurmurHash3, A. Appleby, with other shifts).
 fn scattered(index: u32) -> f32 {
     let mut bits = index.wrapping_add(0x9e37_79b9);
     for multiplier in [0x85eb_ca6b_u32, 0xc2b2_ae35] {

@@ -28,7 +28,7 @@ pub enum Shape {
         /// Target number of triangles.
         triangles: u32,
     },
-    /// Newell's teapot, 6.525 wide and 3.15 high, standing on y = 0 with its spout towards +x.
+    /// Newell's teapot, 6.43 wide and 3.15 high, standing on y = 0 with its spout towards +x.
     Teapot {
         /// Each of the 32 patches has `fineness` x `fineness` quads.
         fineness: u32,

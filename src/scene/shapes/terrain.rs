@@ -26,7 +26,7 @@ fn fractal(x: f64, z: f64, seed: u32) -> (f64, f64, f64) {
     let (mut frequency, mut amplitude) = (FIRST_FREQUENCY / 2.0, HEIGHT / 2.0);
     let mut sum = (0.0, 0.0, 0.0);
     for octave in 0..OCTAVES {
-        // The shift keeps the lattices of the octaves apart.
+        // The shift prevents all lattices from having a common point at the origin.
         let shift = 17.3 * f64::from(octave);
         let noise = noise(x * frequency + shift, z * frequency - shift, seed.wrapping_add(octave));
         sum.0 += amplitude * noise.0;

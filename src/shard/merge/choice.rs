@@ -19,9 +19,10 @@ pub struct Chosen {
 
 /// Reads the attempts' records and chooses one record for each point. A record with a wrong image takes precedence over
 /// all other records, and a record with a time takes precedence over a record without a time. Among records without a
-/// time, `rank` orders the outcomes. If records are still equal by these rules, the one with more samples takes
-/// precedence; if they have equally many, the one of the attempt whose name sorts first does. Times of day are never
-/// compared. If an attempt has several records of a point, its last one is used, as in any journal.
+/// time, `rank` orders the outcomes. Of records that are equal by these rules, the one with the most samples is chosen.
+/// Of records that also have equally many samples, the one of the attempt whose name sorts first is chosen. Times of
+/// day are never compared, since the clocks of two machines may differ. If an attempt has several records of a point,
+/// its last record is used, as in any journal.
 pub fn choose(attempts: &[Attempt]) -> Result<Chosen> {
     let mut chosen = Chosen::default();
     for (place, attempt) in attempts.iter().enumerate() {

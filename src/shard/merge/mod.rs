@@ -90,8 +90,11 @@ pub fn no_shards(out: &Path) -> Error {
 /// Refuses a folder with the results of a run without shards, which a merge would overwrite.
 fn refuse_other_results(out: &Path) -> Result<()> {
     match out.join(RECORDS).exists() && !out.join(MERGE).exists() {
-        true => Err(Error::input(format!("{} holds the results of a run without shards", out.display()))
-            .with_help("choose another folder for the shards with --out")),
+        true => Err(Error::input(format!(
+            "{} holds the results of a run without shards, which a merge would overwrite",
+            out.display()
+        ))
+        .with_help("choose another folder for the shards with --out")),
         false => Ok(()),
     }
 }
@@ -127,7 +130,7 @@ fn ended_early(ends: &[Option<End>]) -> Option<String> {
     (!words.is_empty()).then(|| format!("Of {}, {}.", counted(ends.len(), "attempt"), words.join(", ")))
 }
 
-/// Returns all attempts' records of control points that belong to other blocks.
+/// Returns all attempts' records of control points that a block measured although they belong to another block.
 fn controls(attempts: &[Attempt]) -> Result<Vec<Measured>> {
     let mut controls = Vec::new();
     for (place, attempt) in attempts.iter().enumerate() {

@@ -89,13 +89,13 @@ fn a_wrong_value_has_its_line_what_was_expected_and_the_nearest() {
     mistake(
         "record_floats",
         "record_float",
-        "line 3: 'record_float' is not a key of a header of inter",
+        "line 3: 'record_float' is not a key in headers of the axis 'inter",
         "'record_floats'",
     );
     mistake(
         "exact_signs: no",
         "memory: local",
-        "line 5: 'memory' is not a key of a header of inter",
+        "line 5: 'memory' is not a key in headers of the axis 'inter",
         "docs/own-kernels.md",
     );
 }
@@ -130,7 +130,7 @@ fn a_header_that_contradicts_itself_has_both_lines() {
     mistake(
         "any-ray",
         "origin",
-        "line 3: 'record_floats' is 9, but the data of a triangle that is prepared for an origin (line 4) has 12 floats",
+        "line 3: 'record_floats' is 9; expected 12, since 'prepared_for' in line 4 is origin or pixels",
         "",
     );
 }

@@ -96,8 +96,8 @@ fn each_side_of_a_work_group_has_its_own_limit() {
     let limits = DeviceLimits { work_group_size: 64, work_item_sizes: [64, 8, 1], ..PAPER_DEVICE };
     let reason = |local_size| refusal(&of("deferred"), &Workload { local_size, ..workload(1, 1) }, &limits);
     assert_eq!((reason([64, 1]), reason([8, 8])), (String::new(), String::new()));
-    assert_eq!(reason([1, 16]), "work-group: 1 x 16 work-items > the device's 64 x 8");
-    assert_eq!(reason([13, 5]), "work-group: 13 x 5 = 65 work-items > the device's 64");
+    assert_eq!(reason([1, 16]), "work-group: 1 x 16 work-items > the device's limit of 64 x 8");
+    assert_eq!(reason([13, 5]), "work-group: 13 x 5 = 65 work-items > the device's limit of 64");
 }
 
 #[test]
@@ -110,7 +110,9 @@ fn indices_of_16_bits_reach_65536_entries() {
     };
     assert_eq!(entries(65_536, 65_536, 65_536), "");
     for reason in [entries(65_537, 1, 1), entries(1, 65_537, 1), entries(1, 1, 65_537)] {
-        assert_eq!(reason, "16-bit indices: 65537 entries > 65536");
+        let expected =
+            "16-bit indices: 65537 positions, normals or materials > 65536; use layout = indexed32";
+        assert_eq!(reason, expected);
     }
 }
 
@@ -134,5 +136,5 @@ fn a_sum_that_is_its_limit_fits() {
 fn more_than_32_work_items_across_share_no_tile() {
     let limits = DeviceLimits { lane_operations: LaneOperations::Ptx, ..PAPER_DEVICE };
     let w = Workload { local_size: [64, 1], stack_size: 8, ..workload(1, 1) };
-    assert!(refusal(&of("tile-group"), &w, &limits).contains("32 work-items of a row"));
+    assert!(refusal(&of("tile-group"), &w, &limits).contains("must have 32 work-items, which share a tile"));
 }

@@ -10,13 +10,16 @@ pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasibl
     let [x, y] = workload.local_size;
     let items = workload.work_group_items();
     if items > limits.work_group_size as u64 {
-        let reason =
-            format!("work-group: {x} x {y} = {items} work-items > the device's {}", limits.work_group_size);
+        let reason = format!(
+            "work-group: {x} x {y} = {items} work-items > the device's limit of {}",
+            limits.work_group_size
+        );
         return Err(Infeasible::work_group(reason));
     }
     let sizes = limits.work_item_sizes;
     if x as usize > sizes[0] || y as usize > sizes[1] {
-        let reason = format!("work-group: {x} x {y} work-items > the device's {} x {}", sizes[0], sizes[1]);
+        let reason =
+            format!("work-group: {x} x {y} work-items > the device's limit of {} x {}", sizes[0], sizes[1]);
         return Err(Infeasible::work_group(reason));
     }
     Ok(())
@@ -28,13 +31,15 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     if !strategy.shares_tiles() {
         return Ok(());
     }
+    let by_barriers = limits.lane_operations == LaneOperations::Barriers;
     if x != GROUP_LANES {
+        let sizes = if by_barriers { "32 x 1" } else { "32 x 1 to 32 x 8" };
         let reason = format!(
-            "work-group: {x} x {y}, but traversal = tile with width = 1 shares a tile among the {GROUP_LANES} work-items of a row: use 32 x 1 to 32 x 8"
+            "work-group: {x} x {y}, but with traversal = tile and width = 1, each row of a work-group must have {GROUP_LANES} work-items, which share a tile: use {sizes}"
         );
         return Err(Infeasible::work_group(reason));
     }
-    if y > 1 && limits.lane_operations == LaneOperations::Barriers {
+    if y > 1 && by_barriers {
         let reason = format!(
             "work-group: {x} x {y}, but on this device work-items can share a tile only by barriers, which allow only one tile per work-group: use 32 x 1"
         );
@@ -43,12 +48,15 @@ pub fn groups(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -
     Ok(())
 }
 
-/// Checks that 16-bit indices, if the layout uses them, reach every position, normal and material of the mesh. Also
-/// checks that the child words of the strategy's tree, if it uses one, can index every triangle.
+/// Checks that 16-bit indices, if the layout uses them, reach every position, normal and material of the mesh. If the
+/// strategy uses a tree, also checks that the words in the tree's nodes can index every triangle.
 pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {
-        let reason = format!("16-bit indices: {largest} entries > {}", 1 << 16);
+        let reason = format!(
+            "16-bit indices: {largest} positions, normals or materials > {}; use layout = indexed32",
+            1 << 16
+        );
         return Err(Infeasible::beyond(reason));
     }
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);

@@ -168,7 +168,13 @@ fn a_shared_tile_has_32_work_items_and_room_for_its_stack() {
     };
     let [barriers, ptx] = [LaneOperations::Barriers, LaneOperations::Ptx];
     assert_eq!(check([32, 4], 192, ptx), Ok((192 * 8 + 52 * 32) * 4 + 128));
-    assert!(check([8, 8], 192, ptx).unwrap_err().reason.contains("32 work-items of a row"));
+    assert!(
+        check([8, 8], 192, ptx)
+            .unwrap_err()
+            .reason
+            .ends_with("must have 32 work-items, which share a tile: use 32 x 1 to 32 x 8")
+    );
+    assert!(check([8, 8], 192, barriers).unwrap_err().reason.ends_with(": use 32 x 1"));
     assert!(check([32, 4], 192, barriers).unwrap_err().reason.contains("can share a tile only by barriers"));
     assert!(check([32, 1], 192, barriers).is_ok());
     let refused = check([32, 4], 1600, ptx).unwrap_err();

@@ -1,11 +1,11 @@
-//! A picture as text: each character shows two pixels, as the colours of the upper and the lower half of a half
-//! block.
+//! A picture as text. Each character is a half block (`▀`): its upper half shows one pixel, and its lower half the
+//! pixel below.
 
 use image::RgbImage;
 use std::fmt::Write as _;
 
-/// Returns a picture as lines of half blocks, one line for two rows. A colour that stays the same is not
-/// written again.
+/// Returns a picture as lines of half blocks, one line for two rows of pixels. Each line ends with `end`. Colours are
+/// written only where they change.
 pub fn blocks(picture: &RgbImage, end: &str) -> String {
     let [width, height] = [picture.width(), picture.height()];
     let mut text = String::new();

@@ -1,4 +1,5 @@
-//! The forms in which a terminal shows a picture: half blocks, kitty's graphics protocol, and sixels.
+//! The forms in which a terminal shows a picture: half blocks (characters that show two pixels each), kitty's graphics
+//! protocol, and sixels.
 
 use super::blocks::blocks;
 use crate::error::{Error, Result};
@@ -22,9 +23,9 @@ pub enum Graphics {
     Sixel,
 }
 
-/// Asks the terminal by kitty's protocol whether it can show a picture of one pixel, which the
-/// terminal does not store; then asks which kind of device the terminal is. Every terminal answers
-/// the second question.
+/// Two questions to the terminal. The first, in kitty's protocol, asks whether the terminal can show a picture of one
+/// pixel; the terminal does not store this picture. The second asks which kind of device the terminal is. Every
+/// terminal answers the second question.
 /// <https://sw.kovidgoyal.net/kitty/graphics-protocol/#querying-support-and-available-transmission-mediums>
 const QUESTION: &str = "\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[c";
 /// Longest wait for the answer. A terminal behind a slow line may need a few tenths of a second.
@@ -56,7 +57,7 @@ impl Graphics {
         if answer.starts_with("_Gi=31;OK") {
             return Self::Kitty;
         }
-        // `[?62;4;22c`: the terminal's class, then its features.
+        // An example is `[?62;4;22c`: the terminal's class, then its features.
         let features = answer.strip_prefix("[?").and_then(|rest| rest.split('c').next());
         match features.is_some_and(|features| features.split(';').skip(1).any(|one| one == SIXELS)) {
             true => Self::Sixel,
@@ -95,8 +96,8 @@ impl Graphics {
     }
 }
 
-/// Returns the commands that replace picture 1: red, green and blue bytes, deflated, in base64. The cursor
-/// stays where it is, and the terminal does not answer.
+/// Returns the commands of kitty's protocol that replace the terminal's picture 1 by this one. They contain red, green
+/// and blue bytes, deflated, in base64. The cursor stays where it is, and the terminal does not answer.
 fn kitty(picture: &RgbImage) -> std::io::Result<String> {
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::fast());
     deflated.write_all(picture)?;

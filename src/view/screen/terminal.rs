@@ -34,8 +34,8 @@ pub struct Terminal {
 
 impl Terminal {
     /// Uses the whole terminal until the returned value is dropped. If `graphics` is `None`, asks the terminal in which
-    /// form it can show pictures; without a user, or if the terminal does not report the size of a character in pixels,
-    /// half blocks are used without asking.
+    /// form it can show pictures. Uses half blocks without asking if no user can press keys, or if the terminal does
+    /// not report the size of a character in pixels.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();

@@ -137,7 +137,7 @@ fn needs_display() -> bool {
 struct Typed {
     sender: Sender<Key>,
     down: Vec<minifb::Key>,
-    /// True if the last key has been down for a while.
+    /// True if the last report was about a key that was already down and still is.
     is_held: bool,
 }
 
@@ -155,7 +155,7 @@ impl Typed {
 }
 
 impl InputCallback for Typed {
-    /// The window calls this function after `set_key_state` for the same key.
+    /// The window calls this function after `set_key_state` for the same key, so that `is_held` is about this key.
     fn add_char(&mut self, code: u32) {
         if let Some(letter) = char::from_u32(code).filter(|letter| !letter.is_control()) {
             self.send(Key::Char(letter));
@@ -196,7 +196,7 @@ mod tests {
     fn a_tap_counts_and_only_movement_repeats() {
         let (sender, keys) = channel();
         let mut typed = Typed::new(sender);
-        // The first press is a tap. The next two are reports of one key that is held, which X11 reports again and
+        // The first press is a tap. The next two are reports of one key that is held: X11 reports a held key again and
         // again.
         for is_down in [true, false, true, true] {
             typed.set_key_state(minifb::Key::S, is_down);

@@ -26,7 +26,7 @@ impl Film {
         let Some(animation) = loaded.animation else {
             let message = format!("{} has no [animation] table", args.subject.scene.display());
             return Err(Error::input(message).with_help(
-                "docs/scenes.md explains how to animate a scene; --turntable 120 turns any scene once, in 120 frames",
+                "docs/scenes.md explains how to animate a scene; --turntable 120 moves the camera once around any scene, in 120 frames",
             ));
         };
         Ok(Self::Animation { animation: Box::new(animation), last: scene })
@@ -71,8 +71,8 @@ impl Film {
     }
 
     /// Returns the part of a frame's key that distinguishes turntables with different numbers of frames. The key of an
-    /// animation's frame contains only its number and its scene, so a longer animation can use the existing frames of a
-    /// shorter one.
+    /// animation's frame does not depend on the number of frames, so a longer animation can use the existing frames of
+    /// a shorter one.
     fn kind(&self) -> String {
         match self {
             Self::Turntable { count, .. } => format!("turntable {count}"),
@@ -110,7 +110,7 @@ impl Keys {
         blake3::hash(text.as_bytes()).to_hex().to_string()
     }
 
-    /// Returns the hash of a mesh, which is computed once for all frames that share it.
+    /// Returns the hash of a mesh. The hash is computed once for consecutive frames that share the mesh.
     fn mesh_hash(&mut self, mesh: &Arc<Mesh>) -> &str {
         let known = self.mesh.take().filter(|(known, _)| Arc::ptr_eq(known, mesh));
         &self.mesh.insert(known.unwrap_or_else(|| (Arc::clone(mesh), alone(mesh).content_hash()))).1

@@ -21,7 +21,7 @@ pub fn parse(text: &str) -> std::result::Result<Frames, String> {
     let number = |part: &str| part.trim_start_matches('=').parse::<u32>().ok().filter(|number| *number > 0);
     match (number(first), number(last)) {
         (Some(first), Some(last)) if first <= last => Ok(Frames { first, last }),
-        _ => Err("expected the first and the last frame, such as 1..30; the first frame is 1".to_owned()),
+        _ => Err("expected the first and last frame number, such as 1..30; numbers start at 1".to_owned()),
     }
 }
 
@@ -115,7 +115,10 @@ impl Numbered {
 }
 
 fn other(file: &Path, number: u32) -> Error {
-    let message = format!("'{}' exists and is not frame {number} of this animation", file.display());
+    let message = format!(
+        "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the kernels or the version of raycl differ",
+        file.display()
+    );
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

@@ -1,4 +1,4 @@
-//! A scene on a device, from which frame after frame is cast.
+//! Casts frame after frame on one device, and reuses there what successive scenes have in common.
 
 use super::super::Args;
 use crate::device::Device;
@@ -34,8 +34,9 @@ pub struct Stage<'a> {
 type Ready = (Prepared, Caster);
 
 impl Stage<'_> {
-    /// Casts the frame of a scene; returns its image and the device's time in milliseconds. Only the parts
-    /// that differ from the last frame are replaced: a mesh and its tree, or the lights and the sky.
+    /// Casts the frame of a scene; returns its image and the device's time in milliseconds. If the previous
+    /// frame's buffers and kernels suit the scene, only values such as its lights are uploaded; otherwise the whole
+    /// scene is uploaded.
     pub fn cast(&mut self, scene: &Arc<Scene>) -> Result<(Radiance, f64), Refused> {
         let ready = match self.shown(scene)? {
             Some(ready) => ready,

@@ -75,7 +75,7 @@ fn draw_path(svg: &mut Svg, look: Look, places: impl Iterator<Item = [f64; 2]>) 
     );
 }
 
-/// Draws the interval as a bar with ends, if it is long enough to be visible at the marker.
+/// Draws the interval as a bar with ends. An interval shorter than two units of the drawing is left out.
 fn draw_interval(svg: &mut Svg, frame: &Frame, look: Look, mark: &Mark, x: f64) {
     let Some([low, high]) = mark.interval else { return };
     let (Some(low), Some(high)) = (frame.up.place(low), frame.up.place(high)) else { return };

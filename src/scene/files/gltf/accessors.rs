@@ -64,7 +64,7 @@ fn bytes_of(component: ComponentType) -> usize {
 }
 
 impl<'a> Numbers<'a> {
-    /// Returns the elements of an accessor with `N` components.
+    /// Returns the elements of an accessor; each must have `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
         let told = |what: String| format!("accessor {number}: {what}");
@@ -117,7 +117,7 @@ impl<'a> Numbers<'a> {
         // limited.
         let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
         if count > held.max(1 << 16) {
-            return Err(format!("{} elements without data in any buffer", accessor.count.0));
+            return Err(format!("{} elements without data: more than raycl accepts", accessor.count.0));
         }
         Ok(vec![[0.0; N]; count])
     }
@@ -206,7 +206,8 @@ mod tests {
                 .of::<1>(Index::new(0))
                 .map(|values| values.iter().filter(|value| **value == [0.0]).count())
         };
-        let refused = |count: usize| Err(format!("accessor 0: {count} elements without data in any buffer"));
+        let refused =
+            |count: usize| Err(format!("accessor 0: {count} elements without data: more than raycl accepts"));
         assert_eq!([zeros(3, 4), zeros(65_536, 4)], [Ok(3), Ok(65_536)]);
         assert_eq!([zeros(65_537, 4), zeros(70_001, 70_000)], [refused(65_537), refused(70_001)]);
         assert_eq!(zeros(70_000, 70_000), Ok(70_000));

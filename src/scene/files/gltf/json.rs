@@ -10,9 +10,9 @@ pub(super) struct Read {
     pub animations: usize,
 }
 
-/// Reads JSON. If `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not
-/// use: valid files may have animations without a node (`KHR_animation_pointer`), scenes without nodes, and
-/// extras of any type.
+/// Reads JSON. If `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not use.
+/// `gltf-json` refuses some valid files: those that have animations without a node (`KHR_animation_pointer`), scenes
+/// without nodes, or extras such as a number.
 pub(super) fn read(name: &str, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),

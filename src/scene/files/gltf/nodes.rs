@@ -40,7 +40,7 @@ pub(super) struct Walk<'a> {
     mapped: Vec<Mapped>,
     /// The first triangle of each node that has a mesh.
     starts: Vec<u32>,
-    /// Each camera and its position.
+    /// Each perspective camera, placed at the origin, and its position in double precision.
     cameras: Vec<(DVec3, Camera)>,
     lights: Vec<FileLight>,
     left_out: LeftOut,
@@ -75,7 +75,7 @@ impl<'a> Walk<'a> {
             let number = index.value();
             let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
             if std::mem::replace(&mut walk.visited[number], true) {
-                return Err(format!("node {number} is the child of two nodes"));
+                return Err(format!("node {number} occurs twice in the scene; expected once"));
             }
             let place = parent * local(node);
             if !place.is_finite() {

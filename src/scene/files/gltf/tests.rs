@@ -22,8 +22,7 @@ fn bytes() -> Vec<u8> {
     bytes
 }
 
-/// Returns a file with one triangle, whose buffer is embedded; tests change the file by replacing
-/// text.
+/// Returns a file with one triangle and an embedded buffer; tests change the file by replacing text.
 fn triangle() -> String {
     let data = STANDARD.encode(bytes());
     format!(
@@ -346,7 +345,7 @@ fn damaged_files_are_refused_with_what_is_wrong() {
         ("\"type\": \"VEC3\"", "\"type\": \"VEC2\"", "have 2 numbers; expected 3"),
         ("\"buffer\": 0, \"byteLength\": 36", "\"buffer\": 3, \"byteLength\": 36", "buffer 3 does not exist"),
         ("\"byteOffset\": 36", "\"byteOffset\": 18446744073709551615", "its buffer holds 0"),
-        ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 is the child of two nodes"),
+        ("\"nodes\": [0]}", "\"nodes\": [0, 0]}", "node 0 occurs twice in the scene; expected once"),
         ("base64,", "base64,?", "base64 is damaged"),
         ("data:application/octet-stream;base64,", "http://x/", "nothing is downloaded"),
         ("data:application/octet-stream;base64,", "../../etc/passwd?", "buffer 0"),

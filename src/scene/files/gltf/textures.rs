@@ -1,4 +1,4 @@
-//! Base-colour textures: in the file, in a separate file, or as base64.
+//! Base-colour textures. Their pictures are stored in a buffer, in a separate file, or as base64.
 
 use super::Parsed;
 use super::buffers::{decoded, unescaped};
@@ -34,7 +34,7 @@ impl ColourMap {
     }
 }
 
-/// The sources of pictures.
+/// The sources of pictures: the JSON and the buffers of the glTF file, and the files that it may name (`reach`).
 #[derive(Clone, Copy)]
 pub(super) struct Files<'a> {
     pub root: &'a Root,

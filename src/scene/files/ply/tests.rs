@@ -81,7 +81,7 @@ fn a_line_that_is_not_plys_is_ignored_with_a_note() {
     let file = parse("a.ply", SQUARE.replacen("comment made", "Created", 1).as_bytes()).unwrap();
     assert_eq!(file.mesh.triangles.len(), 2);
     assert!(
-        file.notes.iter().any(|note| note == "ignored 1 line in the header, not defined by PLY"),
+        file.notes.iter().any(|note| note == "ignored 1 line in the header: PLY does not define such lines"),
         "{:?}",
         file.notes
     );

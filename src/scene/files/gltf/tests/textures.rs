@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Returns the file with a material and with texture coordinates, which are the positions' first six numbers.
-/// Texture 0 is one texel with an alpha of 0.7.
+/// Returns the file of [`triangle`] with a material and with texture coordinates, which are the first six numbers of
+/// the positions. Texture 0 is one texel with an alpha of 0.7.
 fn textured(material: &str) -> String {
     let mut png = Vec::new();
     let picture = image::RgbaImage::from_pixel(1, 1, image::Rgba([255, 255, 255, 178]));
