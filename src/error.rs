@@ -47,8 +47,7 @@ pub enum Error {
 }
 
 /// The default remedy for a user error.
-const GENERAL: &str =
-    "`raycl help COMMAND` explains its arguments; docs/ in raycl's repository explains its files";
+const GENERAL: &str = "`raycl help COMMAND` explains the command's arguments; docs/ in raycl's repository explains raycl's files";
 /// The default remedy for a run that failed.
 const AGAIN: &str = "run the command again; `raycl devices` shows whether the devices are still there";
 /// The remedy for a run that the user interrupted.

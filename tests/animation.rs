@@ -309,7 +309,7 @@ fn wrong_values_have_their_place_and_what_was_expected() {
         (track("paths = \"a\""), "did you mean `path`", "scene.toml:18"),
         ("[animation]\nframes = 0\n".to_owned(), "expected 1 to 100000", "scene.toml:16"),
         ("[animation]\n".to_owned(), "missing field `frames`", "scene.toml:15"),
-        (String::new(), "scene.toml has no [animation]", "--turntable 120 turns any scene"),
+        (String::new(), "scene.toml has no [animation]", "--turntable 120 moves the camera"),
     ]);
 }
 
@@ -359,7 +359,7 @@ fn what_one_frame_cannot_show_and_what_goes_with_no_animation_is_told() {
     // If the camera has no direction at one frame, the message comes when this frame is reached.
     let blind = track("path = \"camera.position\"\nvalues = [[0, 0.5, 0], [2, 0.5, 0]]");
     let said = place(&blind).mistake(&[&render[..], &SIZE].concat(), 2);
-    has(&said, &["looks at the same point", "scene.toml at frame 5"]);
+    has(&said, &["looks at the same point", "scene.toml at frame 5", "track `camera.position` at frame 5"]);
     let place = place(TRACKS);
     for (options, message) in [
         (&["--turntable", "3"][..], "cannot be used with"),

@@ -191,7 +191,7 @@ fn unknown_names_are_answered_with_the_nearest() {
     let message = argument_mistake(&["--set", "light.0.power=-3"]);
     has(&message, &["--set light.0.power=-3: -3 is not a number from 0 to 1e28", "help:"]);
     let message = argument_mistake(&["--device", "portabel"]);
-    has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "Available:"]);
+    has(&message, &["no device matches 'portabel'", "did you mean 'portable'", "The devices are:"]);
     let message = config_mistake("[\"naive\"]", "[\"navie\"]");
     has(&message, &["config.toml:6", "'navie' is not a preset", "did you mean 'naive'"]);
 }

@@ -244,7 +244,7 @@ const ORDERED_BY_LANE_OPERATIONS: [(&str, &str); 5] = [
     // After each of these synchronisations, another one follows before the same `__local` memory is used again.
     ("tile_gpu/soft.cl", "; // the stack has been read by all lanes\n    return stopped"),
     ("tile_gpu/walk.cl", ";\n    const uint nearest = lane_ballot"),
-    ("tile_gpu/walk.cl", "; // the last leaf's triangles have been tested"),
+    ("tile_gpu/walk.cl", "; // all lanes have tested the previous leaf's triangles"),
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return enough"),
     ("tile_gpu/walk.cl", "; // the stack has been read\n    return blocked"),
 ];

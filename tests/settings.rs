@@ -27,11 +27,7 @@ fn the_device_is_the_options_then_the_environments_then_the_files() {
     let of_file = mistake(&mut raycl(&place, &render));
     has(
         &of_file,
-        &[
-            "no device matches 'of-the-file'",
-            "config.toml:2",
-            "(cpu, gpu, accelerator), or all devices by 'all'",
-        ],
+        &["no device matches 'of-the-file'", "config.toml:2", "(cpu, gpu, accelerator), or by 'all'"],
     );
     let of_variable = mistake(raycl(&place, &render).env("RAYCL_DEVICE", "of-the-variable"));
     has(&of_variable, &["RAYCL_DEVICE: no device matches 'of-the-variable'"]);

@@ -1,4 +1,5 @@
-// The vectors of `raycl peak`. They have WIDTH floats each, a number that the host chooses for the device.
+// The vectors of `raycl peak`. They have WIDTH floats each: the device's native width or, if the device's lanes are
+// work-items, a width that the measurement chooses (src/peak/rig.rs).
 
 #ifndef WIDTH
 #error "WIDTH: floats of a vector: 1, 2, 4, 8 or 16"

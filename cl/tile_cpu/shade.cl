@@ -1,6 +1,6 @@
 // Shades a tile's nearest hits.
 
-// Functions that take arrays of vectors are inlined, so that the arrays stay in registers.
+// INLINED functions take or return columns of values. Inlining keeps these columns in registers.
 #define INLINED static __attribute__((always_inline))
 
 // Loads a row of three float4, and returns it as 12 columns with the same value in all lanes.

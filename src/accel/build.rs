@@ -1,9 +1,9 @@
 //! Builds a binary tree from the root down on all cores, by the binned surface-area heuristic.
 //!
 //! A primitive is the box and the number of a triangle, in 32 bytes. A node's primitives are contiguous in one of two
-//! buffers. Each cut moves the
-//! primitives to the other buffer, so all reads and writes are sequential. The primitives of large nodes are binned and
-//! moved in chunks on all cores. The two halves of a cut are independent tasks, except in small subtrees.
+//! buffers. Each cut moves the primitives to the other buffer, so all reads and writes are sequential. The primitives
+//! of large nodes are binned and moved in chunks on all cores. The two halves of a cut are independent tasks, except in
+//! small subtrees.
 
 use super::bins::{Bins, Cut, Slicer};
 use super::bounds::{Bounds, Primitive};
@@ -171,8 +171,8 @@ impl<'a> Work<'a> {
         [side(left, spare_left, order_left, 0), side(right, spare_right, order_right, 1)]
     }
 
-    /// Returns two halves that differ by at most one triangle. [`divide`] uses them if no cut is found, and for all
-    /// nodes from [`HALVING_DEPTH`] on.
+    /// Returns two halves whose numbers of triangles differ by at most one. [`divide`] uses them if no cut is found,
+    /// and for all nodes from [`HALVING_DEPTH`] on.
     fn halve(self) -> [Self; 2] {
         let middle = self.primitives.len() / 2;
         let (left, right) = self.primitives.split_at(middle);

@@ -111,10 +111,10 @@ pub struct Args {
     /// twice, raycl measures the kernels of both folders in the same rounds and compares them
     #[arg(long, value_name = "DIR")]
     cl_dir: Vec<PathBuf>,
-    /// With --cl-dir given twice: exit with code 1 if the second folder's kernels are slower by more than PERCENT, and
-    /// the slowdown is statistically significant. raycl tests each point, the mean of each strategy's points, and the
-    /// mean of all points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can
-    /// be measured only with the first folder
+    /// With --cl-dir given twice: exit with code 1 if it is statistically significant that the second folder's kernels
+    /// are slower by more than PERCENT. raycl tests each point, the mean of each strategy's points, and the mean of all
+    /// points except baselines (ray casters that do not use OpenCL). Also exit with code 1 if a point can be measured
+    /// only with the first folder
     #[arg(long, value_name = "PERCENT", value_parser = super::compare::percent, requires = "cl_dir")]
     fail_on_regression: Option<f64>,
     /// Measure only one part of the experiment: 3/16 is part 3 of 16. With auto, both numbers come from the launcher
@@ -254,7 +254,8 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
     // The handlers are installed before any driver starts, since PoCL's compiler installs handlers too. These pass a
-    // signal on to the handlers that were installed earlier, so raycl's handlers receive it.
+    // signal on to the handlers that were installed earlier, so raycl's handlers receive it. In the other order,
+    // raycl's handlers (crate signal-hook) would pass the signal on to those of PoCL's compiler.
     let interrupted = interrupt_flag()?;
     let devices = listed(args)?;
     let infos = chosen(args, &experiment, &devices)?;

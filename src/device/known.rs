@@ -1,5 +1,6 @@
-//! Finds the devices of an earlier run in the cache. raycl then starts only the driver of the selected device, and does
-//! not repeat the test of the device's lane operations (how its work-items exchange values).
+//! Finds the devices of an earlier run in the cache. If the selected device is found there and has not changed, raycl
+//! starts only the driver of this device, and does not repeat the test of the device's lane operations (how its
+//! work-items exchange values).
 
 use super::discover::{again, discover_untested};
 use super::drivers::VENDORS;

@@ -35,8 +35,9 @@ pub enum End {
     Broken,
 }
 
-/// A limit for launches in which some samples do not count: such a launch ends after the round in which it has taken
-/// this many times as many samples as it would need if all samples counted.
+/// The largest number of samples of a launch in which some samples do not count, as a multiple of the number that the
+/// launch would need if all samples counted. Such a launch ends at the latest after the round in which it reaches this
+/// number.
 pub(super) const MOST: u32 = 2;
 
 /// A sample's time, and whether the sample counts.

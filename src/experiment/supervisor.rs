@@ -202,9 +202,9 @@ impl<'a> Supervisor<'a> {
         }
     }
 
-    /// Takes one sample of a point, after a check if the point's worker has not checked the point. Returns `None` if
-    /// the worker was lost and the point may be tried again. This needs a new launch, since all samples of a launch
-    /// come from the same workers.
+    /// Takes one sample of a point. If the point has not passed a check in its current worker, it is checked first.
+    /// Returns `None` if the worker was lost and the point may be tried again. Another try needs a new launch, since
+    /// all samples of a launch come from the same workers.
     pub fn cast(&mut self, task: Task<'_>) -> Result<Option<std::result::Result<FrameTimes, PointFailure>>> {
         if !self.posts.get(&task.post()).is_some_and(|post| post.ready.contains(&task.point)) {
             match self.check(task)? {

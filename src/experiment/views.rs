@@ -67,7 +67,7 @@ fn keep_costs(
     [place, sides]: [&str; 2],
 ) -> Result<()> {
     let size = record.image_size;
-    // These pictures are drawn once per scene, since counting takes long. Their names contain the scene's hash, so
+    // Each of these pictures is drawn only once, since counting takes long. Its name contains the scene's hash, so
     // another scene of the same name has its own pictures.
     let content = record
         .scene_hash

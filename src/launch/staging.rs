@@ -25,7 +25,7 @@ impl Default for Staging {
 }
 
 impl Staging {
-    /// Sets the size of a piece in bytes. The pieces are allocated at first use.
+    /// Plans pieces of this many bytes. The pieces are allocated at first use.
     pub fn of(piece_bytes: usize) -> Self {
         Self { piece_bytes, pieces: Mutex::new(None) }
     }

@@ -129,8 +129,9 @@ impl BuiltProgram {
         self.keep().then_some(&self.key)
     }
 
-    /// Loads the stored program once if its binary is PTX. The driver then compiles the PTX, so that the driver's cache
-    /// contains the machine code for the next process.
+    /// Loads the stored program once if this process compiled it and its binary is PTX. A driver that returns PTX
+    /// compiles this PTX when the program is loaded, in addition to its earlier compilation of the source. The driver's
+    /// cache then contains the machine code for the next process.
     pub fn rehearse(&self) {
         if self.from_cache || self.ptx().is_empty() {
             return;

@@ -22,8 +22,8 @@ pub struct Environment {
     /// The build: profile, optimisation, target and its features, flags, compiler.
     #[serde(default)]
     pub build: String,
-    /// The set environment variables that OpenCL drivers and loaders read, as `NAME=VALUE`, even if they do not affect
-    /// results.
+    /// All environment variables of OpenCL drivers and loaders that are set, as `NAME=VALUE`, even if they do not
+    /// affect results.
     #[serde(default)]
     pub variables: Vec<String>,
     /// When the run began, in the format of RFC 3339.

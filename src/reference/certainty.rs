@@ -16,9 +16,9 @@ pub use quick::quick_sample;
 /// The angle of wide nudges: ten times that of narrow nudges. A pixel that changes under a wide nudge is not certain.
 const WIDE_NUDGE_RADIANS: f64 = 1e-5;
 /// The angle of narrow nudges: 16 times the rounding error of single precision. Rounding can turn a ray by up to ten
-/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus less than twice as
-/// large. A pixel that changes only under wide nudges is nearly certain (see [`super::Doubt`]), and is verified almost
-/// like a certain pixel.
+/// rounding errors: four of the direction, and six of cross and dot products. A narrow nudge is thus larger than any
+/// turn by rounding, but less than twice as large. A pixel that changes only under wide nudges is nearly certain (see
+/// [`super::Doubt`]), and is verified almost like a certain pixel.
 const NUDGE_RADIANS: f64 = 1e-6;
 /// If a triangle lies behind the nearest hit by at most this fraction of the hit's distance, the triangle may be the
 /// nearest one after rounding.

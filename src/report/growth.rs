@@ -104,9 +104,9 @@ fn plot(groups: &[&Group<'_>], looks: &Looks, labels: Labels, x: impl Fn(&Group<
 fn caption(fits: &[(String, Fit)]) -> String {
     let exponents: Vec<_> = fits.iter().map(|(name, fit)| format!("{name} {}", fit.text())).collect();
     let fitted = match exponents.as_slice() {
-        [] => {
-            " There are too few different values for a fit: three with enough samples are needed.".to_owned()
-        }
+        [] => " There are too few different values for a fit: it needs three values on the x axis, each with enough \
+            samples."
+            .to_owned(),
         some => format!(
             " The dashed lines are power laws, fitted by least squares to the logarithms. Exponents with their standard errors: {}.",
             some.join(", ")

@@ -66,9 +66,9 @@ impl Animation {
         Ok(Self { frames, frames_per_second, document, table, tracks, shot, kept: Kept::default() })
     }
 
-    /// Checks that the scene file with the values of each of these frames describes a scene. If the background of
-    /// frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise, none of them may be
-    /// transparent. No files of meshes or pictures are read.
+    /// Checks for each of these frames that the scene file, with the frame's values, describes a scene. If the
+    /// background of frame 1 is transparent, the backgrounds of these frames must be transparent too; otherwise, none
+    /// of them may be transparent. No files of meshes or pictures are read.
     ///
     /// # Errors
     ///

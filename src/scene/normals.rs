@@ -77,7 +77,7 @@ pub(super) fn turn_outwards(mesh: &mut Mesh) {
 }
 
 /// Adds one normal per position, and assigns these normals to the triangles without normals. A position's normal is
-/// the mean, weighted by area, of the face normals of those triangles that have a corner there.
+/// the mean, weighted by area, of the face normals at this position. Triangles that have normals do not count.
 fn generate(mesh: &mut Mesh) {
     // In f64, the cross product of the smallest f32 edges is not zero.
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];

@@ -153,8 +153,8 @@ impl Brightness {
             let Self { reflectance, .. } = self;
             format!(
                 "a light with the power {} may be only {nearest:e} away from a surface, and surfaces have a \
-                 reflectance of up to {reflectance:e}, so the computation of a pixel may contain the number \
-                 {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
+                 reflectance of up to {reflectance:e}; for as many such lights as the scene has, the computation of a \
+                 pixel may contain the number {product:e}; expected at most {MAX_PRODUCT:e}, so that every number fits into single precision; \
                  reduce the power or move the light away",
                 light.power
             )

@@ -105,7 +105,7 @@ impl Attempt {
         let parts = out.join(PARTS);
         let failed = |path: &Path, error: std::io::Error| {
             Error::run(format!("cannot make {}: {error}", path.display()))
-                .with_help("choose a folder that all machines can reach, and write to: --out DIR")
+                .with_help("choose another folder with --out DIR, to which all machines can write")
         };
         std::fs::create_dir_all(&parts).map_err(|error| failed(&parts, error))?;
         let mut about = about.clone();

@@ -59,7 +59,7 @@ const TREE_TRIANGLES: usize = 10;
 
 /// The limits between the candidates, for one class of devices that support tiles. Some limits are compared with the
 /// number of pixels multiplied or divided by a root of the number of triangles. These roots were fitted to the times of
-/// 274 pictures on an H200 (docs/results/rule/h200.json).
+/// 298 pictures on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.

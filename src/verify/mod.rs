@@ -4,10 +4,11 @@
 //! more than rounding does; narrow nudges move it by about as much as rounding. A pixel is certain if no nudge changes
 //! its value noticeably. A certain pixel of the image must agree with the reference within [`RELATIVE_LIMIT`] (see
 //! [`relative_difference`]), and within one 8-bit step per channel as displayed. The value of any other pixel should
-//! lie within the range of the pixel's values under narrow nudges. If only wide nudges change a pixel, this range is so
-//! narrow that the pixel is judged almost like a certain one. Pixels outside their range are counted, and only few of
-//! them are allowed (see [`unexplained_limit`]). The number of pixels that hit something must also lie in the range
-//! that the reference allows, since the result `shadow_rays_per_s` is computed from this number.
+//! lie within the range of the pixel's values under narrow nudges. If only wide nudges change a pixel, no value in this
+//! range differs from the reference by more than the relative limit. Such a pixel is judged almost like a certain one.
+//! Pixels outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
+//! pixels that hit something must also lie in the range that the reference allows, since the result
+//! `shadow_rays_per_s` is computed from this number.
 
 use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};

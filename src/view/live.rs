@@ -277,7 +277,7 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
-/// rounding to 8 bits). Returns `None` if the device uses the host's memory, or if the program cannot be built; the
+/// truncation to 8 bits). Returns `None` if the device uses the host's memory, or if the program cannot be built; the
 /// host then applies the transform.
 fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
     if queue.shares_memory {

@@ -1,9 +1,9 @@
 // Prepares and tests a leaf's triangle for the rays of a pass, as in edge_planes.cl, but with planes from a table. (A
-// pass consists of rays that run mainly along one axis: see entry.cl.) The kernel tile_prepare computes the table once
-// per frame. It contains the planes of every triangle for the eye and for each light. The table has a row of quads
-// (float4) for each axis of the scene. In an axis's row, a triangle's quad contains the components of its three planes
-// and of 1/z along this axis. Three loads are therefore enough, whatever the axes of the pass. In each row, the quads
-// of a leaf's triangles are contiguous.
+// pass consists of rays that run mainly along one axis: see entry.cl.) The kernel tile_prepare computes the planes of
+// every triangle: for the eye once per frame, and for the lights of a round once per round (see shadow.cl). For each
+// origin, the table has a row of quads (float4) for each axis of the scene. In an axis's row, a triangle's quad
+// contains the components of its three planes and of 1/z along this axis. Three loads are therefore enough, whatever
+// the axes of the pass. In each row, the quads of a leaf's triangles are contiguous.
 
 // The table for one origin. A row has a quad per triangle, in leaf order, so that neighbouring lanes load neighbouring
 // quads:

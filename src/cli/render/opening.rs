@@ -24,9 +24,9 @@ pub struct Opened {
     /// The program that the scene will probably need. It is built without waiting until the scene is loaded. `None` if
     /// no program could be guessed, or if its build failed; raycl then builds the program later.
     pub early: Option<(ProgramSpec, BuiltProgram)>,
-    /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while another
-    /// thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then builds the
-    /// tree later, if the strategy needs one.
+    /// The tree, and the strategy for which it was built. The thread that loads the scene builds the tree, while
+    /// another thread opens the queue and builds the program. `None` if no tree was built in this way; raycl then
+    /// builds the tree later, if the strategy needs one.
     pub tree: Option<(Strategy, HostTree)>,
     /// The program for the display transform (from radiance to 8-bit colours), if the device applies this transform.
     pub show: Option<ShowProgram>,

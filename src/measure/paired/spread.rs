@@ -16,8 +16,8 @@ const STEADY_PART: usize = 3;
 /// be alike only by chance.
 const LEAST_STEADY: usize = 6;
 
-/// The spread of the values in a table, pooled over all points. The table has a row per point and a column per repeat,
-/// that is, per launch.
+/// The spread of the values in a table, pooled over all points. The table has a row per point and a column per repeat.
+/// A repeat is a launch or, if there is only one launch, a part of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Pooled {
     /// The distribution of the variances of the rows' residuals, after subtracting the effects of rows and columns.

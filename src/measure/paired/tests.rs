@@ -3,8 +3,8 @@
 use super::*;
 use crate::measure::Ranking;
 
-/// Methods for these tests. They identify points by their indices in the table; raycl itself compares records
-/// (`record::together`).
+/// Methods for these tests and for the simulation. The methods identify points by their indices; raycl itself compares
+/// records (`record::together`).
 impl Paired {
     /// Returns the number of launches in which at least one point has enough samples.
     fn launches(&self) -> usize {

@@ -6,7 +6,7 @@ use super::macros::{Macro, Macros};
 use super::token::{Kind, Token, code};
 
 /// Returns the body of the macro `name` for a call with these arguments. The line in an error is a line of the macro's
-/// definition, or 0; the caller replaces it by the line of the call.
+/// definition, the line of an argument, or 0; the caller replaces it by the line of the call.
 pub(super) fn substitute(
     macros: &Macros,
     name: &str,

@@ -178,7 +178,7 @@ fn latency(found: &ClaimData<'_>, memory: Memory, cycles: f64, within: f64) -> L
     match (low >= least && high <= most, high < least || low > most) {
         (true, _) => Line::decided(text, true),
         (_, true) => Line::decided(text, false),
-        _ => Line::unclear(text, "a latency whose quartiles are closer together: `raycl peak --out DIR/peak.json` measures again; DIR is the folder of results".to_owned()),
+        _ => Line::unclear(text, "a latency whose quartiles are closer together: `raycl run CONFIG --out DIR --resume --peak` measures again; CONFIG is the run's config, and DIR its folder of results".to_owned()),
     }
 }
 

@@ -37,7 +37,7 @@ impl Layout {
     }
 
     /// Splits a title or an axis's label into as many lines as needed; on a screen, one line is usually enough. On a
-    /// screen, a line ends at the latest where the x axis does, since not every plot has a legend on the right.
+    /// screen, a title ends at the latest where the x axis does, since not every plot has a legend on the right.
     pub fn lines(&self, text: &str) -> Vec<String> {
         let whole = if self.legend_below { self.whole_width() } else { self.left + self.width };
         let most = ((whole - 2.0 * MARGIN) / BOLD_LETTER) as usize;

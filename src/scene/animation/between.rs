@@ -33,8 +33,9 @@ pub(super) fn are_alike(a: &Value, b: &Value) -> bool {
 }
 
 /// Returns the value at a frame between the keyframes `begin` and `begin + 1`. `frames` and `values` are those of all
-/// keyframes of a track, or of these two keyframes and one more on each side. Unless the interpolation is by steps, the
-/// values must have the same structure: all are numbers, or all are lists (perhaps nested) of the same length.
+/// keyframes of a track, or only of these two keyframes and their neighbours (one on each side, if it exists). Unless
+/// the interpolation is by steps, the values must have the same structure: all are numbers, or all are lists (perhaps
+/// nested) of the same length.
 pub(super) fn between(
     (frames, values): (&[f64], &[&Value]),
     begin: usize,

@@ -116,7 +116,7 @@ impl Numbered {
 
 fn other(file: &Path, number: u32) -> Error {
     let message = format!(
-        "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the kernels or the version of raycl differ",
+        "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the strategy, the kernels or the version of raycl differ",
         file.display()
     );
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
