@@ -54,7 +54,7 @@ pub enum Class {
 }
 
 /// From this number of triangles on, devices that do not support tiles traverse a tree with single rays, which is then
-/// faster than testing all triangles (measured on an H200 without its tiles, docs/results/rule/h200.json).
+/// faster than testing all triangles. An H200 was measured (`single` and `exhaustive` in docs/results/rule/h200.json).
 const TREE_TRIANGLES: usize = 10;
 
 /// The limits between the candidates, for one class of devices that support tiles. Some limits are compared with the
@@ -228,7 +228,8 @@ impl Way {
 /// triangles through `__local` memory. Larger scenes use a tree that tiles of rays traverse together. On a CPU, the
 /// rays of a tile are in vectors. On a GPU, 32 work-items share a tile by means of PTX's lane operations, with which
 /// tiles have been measured; a GPU without these operations casts single rays. If triangles are much smaller than
-/// pixels, single rays are faster, since the rays of a tile take different paths.
+/// pixels, single rays are faster, since the rays of a tile take different paths. On a GPU, single rays are also faster
+/// in small pictures, in which there are too few tiles to keep the device busy.
 pub fn fastest(limits: &DeviceLimits, task: &Task) -> Result<(Strategy, [u32; 2])> {
     Way::fastest(limits, task).strategy(limits, task.watertight)
 }
