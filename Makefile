@@ -32,6 +32,7 @@ test-long: setup-tests ## run all tests without sampling: every preset at every 
 
 mutants: setup-tests ## insert mistakes into Rust and kernels, one at a time; for each, a test must fail; continues where it was stopped (an hour; Python 3.11)
 	@tests/mutants/run
+	RAYCL_TEST_LONG=1 $(TEST) --test all -- ::a_broken_ --skip mutants::
 
 mutants-sample: setup-tests ## insert a sample of these mistakes, chosen by the date; SAMPLE=2026-11-21 repeats that day's sample
 	@tests/mutants/run --sample "$${SAMPLE:-$$(date +%F)}"

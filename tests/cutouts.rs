@@ -1,6 +1,7 @@
 //! Cut-outs: surfaces with holes, in every family that casts them.
 
 use crate::binary::{Place, apart, device, has};
+use crate::common::due;
 use crate::textures::gltf;
 use image::{Rgb, RgbImage, Rgba, RgbaImage};
 
@@ -148,7 +149,7 @@ fn what_is_wrong_with_a_mask_is_noted_with_its_line() {
 #[test]
 fn a_broken_cut_out_is_a_wrong_picture() {
     let place = room(MTL);
-    for (file, from, to, strategy) in [
+    for (file, from, to, strategy) in due([
         ("common/cutouts.cl", "if (!mask) return 1;", "return 1;", "deferred"),
         ("common/cutouts.cl", "(float)(words[at.d] >> 24)", "(float)(words[at.d] >> 8 & 255)", "bvh"),
         (
@@ -177,7 +178,7 @@ fn a_broken_cut_out_is_a_wrong_picture() {
             "tile",
         ),
         ("tile_gpu/walk.cl", "vec3(x, y, 1.0f), 1);", "vec3(y, x, 1.0f), 1);", "tile-group"),
-    ] {
+    ]) {
         place.notices((file, from, to), strategy, &["--verify"]);
     }
 }

@@ -1,6 +1,7 @@
 //! Skies that are pictures of all directions, in every family that has a sky.
 
 use crate::binary::{Place, device, has, repository};
+use crate::common::due;
 use image::{Rgb, Rgb32FImage};
 use raycl::scene::load_scene;
 use raycl::strategy::preset;
@@ -163,7 +164,7 @@ fn a_frame_is_the_same_after_another_one_as_alone() {
 #[test]
 fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
     let place = place(SCENE);
-    for (file, from, to, strategy, samples) in [
+    for (file, from, to, strategy, samples) in due([
         ("common/environment.cl", "blue.each[lane] = texel[2]", "blue.each[lane] = texel[1]", "bvh", "1"),
         ("common/environment.cl", "clamp(y0 + 1, 0, height - 1)", "clamp(y0, 0, height - 1)", "tile", "1"),
         ("common/environment.cl", "SELECT(first + 1 < width,", "SELECT(first + 1 <= width,", "deferred", "1"),
@@ -172,7 +173,7 @@ fn a_broken_picture_of_the_sky_is_a_wrong_picture() {
         ("common/show_sky.cl", "image[at].w == 0.0f", "image[at].w != 0.0f", "tile-group", "1"),
         ("common/show_sky.cl", "earlier ? hits_before[at] : 0", "0", "tile", "4"),
         ("common/show_sky.cl", "shown / count", "shown", "tile-group", "4"),
-    ] {
+    ]) {
         place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
     }
 }

@@ -1,6 +1,7 @@
 //! Soft light at half resolution: the default look of bare meshes.
 
 use crate::binary::{Place, device};
+use crate::common::due;
 use image::RgbImage;
 
 /// A tetrahedron, and a plate above it. The tetrahedron lies in the plate's shadow.
@@ -127,9 +128,8 @@ fn a_broken_half_picture_is_a_wrong_picture() {
     ];
     let mut unnoticed = Vec::new();
     let grounded = CHANGES.iter().map(|change| (*change, &[][..]));
-    for ([file, from, to, family], background) in
-        grounded.chain(behind.map(|change| (change, &["--background", "#808080"][..])))
-    {
+    let all = grounded.chain(behind.map(|change| (change, &["--background", "#808080"][..])));
+    for ([file, from, to, family], background) in due(all) {
         let kernels = place.kernels(file, from, to);
         let more = ["--verify", "--strategy", family, "--cl-dir", &kernels];
         let more = [&more[..], background].concat();

@@ -1,6 +1,7 @@
 //! Mip levels: textures that are seen from far away, in every family that supports them.
 
 use crate::binary::{Place, apart, has, repository};
+use crate::common::due;
 use image::{Rgb, RgbImage};
 
 /// The files of a scene: a chequered floor that is seen at a grazing angle, and a wall in front of it.
@@ -130,17 +131,17 @@ fn masks_keep_their_holes_and_colours_keep_clear_of_transparent_texels() {
 #[test]
 fn a_broken_level_is_a_wrong_picture() {
     let place = floor();
-    for (from, to) in [
+    let changes = [
         ("log2(width / across)", "log2(width / across) + 0.5f"),
         ("log2(width / across)", "log2(width)"),
         ("rest = 1.0f - part;", "rest = part;"),
         ("const int last = (int)(head[3] >> 12 & 15);", "const int last = (int)(head[3] >> 13 & 15);"),
         ("level.first += (uint)(level.width * level.height);", "level.first += (uint)level.width;"),
         ("const varying width = t *", "const varying width ="),
-    ] {
-        for strategy in ["deferred", "tile"] {
-            place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
-        }
+    ];
+    let all = ["deferred", "tile"].into_iter().flat_map(|strategy| changes.map(|change| (strategy, change)));
+    for (strategy, (from, to)) in due(all) {
+        place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Pictures with several samples per pixel (`--samples`).
 
 use crate::binary::{Place, TRIANGLE, device};
+use crate::common::due;
 use image::RgbImage;
 use std::collections::BTreeSet;
 
@@ -164,7 +165,7 @@ fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
         ("tile_gpu/shade.cl", "((sum) - (float)SAMPLES_OF_FRAME * (mean))", "((sum) - (mean))", "20"),
     ];
     for (strategy, rows) in [("tile", &vectors[..]), ("tile-group", &shared)] {
-        for (file, from, to, samples) in rows {
+        for (file, from, to, samples) in due(rows) {
             place.notices((file, from, to), strategy, &["--verify", "--samples", samples]);
         }
     }

@@ -1,6 +1,7 @@
 //! Soft lights and the sky, in every family that supports them.
 
 use crate::binary::{Place, device, has, repository};
+use crate::common::due;
 use image::RgbImage;
 
 /// A square over the ground, and a light above it.
@@ -185,7 +186,7 @@ fn rays_to_a_ball_and_to_the_sky_end_where_they_should() {
 fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
     let of_both = format!("{SKY}[[light]]\nposition = [0, 3, -3]\npower = 60\nradius = 0.6\n");
     let place = Place::with(&[("scene.toml", &of_both)]);
-    for (file, from, to, strategy) in [
+    for (file, from, to, strategy) in due([
         ("common/soft.cl", "bits ^= bits >> 4 & 0x0f0f0f0fu;", "", "tile"),
         ("common/soft.cl", "sqrt(u.x) * sinpi(2.0f * u.z)", "sqrt(u.x) * sinpi(2.0f * u.y)", "tile"),
         ("common/soft.cl", "return normalize_or_zero(add(normal, point));", "return point;", "deferred"),
@@ -204,7 +205,7 @@ fn a_broken_soft_light_or_sky_is_a_wrong_picture() {
         ("common/soft.cl", "flip_sign(dot3(*way, r), sign)", "dot3(*way, r)", "tile"),
         ("tile_cpu/single_ray.cl", "(float16)(v.y, v.y)", "(float16)(v.x, v.y)", "tile"),
         ("tile_gpu/soft.cl", "faces_it && !is_stopped", "faces_it && is_stopped", "tile-group"),
-    ] {
+    ]) {
         place.notices((file, from, to), strategy, &["--verify=400", "--samples", "2"]);
     }
     // Only if a packet's rays to a large light pass many small boxes do these changes have a visible effect.

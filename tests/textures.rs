@@ -1,6 +1,7 @@
 //! Colours from pictures, in every family that supports them.
 
 use crate::binary::{Place, apart, device, has};
+use crate::common::due;
 use image::{ImageFormat, Rgb, RgbImage};
 
 /// Two quads of one material: a wall that shows the picture once, and a floor that shows it nine times, rotated.
@@ -142,17 +143,17 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
 #[test]
 fn a_broken_texture_is_a_wrong_picture() {
     let place = room(MTL);
-    for (from, to) in [
+    let changes = [
         ("as_float(words[texel >> 8 & 255])", "as_float(words[texel >> 16 & 255])"),
         ("down) * (float)height - 0.5f", "down) * (float)height"),
         ("ke = to_right * to_bottom", "ke = to_right"),
         ("w2 * c.x", "w2 * c.y"),
         ("return place - floor(place);", "return clamp(place, 0.0f, 1.0f);"),
         ("texel >= size ? -size : 0", "texel > size ? -size : 0"),
-    ] {
-        for strategy in ["deferred", "tile"] {
-            place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
-        }
+    ];
+    let all = ["deferred", "tile"].into_iter().flat_map(|strategy| changes.map(|change| (strategy, change)));
+    for (strategy, (from, to)) in due(all) {
+        place.notices(("common/textures.cl", from, to), strategy, &["--verify"]);
     }
 }
 

@@ -21,8 +21,8 @@ use rayon::prelude::*;
 /// | 6W .. 7W | 6 | the child word |
 /// | 7W .. stride | | zeros that pad nodes of up to 8 children to whole cache lines; wider nodes have no padding |
 ///
-/// The plane of `axis` on `side` (0 low, 1 high) is therefore row `2 * axis + side`. Bounds are the smallest and the
-/// largest coordinates of the triangles' corners, without rounding.
+/// The plane of `axis` on `side` (0 low, 1 high) is therefore row `2 * axis + side`. The bounds of a child's box are
+/// the smallest and the largest coordinates of the corners of all triangles below the child, without rounding.
 ///
 /// # Child words
 ///

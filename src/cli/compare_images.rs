@@ -41,7 +41,7 @@ fn decibels(text: &str) -> std::result::Result<f64, String> {
         .ok_or_else(|| format!("'{text}' is not a number of decibels, such as 40"))
 }
 
-/// The result, with the fields of `--json`.
+/// The result of the comparison. With `--json`, raycl prints it as a JSON object with these fields.
 #[derive(Debug, Serialize)]
 struct Report {
     /// The peak signal-to-noise ratio in decibels. Null if the pictures are equal (`equal` is true), or if a value of a

@@ -231,8 +231,7 @@ fn judged(
     args.verify.map(check).transpose()
 }
 
-/// Saves a picture. Returns the picture's radiance; `None` if only the displayed 8-bit colours were read from the
-/// device.
+/// Saves a picture. Returns the picture's radiance, or `None` if `picture` has only the displayed 8-bit colours.
 fn save_picture(picture: Picture, display: Display, target: &Target) -> Result<Option<Radiance>> {
     match picture {
         Picture::Radiance(image) => save(&image, display, target).map(|()| Some(image)),

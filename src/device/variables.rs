@@ -9,10 +9,10 @@ struct Driver {
     deciding: &'static [&'static str],
 }
 
-/// The variables that affect times or pictures, for each driver. The key under which a measured point is stored
-/// contains the variables of the driver of the point's device, if they are set. Sources: the documentation of PoCL 3.1
-/// and later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's guides to its OpenCL and DPC++
-/// runtimes.
+/// The variables that affect times or pictures, for each driver. The key under which a measured point is stored is a
+/// hash. It also depends on the variables of the driver of the point's device, if they are set. Sources: the
+/// documentation of PoCL 3.1 and later, the names in PoCL's library, NVIDIA's CUDA programming guide, and Intel's
+/// guides to its OpenCL and DPC++ runtimes.
 const DRIVERS: [Driver; 3] = [
     Driver {
         platform: "portable computing language",

@@ -118,7 +118,7 @@ impl Page {
                 }
                 return says;
             }
-            Ok(_) => format!("nothing: the query finds no value: {query}"),
+            Ok(_) => format!("nothing: the query '{query}' finds no value"),
             Err(error) => format!("nothing: {error}: {query}"),
         };
         self.wrong.push(Difference { line, stands: stands.clone(), records_say: problem });
@@ -217,7 +217,7 @@ mod tests {
             (
                 "It took 7<!-- published: teapot naive 14x14 --> ms.",
                 "7",
-                "nothing: the query finds no value: published",
+                "nothing: the query 'published: teapot naive 14x14' finds no value",
             ),
             ("It took 7<!-- new: naive 8x8 --> ms.", "7", "nothing: 'new' is not a source"),
         ] {

@@ -6,9 +6,9 @@ use std::collections::{HashMap, HashSet};
 /// Returns the records of all folders. If two folders measured the same point under different conditions (driver,
 /// machine, program or timing), the keys of the two records differ. In this case, each folder's label is added to the
 /// name of the point's device in the folder's records, so that the results are shown separately. If the point is a
-/// baseline, the labels are added to the names of all baselines instead. The labels are also added to the names of
-/// scenes that have the same name but different content. If a point was measured twice under the same conditions, the
-/// later folder's record is used.
+/// baseline, its device is the host, whose name does not change. Instead, each folder's label is added to the names of
+/// all baselines in the folder's records. The labels are also added to the names of scenes that have the same name but
+/// different content. If a point was measured twice under the same conditions, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
     let labels = labels(folders);
     let mut all = with_one_name_a_scene(folders, &labels);

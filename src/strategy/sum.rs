@@ -25,7 +25,8 @@ impl Sum {
         self.terms.extend(other.terms);
     }
 
-    /// Returns the sum for records. A sum that exceeds `u64` is refused earlier.
+    /// Returns the sum as a `u64`, the type of the sums in records. If the sum is too large for this type, returns the
+    /// largest `u64`.
     pub fn recorded(&self) -> u64 {
         self.bytes.try_into().unwrap_or(u64::MAX)
     }

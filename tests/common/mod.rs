@@ -38,6 +38,13 @@ pub fn is_long() -> bool {
     std::env::var_os("RAYCL_TEST_LONG").is_some()
 }
 
+/// Returns the changes to kernel files that are tried now. Each change needs a program of its own, which takes PoCL
+/// seconds to compile and is in no cache of a new machine. So `make test` tries every fourth change of a list; `make
+/// test-long` and `make mutants` try all.
+pub fn due<T>(changes: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
+    changes.into_iter().step_by(if is_long() { 1 } else { 4 })
+}
+
 /// Returns whether a strategy is tested by `make test` too. PoCL takes half a minute to compile a strategy in
 /// which work-items share tiles. `make test` tests presets with such tiles separately, and all such strategies
 /// of the pairwise cover under Oclgrind, which need not compile them.

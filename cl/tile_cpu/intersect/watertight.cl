@@ -1,7 +1,8 @@
-// The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. For each ray of a vector, a
-// triangle's corners are sheared along an axis that all rays of the vector share, which takes two products per corner.
-// Relative to the origin, the corners are the same for all rays. Vectors whose rays have no common axis use the
-// test of cast/intersect/watertight.cl, which chooses an axis for each ray.
+// The watertight ray-triangle test of Woop, Benthin and Wald, for the rays of a tile. The test shears a triangle's
+// corners so that the ray runs along a coordinate axis. Here all rays of a vector use the same axis: a common axis,
+// along which they all run in the same direction. All rays also start at the same origin, so the corners relative to
+// the origin are the same for all rays. A ray's shear therefore takes only two products per corner. Vectors whose rays
+// have no common axis use the test of cast/intersect/watertight.cl, which chooses an axis for each ray.
 
 #define NO_AXIS 3
 

@@ -8,10 +8,10 @@ use crate::record::{Folder, Record, by, median, ms, not_enough};
 use serde_json::json;
 use std::path::Path;
 
-/// Prints a row with the predicted occupancy of each point of the run in `path`, a folder of results or its
-/// records.jsonl. Points with an unknown number of registers or an unknown occupancy are omitted. If
-/// `compute_capability` is given, the occupancy is predicted for this capability. Otherwise, it is the recorded
-/// occupancy, which was predicted for the device's own capability.
+/// Prints one row for each point of the run in `path`, with the point's predicted occupancy. With `as_json`, prints one
+/// JSON object for each point. `path` is a folder of results or the records.jsonl in it. Points with an unknown number
+/// of registers or an unknown occupancy are omitted. If `compute_capability` is given, the occupancy is predicted for
+/// this capability. Otherwise, it is the recorded occupancy, which was predicted for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;

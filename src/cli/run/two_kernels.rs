@@ -12,9 +12,10 @@ use crate::words::counted;
 const THRESHOLD: f64 = 0.02;
 
 /// Prints how the times with the second folder of kernels compare with those with the first. If `limit_percent` is
-/// given, returns an error with exit code 1 in two cases. In the first case, the second folder causes a statistically
-/// significant slowdown of more than `limit_percent`: of the mean of all points, of the mean of one strategy's points
-/// or of a single point. In the second case, a point fails with the second folder but was measured with the first.
+/// given, returns an error with exit code 1 in two cases. In the first case, the slowdown with the second folder
+/// exceeds `limit_percent`, and this excess is statistically significant. The slowdown is that of the mean of all
+/// points, of the mean of one strategy's points, or of a single point. In the second case, a point fails with the
+/// second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
     let comparison = Comparison::of_kernels(folder, THRESHOLD);
     if !quiet {

@@ -99,7 +99,8 @@ impl TryFrom<String> for Preset {
 }
 
 impl Preset {
-    /// Returns the preset's strategy; `None` for an unknown name, which a table never contains.
+    /// Returns the preset's strategy, or `None` if no preset has this name. The table of claims has no such name,
+    /// because raycl refuses unknown names when it reads the table.
     pub fn strategy(&self) -> Option<Strategy> {
         PRESETS.iter().find(|preset| preset.name == self.0).map(|preset| preset.strategy)
     }
