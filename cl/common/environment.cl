@@ -31,7 +31,8 @@ Vec3 radiance_of_sky(const Soft *soft, Vec3 way) {
     // Both angles are computed by atan2, since an arc cosine would lose digits near the zenith.
     const varying around = 0.5f + 0.5f * atan2pi(right, ahead);
     const varying below = atan2pi(sqrt(right * right + ahead * ahead), dot3(way, splat(up)));
-    // Centres of texels lie at half-integers. The picture's left edge continues at its right edge.
+    // Centres of texels lie at half-integers. The picture shows all directions around the zenith, so its right edge
+    // meets its left edge.
     const varying x = around * (float)width - 0.5f;
     const varying y = clamp(below * (float)height - 0.5f, (varying)(0.0f), (varying)((float)(height - 1)));
     const varying left = floor(x), top = floor(y), to_right = x - left, to_bottom = y - top;

@@ -44,8 +44,9 @@ pub struct Args {
     /// Also print functions that no kernel of the strategy calls
     #[arg(long)]
     all: bool,
-    /// Print only the text that affects compilation, so that two sources that differ only in comments, blanks and
-    /// macros give the same output
+    /// Print only the text that affects compilation: comments are removed, macros are replaced by their expansions, and
+    /// blanks become uniform. Two sources that differ only in comments, in blanks, or in the macros that produce the
+    /// same text give the same output
     #[arg(long, conflicts_with = "all")]
     canonical: bool,
     /// Use the kernel files in this folder instead of the built-in files of the same names

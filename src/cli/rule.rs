@@ -199,7 +199,7 @@ mod tests {
         let class = Class::TilesInVectors;
         // With a million triangles, the rule never chooses exhaustive casting. In this test's made-up times, however,
         // exhaustive casting is the fastest.
-        let task = Task { triangles: 1_000_000, pixels: 400_000, ..Task::default() };
+        let task = Task::covering(1_000_000, 400_000);
         let choice = class.constants(false).unwrap().way(&task, 2).name();
         let case = |name: &str, chosen_ms: Option<f64>| {
             let chosen = chosen_ms.map(|ms| (choice.to_owned(), ms));

@@ -138,12 +138,20 @@ fn soft_floats(scene: &Scene) -> Vec<f32> {
 
 impl Task {
     /// Describes the work of casting a scene at this image size, with one sample per pixel.
-    pub fn of(scene: &Scene, [width, height]: [u32; 2], watertight: bool) -> Self {
-        let (triangles, pixels) = (scene.mesh.triangles.len(), width as usize * height as usize);
-        Self { triangles, pixels, inside: scene.encloses_eye(), watertight, soft: scene.sky.is_some() }
+    pub fn of(scene: &Scene, size: [u32; 2], watertight: bool) -> Self {
+        let pixels = size[0] as usize * size[1] as usize;
+        Self {
+            triangles: scene.mesh.triangles.len(),
+            pixels,
+            covered_pixels: (pixels as f64 * scene.covered_share(size)).ceil() as usize,
+            inside: scene.encloses_eye(),
+            watertight,
+            soft: scene.sky.is_some(),
+        }
     }
 
-    /// Returns this task with a number of samples per pixel. With one sample, lights with a radius count as points.
+    /// Returns the task of casting the same picture with `samples` samples per pixel. With more than one sample, lights
+    /// with a radius make the task soft. With one sample, these lights count as points.
     #[must_use]
     pub fn sampled(self, scene: &Scene, samples: u32) -> Self {
         let soft_lights = samples > 1 && scene.lights.iter().any(|light| light.radius > 0.0);

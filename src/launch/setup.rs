@@ -95,7 +95,8 @@ pub(super) fn scene_arguments<'a>(scene: &'a DeviceScene, tree: Option<&'a Devic
         .with("material_count", surfaces.material_count as i32)
 }
 
-/// If the workload has soft light, adds the sky, the lights' radii, and the arguments for one sample per pixel.
+/// Returns the arguments and, if the workload has soft light, the further arguments that soft light needs: the sky with
+/// the lights' radii, and the arguments for one sample per pixel.
 pub(super) fn soft_arguments<'a>(
     arguments: Arguments<'a>,
     scene: &'a DeviceScene,

@@ -53,7 +53,7 @@ pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
 
 #[allow(
     clippy::disallowed_methods,
-    reason = "raycl owns its folders of results; commands that write elsewhere first check whether raycl made the file"
+    reason = "raycl may replace files in folders of results; elsewhere, it checks first whether it made the old file"
 )]
 fn replace(
     path: &Path,

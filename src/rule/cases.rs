@@ -225,7 +225,7 @@ mod tests {
             kinds: kinds.to_vec(),
             devices: Vec::new(),
         };
-        let task = |triangles, inside| Task { triangles, pixels: 100, inside, ..Task::default() };
+        let task = |triangles, inside| Task { inside, ..Task::covering(triangles, 100) };
         let is = |kinds: &[Kind], task: Task| case(kinds).is_of_its_kinds(&task);
         assert!(is(&[Kind::Few], task(49, false)) && !is(&[Kind::Few], task(50, false)));
         assert!(is(&[Kind::Dense], task(401, false)) && !is(&[Kind::Dense], task(400, false)));

@@ -132,7 +132,7 @@ mod tests {
     fn sweep(cases: &[CaseTimes<'_>]) -> Sweep {
         let measured = |&(triangles, pixels, times): &CaseTimes<'_>| Measured {
             name: format!("{triangles} in {pixels}"),
-            task: Task { triangles, pixels, ..Task::default() },
+            task: Task::covering(triangles, pixels),
             least_ms: times.iter().map(|(way, ms)| ((*way).to_owned(), *ms)).collect(),
         };
         Sweep {

@@ -151,7 +151,7 @@ mod tests {
         let class = Class::TilesInVectors;
         let constants = class.constants(false).expect("constants");
         // With a million triangles, the rule never chooses exhaustive casting.
-        let task = Task { triangles: 1_000_000, pixels: 400_000, ..Task::default() };
+        let task = Task::covering(1_000_000, 400_000);
         let choice = constants.way(&task, 2);
         let verdict = |times: &[(&str, f64)]| {
             let least_ms = times.iter().map(|(name, ms)| ((*name).to_owned(), *ms)).collect();

@@ -7,6 +7,7 @@
 mod animation;
 mod assemble;
 mod camera;
+mod covered;
 mod document;
 mod enclosed;
 mod facing;

@@ -83,9 +83,9 @@ impl Sampling {
         self.first < self.most
     }
 
-    /// Returns the two rounds of samples: the first samples, which every pixel gets, and the
-    /// others. The positions of both rounds are parts of one sequence. Points of lights and
-    /// directions of the sky have a separate sequence per round.
+    /// Returns the two rounds of samples: the first samples, which every pixel gets, and the others. The samples'
+    /// positions in the pixel come from one sequence, which the second round continues. The points of lights and the
+    /// directions of the sky come from a separate sequence in each round.
     pub fn rounds(&self) -> [Vec<Sample>; 2] {
         let light = if self.half_light > 0 { SampleLight::Unoccluded } else { SampleLight::Own };
         let round = |sample: Sample| match sample.earlier < self.first {

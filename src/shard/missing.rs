@@ -56,9 +56,10 @@ pub struct Wanted<'a> {
     pub not_begun: &'a [String],
 }
 
-/// Returns, for each kind, the points of the plan that have no record. For a selected kind on which no shard has begun,
-/// returns all points except casters on the host. A caster on the host is not missing if it was measured on any kind of
-/// host. If no shard with casters on the host has begun, all of these casters are missing.
+/// Returns, for each selected kind of device, the points of the plan that have no record on this kind. If no shard has
+/// begun on a selected kind, these are all points except casters on the host. A caster on the host is missing only if
+/// it has no record on any kind of host. If no shard with casters on the host has begun, all of these casters are
+/// missing.
 pub fn missing(
     plan: &ShardPlan,
     wanted: Wanted<'_>,

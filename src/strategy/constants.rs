@@ -33,7 +33,7 @@ pub const CPU_WATERTIGHT: Constants = Constants {
 /// For CPUs whose vectors hold fewer than 16 rays.
 pub const NARROW_CPU: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 8.1,
+    single_triangles_a_pixel: 8.8,
     single_triangles_a_pixel_inside: 13.0,
     single_pixels_a_unit: 0.0,
     few_triangles: 0.0,
@@ -59,25 +59,25 @@ pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
 /// For GPUs whose work-items can share tiles.
 pub const GPU: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 0.77,
+    single_triangles_a_pixel: 1.9,
     single_triangles_a_pixel_inside: 1.26,
     single_pixels_a_unit: 2.7,
     few_triangles: 100.0,
     few_pixels_a_unit: 6000.0,
-    large_pixels_a_unit: 1700.0,
-    separate_pixels: f64::INFINITY,
+    large_pixels_a_unit: 1400.0,
+    separate_pixels: 7300000.0,
     separate_pixels_inside: 12000000.0,
 };
 
 /// For GPUs whose work-items can share tiles, with a watertight test.
 pub const GPU_WATERTIGHT: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 0.36,
+    single_triangles_a_pixel: 0.66,
     single_triangles_a_pixel_inside: 0.5,
-    single_pixels_a_unit: 4.5,
+    single_pixels_a_unit: 3.5,
     few_triangles: 100.0,
     few_pixels_a_unit: 4800.0,
     large_pixels_a_unit: 3200.0,
-    separate_pixels: 2200000.0,
+    separate_pixels: 1500000.0,
     separate_pixels_inside: 440000.0,
 };

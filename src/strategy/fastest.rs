@@ -12,6 +12,8 @@ pub struct Task {
     pub triangles: usize,
     /// Number of pixels in the picture.
     pub pixels: usize,
+    /// Number of pixels in those parts of the picture that triangles may cover.
+    pub covered_pixels: usize,
     /// True if surfaces lie all around the eye.
     pub inside: bool,
     /// True if no ray may leak at edges and vertices.
@@ -19,6 +21,13 @@ pub struct Task {
     /// True if shadow rays go to random points of the sky or of lights with a radius.
     #[serde(default)]
     pub soft: bool,
+}
+
+impl Task {
+    /// Returns the task of a picture that the scene, seen from outside, covers completely.
+    pub fn covering(triangles: usize, pixels: usize) -> Self {
+        Self { triangles, pixels, covered_pixels: pixels, ..Self::default() }
+    }
 }
 
 /// The candidates among which the fastest strategy is chosen. The preset of a candidate depends on the kind of device.
@@ -64,14 +73,16 @@ const TREE_TRIANGLES: usize = 10;
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
     pub tree_triangles: f64,
-    /// From this number of triangles per pixel on, the rays of a tile share too little work, and single rays are
-    /// faster.
+    /// From this number of triangles per covered pixel on, the rays of a tile share too little work, and single rays
+    /// are faster.
     pub single_triangles_a_pixel: f64,
     /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
     /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
     /// Below this number of pixels per compute unit, divided by the square root of the number of triangles, there are
-    /// too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster.
+    /// too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster. The number
+    /// of pixels is here the geometric mean of all pixels and the covered pixels, since tiles without a triangle end
+    /// soon.
     pub single_pixels_a_unit: f64,
     /// With fewer triangles than this limit, the rays of a tile have little work to share. Single rays are then faster
     /// in small pictures, below `few_pixels_a_unit`.
@@ -81,9 +92,10 @@ pub struct Constants {
     pub few_pixels_a_unit: f64,
     /// Large tiles share more work, but the slowest tile takes longer, in particular if there are many triangles. From
     /// this number of pixels per compute unit on, divided by the fourth root of the number of triangles, there are
-    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster.
+    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster. The number of pixels is the same
+    /// mean as for `single_pixels_a_unit`.
     pub large_pixels_a_unit: f64,
-    /// From this number of pixels on, primary rays and shadow rays are cast in separate passes.
+    /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
     /// The value of `separate_pixels` for scenes in which surfaces lie all around the eye.
     pub separate_pixels_inside: f64,
@@ -93,23 +105,24 @@ impl Constants {
     /// Returns, for each limit, its name, the limit itself, and the value of the task that is compared with
     /// it. `units` is the device's number of compute units.
     pub fn of(&mut self, task: &Task, units: u32) -> [(&'static str, &mut f64, f64); 9] {
-        let (triangles, pixels) = (task.triangles.max(1) as f64, task.pixels.max(1) as f64);
-        let pixels_a_unit = pixels / f64::from(units.max(1));
-        let root = triangles.sqrt();
+        let [triangles, pixels, covered] =
+            [task.triangles, task.pixels, task.covered_pixels].map(|number| number.max(1) as f64);
+        let a_unit = |pixels: f64| pixels / f64::from(units.max(1));
+        let (root, mean) = (triangles.sqrt(), (pixels * covered).sqrt());
         [
             ("tree_triangles", &mut self.tree_triangles, triangles),
-            ("single_triangles_a_pixel", &mut self.single_triangles_a_pixel, triangles / pixels),
+            ("single_triangles_a_pixel", &mut self.single_triangles_a_pixel, triangles / covered),
             (
                 "single_triangles_a_pixel_inside",
                 &mut self.single_triangles_a_pixel_inside,
-                triangles / pixels,
+                triangles / covered,
             ),
-            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, pixels_a_unit / root),
+            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, a_unit(mean) / root),
             ("few_triangles", &mut self.few_triangles, triangles),
-            ("few_pixels_a_unit", &mut self.few_pixels_a_unit, pixels_a_unit * root.sqrt()),
-            ("large_pixels_a_unit", &mut self.large_pixels_a_unit, pixels_a_unit / root.sqrt()),
-            ("separate_pixels", &mut self.separate_pixels, pixels),
-            ("separate_pixels_inside", &mut self.separate_pixels_inside, pixels),
+            ("few_pixels_a_unit", &mut self.few_pixels_a_unit, a_unit(pixels) * root.sqrt()),
+            ("large_pixels_a_unit", &mut self.large_pixels_a_unit, a_unit(mean) / root.sqrt()),
+            ("separate_pixels", &mut self.separate_pixels, covered),
+            ("separate_pixels_inside", &mut self.separate_pixels_inside, covered),
         ]
     }
 
@@ -270,7 +283,7 @@ mod tests {
 
     #[test]
     fn each_constant_decides_between_two_ways() {
-        let of = |triangles, pixels| EXAMPLE.way(&Task { triangles, pixels, ..Task::default() }, 10);
+        let of = |triangles, pixels| EXAMPLE.way(&Task::covering(triangles, pixels), 10);
         assert_eq!([of(49, PIXELS), of(50, PIXELS)], [Way::Exhaustive, TILES]);
         assert_eq!([of(1_999_999, 1_000_000), of(2_000_000, 1_000_000)], [TILES, Way::Single]);
         // The fourth root of 81 is 3, and that of 625 is 5.
@@ -279,17 +292,35 @@ mod tests {
         let large = Way::Tiles { large: true, separate: false };
         assert_eq!([of(625, 4_999_999), of(625, 5_000_000)], [TILES, large]);
         assert_eq!([of(10_000, 9_999_999), of(10_000, 10_000_000)], [TILES, large]);
-        let inside =
-            |pixels| EXAMPLE.way(&Task { triangles: 400_001, pixels, inside: true, ..Task::default() }, 10);
+        let inside = |pixels| EXAMPLE.way(&Task { inside: true, ..Task::covering(400_001, pixels) }, 10);
         assert_eq!([inside(400_001), inside(400_002), inside(9_999_999)], [Way::Single, TILES, TILES]);
         assert_eq!(Constants { tree_triangles: 0.0, ..EXAMPLE }.way(&Task::default(), 10), Way::Exhaustive);
         assert_eq!(inside(10_000_000), Way::Tiles { large: false, separate: true });
     }
 
     #[test]
+    fn pixels_that_no_triangle_covers_make_little_work() {
+        let of = |triangles, pixels, covered_pixels, inside| {
+            EXAMPLE.way(&Task { covered_pixels, inside, ..Task::covering(triangles, pixels) }, 10)
+        };
+        let large = Way::Tiles { large: true, separate: false };
+        // Triangles per covered pixel.
+        assert_eq!(
+            [1_000_001, 1_000_000].map(|covered| of(2_000_000, 4_000_000, covered, false)),
+            [TILES, Way::Single]
+        );
+        // The geometric means of the two numbers of pixels are 10,000 and 9,998, then 5,000,000 and 4,999,990.
+        assert_eq!([2_500, 2_499].map(|covered| of(625, 40_000, covered, false)), [TILES, Way::Single]);
+        assert_eq!([1_250_000, 1_249_995].map(|covered| of(625, 20_000_000, covered, false)), [large, TILES]);
+        // A picture of few triangles is small if it has few pixels, covered or not.
+        assert_eq!([99_999, 100_000].map(|pixels| of(81, pixels, 5_000, false)), [Way::Single, TILES]);
+        let separate = |covered| matches!(of(100, 1 << 30, covered, true), Way::Tiles { separate: true, .. });
+        assert_eq!([9_999_999, 10_000_000].map(separate), [false, true]);
+    }
+
+    #[test]
     fn a_gpu_casts_soft_light_with_single_rays_and_a_cpu_with_tiles() {
-        let [hard, soft] =
-            [false, true].map(|soft| Task { triangles: 10_000, pixels: PIXELS, soft, ..Task::default() });
+        let [hard, soft] = [false, true].map(|soft| Task { soft, ..Task::covering(10_000, PIXELS) });
         let (cpu, gpu) = (limits(true, 16, LaneOperations::Barriers), limits(false, 1, LaneOperations::Ptx));
         let is_tiles = |limits, task| matches!(Way::fastest(limits, task), Way::Tiles { .. });
         assert!(is_tiles(&gpu, &hard) && is_tiles(&cpu, &hard) && is_tiles(&cpu, &soft));
@@ -364,7 +395,7 @@ mod tests {
     fn a_device_with_more_units_needs_more_pixels_for_tiles() {
         let of = |compute_units| {
             let limits = DeviceLimits { compute_units, ..limits(false, 1, LaneOperations::Ptx) };
-            Way::fastest(&limits, &Task { triangles: 10_000, pixels: PIXELS, ..Task::default() })
+            Way::fastest(&limits, &Task::covering(10_000, PIXELS))
         };
         assert!(matches!(of(1), Way::Tiles { .. }));
         assert_eq!(of(1 << 30), Way::Single);
@@ -372,7 +403,7 @@ mod tests {
 
     #[test]
     fn devices_without_tiles_walk_trees_one_by_one() {
-        let task = |triangles| Task { triangles, pixels: PIXELS, ..Task::default() };
+        let task = |triangles| Task::covering(triangles, PIXELS);
         let gpu = limits(false, 1, LaneOperations::Barriers);
         let (single, local_size) = choice(&gpu, &task(10_000));
         assert_eq!((single.traversal, single.width, local_size), (Traversal::Bvh, Width::W1, [8, 8]));
@@ -383,7 +414,7 @@ mod tests {
     /// Tiles have vectors of 16 rays, which compilers split for narrower hardware.
     #[test]
     fn cpus_cast_tiles_whatever_the_width_of_their_vectors() {
-        let task = Task { triangles: 10_000, pixels: PIXELS, ..Task::default() };
+        let task = Task::covering(10_000, PIXELS);
         for width in [1, 4, 8, 16] {
             let (strategy, local_size) = choice(&limits(true, width, LaneOperations::Barriers), &task);
             assert_eq!((strategy, local_size), (preset("tile").unwrap().strategy, [1, 1]), "{width}");

@@ -237,7 +237,7 @@ pub const PRESETS: &[Preset] = &[
     },
     Preset {
         name: "tile-group",
-        about: "tiles of 64 rays, each shared by 32 work-items that walk a tree of 32 children per node: for big scenes on a GPU",
+        about: "tiles of 64 rays; 32 work-items share each tile and walk a tree of 32 children per node: for big scenes on a GPU",
         strategy: TILE_GROUP,
         meant_for: Some(DeviceKind::Gpu),
     },

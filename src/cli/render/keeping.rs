@@ -183,8 +183,8 @@ pub fn serve() -> Result<()> {
     Ok(())
 }
 
-/// Returns the program to be stored; `None` if there is none, or if it was made for other lane operations than the
-/// device has.
+/// Returns the program to be stored. `None` if the order contains no program, or if its program was made for other lane
+/// operations than those that raycl uses on the device.
 fn program_for(order: &Order, device: &DeviceInfo) -> Option<Source> {
     order.program.clone().filter(|_| order.lanes == device.limits.lane_operations)
 }

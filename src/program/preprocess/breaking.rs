@@ -162,8 +162,8 @@ struct Place {
 }
 
 /// Returns where to break a line: of the positions up to which the line fits, the last one within the fewest brackets.
-/// `None` if the line is short or cannot be broken. `open` has the columns of brackets that were opened on earlier
-/// lines.
+/// Returns `None` if the whole line fits, or if it has no such position. `open` has the columns of brackets that were
+/// opened on earlier lines.
 fn place_to_break(tokens: &[Token], margin: usize, mut open: Vec<usize>, further: usize) -> Option<Place> {
     if margin + length(tokens) <= WIDEST {
         return None;

@@ -12,8 +12,8 @@ use glam::Vec3;
 /// A vertex or a normal that is not valid.
 #[derive(Clone, Copy)]
 pub(super) struct Odd {
-    /// The number of the vertex or the normal, from 0. It counts within a piece of the file, or within the whole file
-    /// in the results of [`vertices`] and [`normals`].
+    /// The number of the vertex or the normal, counted from 0. Numbers are counted within a piece of the file or, in
+    /// the results of [`vertices`] and [`normals`], within the whole file.
     pub number: usize,
     /// The byte offset of the vertex's or normal's line in the text.
     pub offset: usize,

@@ -1,0 +1,141 @@
+//! Estimates which share of a picture a scene covers. If a mesh fills only a small part of the picture, few tiles have
+//! work, and other strategies are fastest (`src/strategy/fastest.rs`).
+
+use super::{Camera, Scene};
+use glam::{DVec2, DVec3};
+
+/// Largest number of triangles that are projected. In a larger scene, only every second, third, ... triangle is
+/// projected.
+const PROJECTED: usize = 4096;
+/// The picture is divided into this many columns and rows of cells. With many triangles, every cell that the scene
+/// covers contains some of the projected triangles.
+const CELLS: usize = 16;
+/// The smallest depth of a projected point, if the camera's `z_near` is smaller.
+const LEAST_DEPTH: f64 = 1e-6;
+
+impl Scene {
+    /// Returns the share of the picture's cells in which triangles may be visible, between 0 and 1. A triangle counts
+    /// for all cells that the bounding rectangle of its projection overlaps.
+    pub fn covered_share(&self, size: [u32; 2]) -> f64 {
+        let projection = Projection::of(&self.camera, size);
+        let step = self.mesh.triangles.len().div_ceil(PROJECTED).max(1);
+        let mut covered = [[false; CELLS]; CELLS];
+        for triangle in self.mesh.triangles.iter().step_by(step) {
+            let corners = self.mesh.corners(triangle).map(|corner| projection.in_camera(corner.as_dvec3()));
+            let Some([low, high]) = projection.bounds(corners) else { continue };
+            // A picture's edge at a multiple of a cell's size belongs to one cell only.
+            let [first, last] =
+                [low, high].map(|at| (at * CELLS as f64).min(DVec2::splat(CELLS as f64 - 1.0)));
+            for row in &mut covered[first.y as usize..=last.y as usize] {
+                row[first.x as usize..=last.x as usize].fill(true);
+            }
+        }
+        covered.as_flattened().iter().filter(|cell| **cell).count() as f64 / (CELLS * CELLS) as f64
+    }
+}
+
+/// The projection of a camera's picture. Coordinates in the picture are 0 at its left and top edge, and 1 at its right
+/// and bottom edge.
+struct Projection {
+    eye: DVec3,
+    /// The camera's axes to the right, down and forward. The first two are divided by the extent of the picture at
+    /// depth 1.
+    axes: [DVec3; 3],
+    least_depth: f64,
+}
+
+impl Projection {
+    fn of(camera: &Camera, [width, height]: [u32; 2]) -> Self {
+        let frame = camera.pixel_frame(width, height);
+        let (across, down) = (frame.step_x * f64::from(width), frame.step_y * f64::from(height));
+        let axes =
+            [across / across.length_squared(), down / down.length_squared(), camera.forward.as_dvec3()];
+        Self { eye: frame.eye, axes, least_depth: frame.z_near.max(LEAST_DEPTH) }
+    }
+
+    /// Returns a point relative to the camera: to the right, down and forward.
+    fn in_camera(&self, point: DVec3) -> DVec3 {
+        let from_eye = point - self.eye;
+        DVec3::from_array(self.axes.map(|axis| axis.dot(from_eye)))
+    }
+
+    /// Returns the bounding rectangle of the part of a triangle that lies in the picture: its smallest and its largest
+    /// coordinates. Returns `None` if no part lies in the picture.
+    fn bounds(&self, corners: [DVec3; 3]) -> Option<[DVec2; 2]> {
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        let mut add = |point: DVec3| {
+            let at = DVec2::new(point.x, point.y) / point.z + 0.5;
+            (low, high) = (low.min(at), high.max(at));
+        };
+        for (one, other) in [(0, 1), (1, 2), (2, 0)].map(|(one, other)| (corners[one], corners[other])) {
+            if one.z >= self.least_depth {
+                add(one);
+            }
+            // An edge that crosses the plane of the least depth is cut there.
+            if (one.z >= self.least_depth) != (other.z >= self.least_depth) {
+                let cut = one.lerp(other, (self.least_depth - one.z) / (other.z - one.z));
+                add(cut.with_z(self.least_depth));
+            }
+        }
+        let overlaps = low.cmple(DVec2::ONE).all() && high.cmpge(DVec2::ZERO).all();
+        overlaps.then(|| [low, high].map(|at| at.clamp(DVec2::ZERO, DVec2::ONE)))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use crate::scene::{Mesh, Scene, load_scene_with};
+    use std::path::Path;
+
+    /// Returns the triangle of `scenes/triangle.toml` with other corners. The camera is at the origin and looks along
+    /// -z, with a field of view of 90 degrees across the width.
+    fn triangle(corners: [[f32; 3]; 3]) -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let scene = load_scene_with(&path, &[]).unwrap().scene;
+        let mesh = Mesh { positions: corners.map(Into::into).to_vec(), ..(*scene.mesh).clone() };
+        Scene { mesh: mesh.into(), ..scene }
+    }
+
+    /// The picture has 16 x 16 cells. At depth 1, a square picture is 2 units wide, so a cell is an eighth of a unit
+    /// wide.
+    #[test]
+    fn a_triangle_counts_for_the_cells_of_its_bounding_rectangle() {
+        let cells = |corners| triangle(corners).covered_share([64, 64]) * 256.0;
+        // Columns 8 and 9, and rows 6 and 7.
+        assert_eq!(cells([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.24, -1.0]]), 4.0);
+        // The same triangle, twice as large and twice as far away.
+        assert_eq!(cells([[0.02, 0.02, -2.0], [0.48, 0.02, -2.0], [0.02, 0.48, -2.0]]), 4.0);
+        // The right edge of the picture cuts the triangle: columns 14 and 15, and row 8.
+        assert_eq!(cells([[0.76, -0.01, -1.0], [5.0, -0.01, -1.0], [0.76, -0.02, -1.0]]), 2.0);
+        assert_eq!(cells([[1.1, 0.0, -1.0], [5.0, 0.0, -1.0], [1.1, 0.5, -1.0]]), 0.0, "beside the picture");
+        assert_eq!(cells([[0.0, 0.0, 1.0], [0.2, 0.0, 1.0], [0.0, 0.2, 1.0]]), 0.0, "behind the eye");
+        assert_eq!(cells([[-9.0, -9.0, -1.0], [9.0, -9.0, -1.0], [0.0, 9.0, -1.0]]), 256.0);
+    }
+
+    #[test]
+    fn a_triangle_that_passes_the_eye_is_cut_in_front_of_it() {
+        // The triangle lies in a plane 1 unit below the eye, and begins behind the eye. Its farthest corner has depth
+        // 2, so it covers the columns from the left edge to the right edge, and the rows from 12 down.
+        let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
+        assert_eq!(floor.covered_share([64, 64]), 0.25);
+    }
+
+    #[test]
+    fn rows_are_counted_by_the_pictures_height() {
+        // In a picture twice as wide as high, a cell is an eighth of a unit wide and a sixteenth of a unit high.
+        let upper = triangle([[0.01, 0.01, -1.0], [0.24, 0.01, -1.0], [0.01, 0.12, -1.0]]);
+        assert_eq!(upper.covered_share([64, 32]) * 256.0, 4.0);
+    }
+
+    #[test]
+    fn of_a_large_mesh_some_triangles_show_which_cells_it_covers() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/terrain.toml");
+        let share = |triangles: i64| {
+            let set = [("object.0.triangles".to_owned(), toml::Value::Integer(triangles))];
+            load_scene_with(&path, &set).unwrap().scene.covered_share([640, 400])
+        };
+        let [few, many] = [4_000, 40_000].map(share);
+        assert!(few > 0.8 && (few - many).abs() < 0.05, "{few} {many}");
+    }
+}
