@@ -59,11 +59,11 @@ pub const NARROW_CPU_WATERTIGHT: Constants = Constants {
 /// For GPUs whose work-items can share tiles.
 pub const GPU: Constants = Constants {
     tree_triangles: 0.0,
-    single_triangles_a_pixel: 1.9,
+    single_triangles_a_pixel: 1.0,
     single_triangles_a_pixel_inside: 1.26,
-    single_pixels_a_unit: 2.7,
+    single_pixels_a_unit: 2.1,
     few_triangles: 100.0,
-    few_pixels_a_unit: 6000.0,
+    few_pixels_a_unit: 7100.0,
     large_pixels_a_unit: 1400.0,
     separate_pixels: 7300000.0,
     separate_pixels_inside: 12000000.0,
@@ -75,9 +75,9 @@ pub const GPU_WATERTIGHT: Constants = Constants {
     single_triangles_a_pixel: 0.66,
     single_triangles_a_pixel_inside: 0.5,
     single_pixels_a_unit: 3.5,
-    few_triangles: 100.0,
+    few_triangles: 3500.0,
     few_pixels_a_unit: 4800.0,
-    large_pixels_a_unit: 3200.0,
+    large_pixels_a_unit: 2500.0,
     separate_pixels: 1500000.0,
     separate_pixels_inside: 440000.0,
 };

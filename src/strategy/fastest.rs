@@ -68,7 +68,7 @@ const TREE_TRIANGLES: usize = 10;
 
 /// The limits between the candidates, for one class of devices that support tiles. Some limits are compared with the
 /// number of pixels multiplied or divided by a root of the number of triangles. These roots were fitted to the times of
-/// 298 pictures on an H200 (docs/results/rule/h200.json).
+/// 346 pictures on an H200 (docs/results/rule/h200.json).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
     /// With fewer triangles than this limit, every ray is tested against all triangles.
@@ -79,10 +79,8 @@ pub struct Constants {
     /// The value of `single_triangles_a_pixel` for scenes in which surfaces lie all around the eye, so that more
     /// triangles lie behind each other.
     pub single_triangles_a_pixel_inside: f64,
-    /// Below this number of pixels per compute unit, divided by the square root of the number of triangles, there are
-    /// too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster. The number
-    /// of pixels is here the geometric mean of all pixels and the covered pixels, since tiles without a triangle end
-    /// soon.
+    /// Below this number of covered pixels per compute unit, divided by the square root of the number of triangles,
+    /// there are too few tiles to keep the unit busy until the slowest tile is finished, and single rays are faster.
     pub single_pixels_a_unit: f64,
     /// With fewer triangles than this limit, the rays of a tile have little work to share. Single rays are then faster
     /// in small pictures, below `few_pixels_a_unit`.
@@ -92,8 +90,8 @@ pub struct Constants {
     pub few_pixels_a_unit: f64,
     /// Large tiles share more work, but the slowest tile takes longer, in particular if there are many triangles. From
     /// this number of pixels per compute unit on, divided by the fourth root of the number of triangles, there are
-    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster. The number of pixels is the same
-    /// mean as for `single_pixels_a_unit`.
+    /// enough large tiles to keep the unit busy meanwhile, and large tiles are faster. The number of pixels is here the
+    /// geometric mean of all pixels and the covered pixels.
     pub large_pixels_a_unit: f64,
     /// From this number of covered pixels on, primary rays and shadow rays are cast in separate passes.
     pub separate_pixels: f64,
@@ -117,7 +115,7 @@ impl Constants {
                 &mut self.single_triangles_a_pixel_inside,
                 triangles / covered,
             ),
-            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, a_unit(mean) / root),
+            ("single_pixels_a_unit", &mut self.single_pixels_a_unit, a_unit(covered) / root),
             ("few_triangles", &mut self.few_triangles, triangles),
             ("few_pixels_a_unit", &mut self.few_pixels_a_unit, a_unit(pixels) * root.sqrt()),
             ("large_pixels_a_unit", &mut self.large_pixels_a_unit, a_unit(mean) / root.sqrt()),
@@ -309,8 +307,8 @@ mod tests {
             [1_000_001, 1_000_000].map(|covered| of(2_000_000, 4_000_000, covered, false)),
             [TILES, Way::Single]
         );
-        // The geometric means of the two numbers of pixels are 10,000 and 9,998, then 5,000,000 and 4,999,990.
-        assert_eq!([2_500, 2_499].map(|covered| of(625, 40_000, covered, false)), [TILES, Way::Single]);
+        assert_eq!([10_000, 9_999].map(|covered| of(625, 40_000, covered, false)), [TILES, Way::Single]);
+        // The geometric means of the two numbers of pixels are 5,000,000 and 4,999,990.
         assert_eq!([1_250_000, 1_249_995].map(|covered| of(625, 20_000_000, covered, false)), [large, TILES]);
         // A picture of few triangles is small if it has few pixels, covered or not.
         assert_eq!([99_999, 100_000].map(|pixels| of(81, pixels, 5_000, false)), [Way::Single, TILES]);
