@@ -110,7 +110,7 @@ fn indices_of_16_bits_reach_65536_entries() {
     };
     assert_eq!(entries(65_536, 65_536, 65_536), "");
     for reason in [entries(65_537, 1, 1), entries(1, 65_537, 1), entries(1, 1, 65_537)] {
-        let expected = "16-bit indices: the scene has 65537 positions, normals or materials, but these indices reach only 65536 of each; use layout = indexed32";
+        let expected = "16-bit indices: 65537 positions, normals or materials in the scene > 65536 of each that 16 bits can index; use layout = indexed32";
         assert_eq!(reason, expected);
     }
 }

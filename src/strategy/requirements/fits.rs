@@ -54,7 +54,7 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     let largest = workload.positions.max(workload.normals).max(workload.materials);
     if strategy.layout.index_bits() == Some(16) && largest > 1 << 16 {
         let reason = format!(
-            "16-bit indices: the scene has {largest} positions, normals or materials, but these indices reach only {} of each; use layout = indexed32",
+            "16-bit indices: {largest} positions, normals or materials in the scene > {} of each that 16 bits can index; use layout = indexed32",
             1 << 16
         );
         return Err(Infeasible::beyond(reason));
