@@ -223,3 +223,24 @@ fn sets<I: ocl::OclPrm>(queue: &Queue, mesh: &Mesh, index: impl Fn(u32) -> I) ->
         materials: upload(queue, &materials)?,
     })
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::scene::load_scene;
+    use std::path::Path;
+
+    #[test]
+    fn a_task_counts_the_pixels_that_triangles_may_cover() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+        let mut scene = load_scene(&path).unwrap().scene;
+        let task = Task::of(&scene, [64, 64], false);
+        assert_eq!((task.triangles, task.pixels), (1, 4096));
+        // The triangle's bounding rectangle reaches from column 0 to column 14 of 16 columns of cells, and from row 4
+        // to the upper edge of row 12. A cell has 16 pixels.
+        assert_eq!(task.covered_pixels, 15 * 9 * 16);
+        scene.camera.forward = -scene.camera.forward;
+        assert_eq!(Task::of(&scene, [64, 64], false).covered_pixels, 0, "the triangle is behind the eye");
+    }
+}

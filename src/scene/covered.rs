@@ -119,6 +119,10 @@ mod tests {
         // 2, so it covers the columns from the left edge to the right edge, and the rows from 12 down.
         let floor = triangle([[-9.0, -1.0, 9.0], [9.0, -1.0, 9.0], [0.0, -1.0, -2.0]]);
         assert_eq!(floor.covered_share([64, 64]), 0.25);
+        // A needle from a point behind the eye to a point of depth 1 below the axis. The needle is cut at the camera's
+        // z_near of 0.1, where it is 0.91 times this depth below the axis: it covers one column, and the rows 8 to 15.
+        let needle = triangle([[0.0, 0.0, 9.0], [0.0, -0.1, -1.0], [0.001, -0.1, -1.0]]);
+        assert_eq!(needle.covered_share([64, 64]) * 256.0, 8.0);
     }
 
     #[test]
