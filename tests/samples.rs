@@ -139,7 +139,7 @@ fn a_tile_at_another_place_of_its_rough_block_is_a_wrong_picture_or_none() {
 fn a_broken_frame_of_several_samples_is_a_wrong_picture() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);
     let vectors = [
-        ("tile_cpu/camera.cl", "(LANE_Y & last) << bits", "(LANE_Y & last) << 1", "14"),
+        ("tile_cpu/camera.cl", "(LANE_Y & last) * (1 << bits)", "(LANE_Y & last) * 2", "14"),
         (
             "tile_cpu/camera.cl",
             "pixels.inside &= samples->filled",

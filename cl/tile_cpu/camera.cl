@@ -7,7 +7,9 @@
 varying_int sample_of_lane(int bits) {
     // The lowest bits of a lane's column and row in the vector are its column and row in the pixel.
     const int last = (1 << bits) - 1;
-    return (LANE_X & last) | (LANE_Y & last) << bits;
+    // A sum of products, since one GPU's compiler computes the same expression with `|` and `<<` wrongly (docs/log.md,
+    // 2026-11-27).
+    return (LANE_X & last) + (LANE_Y & last) * (1 << bits);
 }
 #endif
 
