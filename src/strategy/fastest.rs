@@ -23,6 +23,7 @@ pub struct Task {
     pub soft: bool,
 }
 
+#[cfg(test)]
 impl Task {
     /// Returns the task of a picture that the scene, seen from outside, covers completely.
     pub fn covering(triangles: usize, pixels: usize) -> Self {

@@ -19,9 +19,9 @@ const KIND: &str = "guess";
 /// Bytes per triangle of an OBJ file with positions only: the file of the Stanford bunny has 35 bytes per triangle,
 /// that of the dragon 36.
 const BYTES_OF_TRIANGLE: u64 = 35;
-/// Pixels of a picture per pixel that a bare mesh may cover: the bunny and the dragon cover 0.38 and 0.37 of a picture
-/// of 640 x 400 pixels (`Scene::covered_share`).
-const PIXELS_OF_COVERED_PIXEL: f64 = 2.6;
+/// The share of a picture that a bare mesh usually covers, as `Scene::covered_share` estimates it: in pictures of 640 x
+/// 400 pixels, the bunny covers 0.38 and the dragon 0.37.
+const USUAL_COVERED_SHARE: f64 = 0.375;
 /// Number of entries that most trees need for the traversal's stack, if this stack is in `__local` memory.
 const USUAL_LOCAL_STACK: usize = 64;
 
@@ -106,7 +106,7 @@ fn by_file(args: &Args, device: &DeviceInfo) -> Option<(Strategy, Workload)> {
     // The camera of a bare mesh is outside the mesh, as `Task::default()` assumes.
     let pixels = args.subject.width as usize * args.subject.height as usize;
     let sky = is_dressed(args);
-    let covered_pixels = (pixels as f64 / PIXELS_OF_COVERED_PIXEL) as usize;
+    let covered_pixels = (pixels as f64 * USUAL_COVERED_SHARE) as usize;
     let task = Task { triangles: triangles as usize, pixels, covered_pixels, soft: sky, ..Task::default() };
     let (strategy, local_size) = args.subject.strategy(device, task).ok()?;
     let stack_size = usual_stack(&strategy);
