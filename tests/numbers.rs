@@ -217,3 +217,39 @@ fn weights_of_needles_are_clamped_to_the_triangle() {
     let folder = place.kernels("common/meet_plane.cl", "zero), one - hit.w1);", "zero), one);");
     assert!(!are_no_brighter_than_their_brightest_corner(&Sources::Folder(place.path(&folder))));
 }
+
+/// Returns a sphere on the ground in light as far away as `distance`, which arrives as strongly from any distance.
+fn lit_from(distance: f32) -> Scene {
+    let mut scene = scene("sphere.toml");
+    let light = &mut scene.lights[0];
+    light.position = distance * Vec3::new(0.3, 0.9, 0.3).normalize();
+    light.power = Vec3::splat(distance * distance);
+    scene
+}
+
+/// Returns the share of the pixels that are at least a tenth too dark.
+fn dark_share(sources: &Sources, strategy: &Strategy) -> f64 {
+    let scene = lit_from(1e5);
+    let expected = reference(&scene, SIZE, strategy.culling).radiance;
+    let stand = Stand::of(sources, scene, SIZE, |builtins| builtins);
+    let image = stand.cast(strategy, LOCAL).expect("it fits");
+    let pairs = image.pixels.iter().zip(&expected.pixels);
+    pairs.filter(|(cast, expected)| cast[0] < 0.9 * expected[0]).count() as f64 / image.pixels.len() as f64
+}
+
+/// Rounding moves a surface, seen from a distant light, by more than the shadow bias. Such pixels are uncertain, so
+/// that `verify` cannot notice the speckles.
+#[test]
+fn a_distant_light_makes_no_speckles() {
+    apart!();
+    let strategy = |name| preset(name).expect("a preset").strategy;
+    for name in ["bvh", "tile", "tile-watertight", "tile-group", "wide-common-origin"] {
+        let dark = dark_share(&Sources::Embedded, &strategy(name));
+        assert!(dark < 0.01, "{name}: {dark}");
+    }
+    let place = Place::new();
+    let bias_only = "bias_per_distance + 0.0f * (";
+    let folder = place.kernels("common/shadow_end.cl", "max(bias_per_distance, ", bias_only);
+    let dark = dark_share(&Sources::Folder(place.path(&folder)), &strategy("tile"));
+    assert!(dark > 0.1, "with the bias alone: {dark}");
+}

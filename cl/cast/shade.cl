@@ -1,5 +1,7 @@
 // Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
+#include "common/shadow_end.cl"
+
 // Adds up the light at the hits of `active` lanes. The hits are at distance t, with the weights in the working vectors.
 // The sum goes to the working vector RADIANCE of these lanes. Let d be the ray's direction, w_i the direction to a
 // light, and w_o = -d the direction to the eye:
@@ -40,15 +42,21 @@ void shade(Working *working, const Scene *scene, const Surface *surface, varying
 #endif
         // The shadow ray's length is `distance - bias`, since one end is at the distance `bias` from the hit; the other
         // end is the light. The number of the light's origin is 1 + light, since the eye is origin 0.
+        const varying length = distance - scene->bias;
+#if PLANES_OF_ORIGIN
+        // The ray is cast from the light.
+        const varying end = distance * (1.0f - gap_before_hit(scene->bias / distance, 1.0f / cosine));
+#else
+        const varying end = length;
+#endif
 #if SOFT && PLANES_OF_ORIGIN
-        const varying end = distance - scene->bias;
-        if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, end, lit);
+        if (radius_of(&scene->soft, light) > 0.0f) lit &= !any_hit_apart(working, scene, length, lit);
         else if (!IS_UNOCCLUDED(&scene->soft)) lit &= !any_hit(working, scene, 1 + light, end, lit);
 #else
 #if SOFT
         if (!IS_UNOCCLUDED(&scene->soft))
 #endif
-            lit &= !any_hit(working, scene, 1 + light, distance - scene->bias, lit);
+            lit &= !any_hit(working, scene, 1 + light, end, lit);
 #endif
         // This line is inside the loop, although it always sets the same value. If the line is before the loop, one
         // compiler moves it behind any_hit's barriers, and reads another work-item's register.

@@ -15,6 +15,7 @@
 #endif
 #include "common/tree.cl"
 #include "common/meet_plane.cl"
+#include "common/shadow_end.cl"
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
 #include "common/store_radiance.cl"

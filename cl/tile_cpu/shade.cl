@@ -152,8 +152,9 @@ Mask light_vector(Bundle *bundle, Slices *slices, const Lighting *lighting, int 
     bundle->x[vector] = -offset.x;
     bundle->y[vector] = -offset.y;
     bundle->z[vector] = -offset.z;
-    // The shadow ray ends at the distance `bias` before t = 1, which is the hit.
-    bundle->inv_t[vector] = SELECT(lit, distance / (distance - lighting->bias), (varying)(FAR));
+    // The shadow ray ends shortly before t = 1, which is the hit.
+    const varying gap = gap_before_hit(lighting->bias * per_distance, 1.0f / cosine);
+    bundle->inv_t[vector] = SELECT(lit, 1.0f / (1.0f - gap), (varying)(FAR));
     bundle->longest = max(bundle->longest, most_lane(SELECT(lit, distance, (varying)(0.0f))));
     const varying *components[3] = {bundle->x, bundle->y, bundle->z};
     for (int axis = 0; axis < 3; axis++) {

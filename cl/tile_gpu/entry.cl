@@ -16,6 +16,7 @@
 #endif
 #include "common/tree.cl"
 #include "common/meet_plane.cl"
+#include "common/shadow_end.cl"
 #include "common/tile_masks.cl"
 #include "common/reflectance.cl"
 #if HALF_LIGHT

@@ -24,7 +24,7 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
         // Computes the ray from the light again. This ray is the only one in its shaft, so the box of slopes is a
         // point.
-        const Vec3 way = way_to_hit(subtract(load_vec3(at), meeting.point), bias);
+        const Vec3 way = way_to_hit(meeting, subtract(load_vec3(at), meeting.point), bias);
         Shaft shaft;
         aim(group, tree, origin_at(LOAD3(at), 1 + light), uniform3(way.x, way.y, way.z), &shaft);
         const float per_depth = reciprocal(fabs(component(way.x, way.y, way.z, shaft.along)));

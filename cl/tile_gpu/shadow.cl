@@ -107,9 +107,14 @@ INLINED int faces(Meeting meeting, Vec3 offset, float bias) {
     return (dot3(offset, meeting.normal) > 0.0f) & (dot3(offset, offset) > bias * bias);
 }
 
-// Returns the vector from a light to the end of its shadow ray. This end is at the distance `bias` before the hit.
-// `offset` points from the hit to the light.
-INLINED Vec3 way_to_hit(Vec3 offset, float bias) { return scale(offset, bias * rsqrt(dot3(offset, offset)) - 1.0f); }
+// Returns the vector from a light to the end of its shadow ray, shortly before the hit. `offset` points from the hit to
+// the light.
+INLINED Vec3 way_to_hit(Meeting meeting, Vec3 offset, float bias) {
+    const float per_distance = rsqrt(dot3(offset, offset));
+    // The normal may have any length.
+    const float cosine = dot3(offset, meeting.normal) * per_distance * rsqrt(dot3(meeting.normal, meeting.normal));
+    return scale(offset, gap_before_hit(bias * per_distance, reciprocal(cosine)) - 1.0f);
+}
 
 INLINED Vec3 load_vec3(const __global float *at) { return vec3(at[0], at[1], at[2]); }
 
@@ -152,7 +157,7 @@ INLINED uint light_ways(Group *group, const Tree *tree, const __global float4 *s
         const int place = hit ? nearest[index_of(eye_ray, grid)] : 0;
         const Meeting meeting = meet_for_lights(tree, surfaces, eye, corner, step_x, step_y, eye_ray, place);
         const Vec3 offset = subtract(light, meeting.point);
-        const Vec3 way = way_to_hit(offset, bias);
+        const Vec3 way = way_to_hit(meeting, offset, bias);
         cast |= hit & faces(meeting, offset, bias) ? 1u << ray : 0u;
         ways->x[ray] = way.x, ways->y[ray] = way.y, ways->z[ray] = way.z;
     }

@@ -8,10 +8,11 @@ use crate::error::{Error, Result};
 use crate::output::{Choice, Target};
 use crate::program::Sources;
 use crate::reader;
-use crate::rule::{Case, Measured, Sweep, cases, source};
+use crate::rule::{Case, LastScene, Measured, Sweep, cases, source};
 use crate::scene::Scene;
 use crate::strategy::Class;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The default number of rounds. Each candidate strategy is timed in every round, and its shortest time counts.
 const ROUNDS: u32 = 5;
@@ -101,8 +102,9 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
     }
     let _held = hold(&[&device.info], false)?;
     // All cases are checked before the first one is measured, so that a mistake loses no measurements.
-    wanted.iter().try_for_each(|case| checked(case, path).map(drop))?;
-    let measured = wanted.iter().map(|case| measured(case, path, &device, args.rounds));
+    let mut last = LastScene::default();
+    wanted.iter().try_for_each(|case| checked(case, path, &mut last).map(drop))?;
+    let measured = wanted.iter().map(|case| measured(case, path, &mut last, &device, args.rounds));
     Ok(Sweep {
         device: device.info.label.clone(),
         class: Class::of(&device.info.limits),
@@ -120,8 +122,8 @@ fn is_wanted(case: &Case, kind: &str, word: &str) -> bool {
 }
 
 /// Loads a case's scene, and checks the case's kinds.
-fn checked(case: &Case, path: &Path) -> Result<Scene> {
-    let scene = case.scene(path)?;
+fn checked(case: &Case, path: &Path, last: &mut LastScene) -> Result<Arc<Scene>> {
+    let scene = last.of(case, path)?;
     let task = case.task(&scene);
     if case.is_of_its_kinds(&task) {
         return Ok(scene);
@@ -134,8 +136,14 @@ fn checked(case: &Case, path: &Path) -> Result<Scene> {
     Err(Error::input(message).with_help("list in the case's `kinds` those of few, inside and dense that hold for its scene and size; docs/rule.toml explains the kinds"))
 }
 
-fn measured(case: &Case, path: &Path, device: &Device, rounds: u32) -> Result<Measured> {
-    let scene = checked(case, path)?;
+fn measured(
+    case: &Case,
+    path: &Path,
+    last: &mut LastScene,
+    device: &Device,
+    rounds: u32,
+) -> Result<Measured> {
+    let scene = checked(case, path, last)?;
     super::tell(false, format!("measuring {}", case.name))?;
     Measured::of(case, scene, device, rounds)
 }

@@ -10,6 +10,7 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Scenes with fewer triangles than this have the kind `Few`.
 const FEW: usize = 50;
@@ -154,10 +155,52 @@ impl Case {
     }
 }
 
+/// The scene that was loaded last. The cases of a scene in several sizes follow each other in the file, so that their
+/// scene is loaded only once.
+#[derive(Debug, Default)]
+pub struct LastScene(Option<(Case, Arc<Scene>)>);
+
+impl LastScene {
+    /// Returns the case's scene. Loads the scene only if it is not the one of the previous call. All cases are from the
+    /// same file, `cases`.
+    pub fn of(&mut self, case: &Case, cases: &Path) -> Result<Arc<Scene>> {
+        if let Some((last, scene)) = &self.0
+            && (&last.scene, &last.set) == (&case.scene, &case.set)
+        {
+            return Ok(Arc::clone(scene));
+        }
+        // The last scene may be large, so its memory is freed first.
+        self.0 = None;
+        let scene = Arc::new(case.scene(cases)?);
+        self.0 = Some((case.clone(), Arc::clone(&scene)));
+        Ok(scene)
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_another_scene_or_other_values_are_loaded() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/rule.toml");
+        let case = |scene: &str, triangles: i64, size| Case {
+            name: "a".into(),
+            scene: format!("../scenes/{scene}.toml"),
+            set: BTreeMap::from([("object.0.triangles".to_owned(), toml::Value::Integer(triangles))]),
+            size,
+            kinds: Vec::new(),
+            devices: Vec::new(),
+        };
+        let mut last = LastScene::default();
+        let mut load = |case: Case| last.of(&case, &path).unwrap();
+        let one = load(case("sphere", 30, [8, 5]));
+        assert!(Arc::ptr_eq(&one, &load(case("sphere", 30, [16, 9]))));
+        let more = load(case("sphere", 80, [16, 9]));
+        assert!(more.mesh.triangles.len() > one.mesh.triangles.len());
+        assert!(!Arc::ptr_eq(&more, &load(case("gourd", 80, [16, 9]))));
+    }
 
     #[test]
     fn a_case_for_no_device_or_of_no_pixels_is_a_mistake() {

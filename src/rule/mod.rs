@@ -6,6 +6,6 @@ mod cases;
 mod fit;
 mod sweep;
 
-pub use cases::{Case, Kind, cases};
+pub use cases::{Case, Kind, LastScene, cases};
 pub use fit::{fitted, source};
 pub use sweep::{Measured, Sweep, Verdict};

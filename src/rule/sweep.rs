@@ -84,8 +84,8 @@ impl Measured {
     }
 
     /// Measures every candidate on a case in each round; every second round has the reverse order.
-    pub fn of(case: &Case, scene: Scene, device: &Device, rounds: u32) -> Result<Self> {
-        let (task, scene) = (case.task(&scene), Arc::new(scene));
+    pub fn of(case: &Case, scene: Arc<Scene>, device: &Device, rounds: u32) -> Result<Self> {
+        let task = case.task(&scene);
         let limits = &device.info.limits;
         let queue = Queue::open(device)?;
         let mut session = Session::new(queue, &device.info, &Sources::Embedded, scene);
