@@ -1,7 +1,7 @@
 //! The stable interface for other programs: cast a picture, read hits, run an experiment.
 
 use crate::cli::choice::{chosen_strategy, one_device};
-use crate::cli::{Cli, run};
+use crate::cli::{Cli, prepare_for_drivers, run};
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::{Radiance, save};
@@ -119,10 +119,12 @@ pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool)
 }
 
 /// If raycl started this process as a worker, does the worker's task (it measures points, lists devices or compiles a
-/// program) and then ends the process; otherwise does nothing. Call this function first in the `main` of a program that
-/// runs experiments.
+/// program) and then ends the process. Otherwise sets the environment variables that `raycl run` sets for drivers: they
+/// limit and pin the threads of PoCL (an OpenCL driver for CPUs), and give it a folder that it can write. Call this
+/// function first in the `main` of a program that runs experiments, before the program starts a thread.
 pub fn serve_if_worker() {
     if std::env::args_os().nth(1).is_none_or(|word| word != "worker") {
+        prepare_for_drivers(true);
         return;
     }
     let code = match Cli::read().and_then(Cli::run) {

@@ -13,6 +13,11 @@ pub fn counted_are(count: usize, what: &str) -> String {
     format!("{} {}", counted(count, what), if count == 1 { "is" } else { "are" })
 }
 
+/// Formats a part of a count with the noun and the verb: "1 of 4 points was", "2 of 4 points were", "1 of 1 point was".
+pub fn counted_of_were(part: usize, all: usize, what: &str) -> String {
+    format!("{} of {} {}", grouped(part), counted(all, what), if part == 1 { "was" } else { "were" })
+}
+
 /// Groups digits by thousands from 10,000 on.
 fn grouped(count: usize) -> String {
     let digits = count.to_string();
@@ -54,7 +59,7 @@ fn plural(what: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{counted, counted_are};
+    use super::{counted, counted_are, counted_of_were};
 
     #[test]
     fn the_verb_follows_the_number() {
@@ -63,6 +68,12 @@ mod tests {
             said,
             ["0 faces of two corners are", "1 face of two corners is", "2 faces of two corners are"]
         );
+    }
+
+    #[test]
+    fn the_verb_follows_the_part_and_the_noun_follows_all() {
+        let said = [(1, 1), (1, 4), (2, 4)].map(|(part, all)| counted_of_were(part, all, "point"));
+        assert_eq!(said, ["1 of 1 point was", "1 of 4 points was", "2 of 4 points were"]);
     }
 
     #[test]

@@ -51,3 +51,24 @@ fn one_runs_an_experiment() {
     has(&told, &["naive on ", "deferred on ", "2 of 2 points were measured"]);
     assert_eq!(place.json_lines("out/records.jsonl").len(), 2);
 }
+
+/// `raycl run` limits the threads of PoCL, unless the user has set their number. So does a program that uses the
+/// library, so that both measure alike.
+#[test]
+fn an_experiment_runs_with_the_variables_of_drivers_that_raycl_run_sets() {
+    let place = crate::binary::one_point();
+    said(run(&place, "experiment", &["config.toml", "of-library", &device()]));
+    place.output(&["run", "config.toml", "--out", "of-raycl", "--device", &device(), "--quiet"]);
+    let variables = |out: &str| {
+        let text = place.text(&format!("{out}/environment.json"));
+        serde_json::from_str::<serde_json::Value>(&text).expect("JSON")["variables"].clone()
+    };
+    let found = variables("of-library");
+    assert_eq!(found, variables("of-raycl"));
+    let is_set = |name: &str| {
+        found
+            .as_array()
+            .is_some_and(|all| all.iter().any(|one| one.as_str().is_some_and(|text| text.starts_with(name))))
+    };
+    assert!(is_set("POCL_CPU_MAX_CU_COUNT=") || is_set("POCL_MAX_COMPUTE_UNITS="), "{found}");
+}

@@ -141,6 +141,18 @@ fn arguments_that_are_no_text_are_refused_or_read_all_the_same() {
     place.raycl(&["run", "config.toml", "--device", &device, "--quiet", "--out", "a\nb"]).assert().success();
     std::fs::rename(place.path("a\nb"), place.path("x").with_file_name(name)).expect("a new name");
     place.raycl(&["report"]).arg(name).assert().success();
+    // In JSON, the wrong bytes of a path are replaced.
+    let json = |command: &str| {
+        let output =
+            place.raycl(&[command, "--json"]).arg(name).assert().success().get_output().stdout.clone();
+        serde_json::from_slice::<serde_json::Value>(&output).expect("JSON")
+    };
+    assert_eq!(json("report")["report"], "o\u{fffd}ut/report.html");
+    let journal = place.path("x").with_file_name(name).join("records.jsonl");
+    let lines = std::fs::read_to_string(&journal).expect("records") + "no JSON\n";
+    std::fs::write(&journal, lines).expect("it writes");
+    let repaired = &json("repair")["repaired"][0];
+    assert_eq!((&repaired["file"], &repaired["damaged"]), (&"o\u{fffd}ut/records.jsonl".into(), &1.into()));
 }
 
 #[test]

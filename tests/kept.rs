@@ -108,6 +108,8 @@ fn the_cache_is_shown_cleared_and_named() {
     };
     let folder = place.path(".caches/raycl").display().to_string();
     assert_eq!(said(&["cache", "path"]).trim(), folder);
+    let path: Value = serde_json::from_str(&said(&["cache", "path", "--json"])).expect("JSON");
+    assert_eq!(path, serde_json::json!({ "folder": folder }));
     has(&said(&["cache"]), &[&folder, "0 entries", "of at most 67.1 MB"]);
     records(&place, "out", &["--set", "strategies=[\"deferred\"]"]);
     let others = place.path(".caches/raycl/somebody-elses");

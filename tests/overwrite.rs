@@ -147,6 +147,21 @@ fn quiet_watching_says_nothing() {
 }
 
 #[test]
+fn a_mistake_that_is_found_while_watching_has_the_colours_that_the_user_chose() {
+    let place = Place::with(&[("scene.toml", &TRIANGLE.replace("power", "pwer"))]);
+    let is_coloured = |choice: &str| {
+        let coloured = std::cell::Cell::new(false);
+        Watching::start(&place, &["--color", choice]).until(|said| {
+            assert!(said.contains("pwer"), "{said}");
+            coloured.set(said.contains('\u{1b}'));
+            true
+        });
+        coloured.get()
+    };
+    assert_eq!(["always", "never"].map(is_coloured), [true, false]);
+}
+
+#[test]
 fn watching_goes_on_where_the_picture_was_changed_meanwhile() {
     let place = one_point();
     let watching = Watching::start(&place, &[]);

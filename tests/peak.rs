@@ -76,6 +76,12 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
     assert_eq!(copied[0]["timestamp"], kept[0]["timestamp"]);
     has(&place.text("out/summary.md"), &["of peak"]);
 
+    // On standard output, the JSON stands alone.
+    let printed = place.output(&["peak", "--device", &device, "--out", "-"]);
+    let printed: Value = serde_json::from_str(&printed).expect("JSON");
+    assert_eq!(printed[0]["device"], kept[0]["device"]);
+    assert!(!place.path("-").exists());
+
     let missing =
         place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
     has(&missing, &["none.json"]);

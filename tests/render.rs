@@ -97,6 +97,23 @@ fn json_has_every_field() {
 }
 
 #[test]
+fn the_report_of_a_picture_on_standard_output_is_on_standard_error_also_as_json() {
+    let (place, device) = (place(), device());
+    let size = ["--width", "16", "--height", "10", "-o", "-"];
+    for (more, magic) in [
+        (&["--device", &device][..], &b"\x89PNG"[..]),
+        (&["--devices", &device], b"\x89PNG"),
+        (&["--device", &device, "--turntable", "2"], b"YUV4MPEG2"),
+    ] {
+        let command = [&["render", "scene.toml", "--json"], &size[..], more].concat();
+        let output = place.raycl(&command).assert().success().get_output().clone();
+        assert!(output.stdout.starts_with(magic), "{more:?}");
+        let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
+        assert_eq!(report["image_size"], serde_json::json!([16, 10]), "{more:?}");
+    }
+}
+
+#[test]
 fn passes_that_a_strategy_does_not_have_are_null() {
     let (place, size) = (place(), ["--width", "32", "--height", "20"]);
     let fused = report(&place, &[&["scene.toml", "--strategy", "naive"], &size[..]].concat());

@@ -197,6 +197,7 @@ fn a_dry_run_compiles_nothing_and_writes_nothing() {
     // Padding makes 36 x 20 work-items, each of which needs 108 bytes.
     assert_eq!((&needs["local_bytes"], &needs["scratch_bytes"]), (&0.into(), &(36 * 20 * 108).into()));
     assert_eq!(points.count(), 3);
+    assert_eq!(place.output(&arguments(&device, &["--dry-run", "--quiet"])), "");
 }
 
 #[test]
@@ -276,6 +277,21 @@ fn results_are_never_overwritten_and_find_a_free_folder() {
     for folder in ["results/config", "results/config-2"] {
         place.output(&[&["run", "config.toml", "--device", &device], &one_point[..]].concat());
         assert_eq!(place.json_lines(&format!("{folder}/records.jsonl")).len(), 1, "{folder}");
+    }
+}
+
+#[test]
+fn a_mistake_in_a_scene_or_in_the_peak_rates_leaves_no_folder() {
+    let (place, device) = (place(), device());
+    place.write("peak.json", "no rates");
+    let leaves_none = |more: &[&str], part: &str| {
+        has(&place.mistake(&arguments(&device, more), 2), &[part]);
+        assert!(!place.path("out").exists(), "{more:?}");
+    };
+    leaves_none(&["--peak=peak.json"], "peak.json does not contain peak rates");
+    place.write("scene.toml", &TRIANGLE.replace("power", "pwer"));
+    for more in [&[][..], &["--quiet"], &["--spread"]] {
+        leaves_none(more, "did you mean `power`?");
     }
 }
 

@@ -49,13 +49,21 @@ pub fn run(args: Args) -> Result<()> {
     match args.action.unwrap_or(Action::Show) {
         Action::Show => show(&cache, args.json),
         Action::Clear => clear(&cache, args.json),
-        Action::Path => super::print(folder(&cache)?),
+        Action::Path => path(&cache, args.json),
     }
 }
 
 fn folder(cache: &Cache) -> Result<String> {
     let folder = cache.folder().map(|folder| folder.display().to_string());
     folder.ok_or_else(|| Error::run("the cache is off: nothing is stored").with_help(why_none(cache)))
+}
+
+fn path(cache: &Cache, json: bool) -> Result<()> {
+    let folder = folder(cache)?;
+    match json {
+        true => super::print_json(&serde_json::json!({ "folder": folder })),
+        false => super::print(folder),
+    }
 }
 
 fn why_none(cache: &Cache) -> String {

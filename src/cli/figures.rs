@@ -27,14 +27,19 @@ pub fn run(args: Args) -> Result<()> {
         super::print(format!("{} changed", counted(changed, "place")))?;
         wrong
     };
-    match left.len() {
-        0 => Ok(()),
-        count => Err(Error::run(format!(
-            "{count} places in documents differ from the records:\n{}",
-            listed(&left)
-        ))
-        .with_help("`raycl figures` without --check corrects numbers that have a record; CONTRIBUTING.md explains how to correct other places")),
+    if left.is_empty() {
+        return Ok(());
     }
+    let error = Error::run(format!("{}:\n{}", differ(left.len()), listed(&left)));
+    Err(error.with_help(
+        "`raycl figures` without --check corrects numbers that have a record; CONTRIBUTING.md explains how to correct other places",
+    ))
+}
+
+/// Returns a sentence with the number of places that differ from the records.
+fn differ(count: usize) -> String {
+    let verb = if count == 1 { "differs" } else { "differ" };
+    format!("{} in documents {verb} from the records", counted(count, "place"))
 }
 
 /// Formats differences, each with the file, the line, the text in the document, and the text that the records yield.
@@ -43,4 +48,15 @@ fn listed(differences: &[(&str, Difference)]) -> String {
         format!("{file}:{line}: the document has '{stands}', the records give {records_say}")
     };
     differences.iter().map(one).collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_place_differs_and_two_places_differ() {
+        assert_eq!(differ(1), "1 place in documents differs from the records");
+        assert_eq!(differ(2), "2 places in documents differ from the records");
+    }
 }

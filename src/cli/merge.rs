@@ -5,7 +5,7 @@ use crate::output::{Choice, OutFolder};
 use crate::record::{Folder, Record, renew_intervals, summary_terminal};
 use crate::report;
 use crate::shard::{Merged, Missing, ShardPlan, Status, merge, no_shards, status};
-use crate::words::{counted, counted_are};
+use crate::words::{counted, counted_are, counted_of_were};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -113,8 +113,10 @@ fn complete(missing: &Missing, records: &[Record], out: &Path) -> Result<()> {
     }
     match records.iter().filter(|record| !record.outcome.is_fine()).count() {
         0 => Ok(()),
-        failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
-            .with_help(format!("{} gives the reason for each point", out.join("summary.md").display()))),
+        failed => {
+            Err(Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")))
+                .with_help(format!("{} gives the reason for each point", out.join("summary.md").display())))
+        }
     }
 }
 
@@ -209,7 +211,7 @@ mod tests {
         assert!(complete(&Missing::default(), &fine, Path::new("out")).is_ok());
         let records = [&fine[..], &[with(Outcome::WrongImage)]].concat();
         let (said, remedy) = refused(&Missing::default(), &records);
-        assert_eq!(said, "1 of 4 points were not measured");
+        assert_eq!(said, "1 of 4 points was not measured");
         assert!(remedy.contains("out/summary.md"), "{remedy}");
     }
 

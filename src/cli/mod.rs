@@ -32,12 +32,13 @@ mod turn;
 pub mod view;
 mod watch;
 
-pub use output::{end_at_once, print, print_coloured, print_json, table, tell, tell_json};
+pub use output::{end_at_once, print, print_coloured, print_json, print_report, table, tell, tell_json};
 
 use std::ffi::OsString;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
+use crate::device::{cache_variables, pinning_variables, thread_variables};
 use crate::error::Result;
 use crate::own_program::remember_libraries;
 use crate::sources::Sources;
@@ -174,7 +175,6 @@ impl Cli {
     ///
     /// Fails if the user's settings contain a mistake. A worker ignores such a mistake.
     pub fn read() -> Result<Self> {
-        remember_libraries();
         let words: Vec<OsString> = std::env::args_os().collect();
         let settings = settings::load();
         // The command line's choice of colour also applies to a message about a mistake in the command line.
@@ -194,15 +194,9 @@ impl Cli {
         Self::from_arg_matches_mut(&mut found).map_err(|error| error.format(&mut command))
     }
 
-    /// Returns whether the command measures times, itself or through workers. If it does, raycl makes PoCL (an OpenCL
-    /// driver for CPUs) pin its threads. Also returns true for workers, unless they only compile a program. Returns
-    /// false for the commands for contributors.
-    pub fn measures(&self) -> bool {
-        self.command.measures()
-    }
-
-    /// Runs the subcommand.
+    /// Runs the subcommand. The process must not have loaded a driver or started a thread before.
     pub fn run(self) -> Result<()> {
+        prepare_for_drivers(self.command.measures());
         if self.command.starts_drivers() {
             if !guarded::is_inside() {
                 let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
@@ -241,6 +235,20 @@ impl Cli {
             Command::Man(args) => man::run(args),
             Command::Schema(args) => schema::run(args),
         }
+    }
+}
+
+/// Prepares this process, and the processes that it starts, for drivers: remembers which libraries the user's variable
+/// names, and sets the variables of drivers. A driver reads its variables when it is loaded, in this process or in a
+/// worker process, which inherits them. If `measures` is true, PoCL (an OpenCL driver for CPUs) pins its threads. The
+/// process must not have loaded a driver or started a thread before.
+pub(crate) fn prepare_for_drivers(measures: bool) {
+    remember_libraries();
+    let pinning = if measures { pinning_variables() } else { Vec::new() };
+    for (name, value) in thread_variables().into_iter().chain(cache_variables()).chain(pinning) {
+        // SAFETY: the program has just begun. No driver is loaded, and no other thread exists that could read
+        // the environment at the same time.
+        unsafe { std::env::set_var(name, value) };
     }
 }
 
@@ -284,6 +292,25 @@ mod tests {
             let typed = words(&["raycl", "render", unknown, "a.obj"]);
             let text = Cli::parse_words(&typed).expect_err("a mistake").to_string();
             assert!(text.contains(&format!("unexpected argument '{unknown}'")), "{text}");
+        }
+    }
+
+    #[test]
+    fn options_that_would_have_no_effect_are_refused() {
+        let is_accepted =
+            |line: &str| Cli::parse_words(&line.split(' ').map(OsString::from).collect::<Vec<_>>()).is_ok();
+        for line in ["raycl occupancy --results out", "raycl reproduce --page-only --force --quiet"] {
+            assert!(is_accepted(line), "{line}");
+        }
+        for line in [
+            "raycl occupancy --results out --local-sizes 8x8",
+            "raycl reproduce --page-only --device cpu",
+            "raycl reproduce --page-only --set timing.launches=1",
+            "raycl reproduce --page-only --resume",
+            "raycl reproduce --page-only --no-wait",
+            "raycl reproduce --page-only --verbose",
+        ] {
+            assert!(!is_accepted(line), "{line}");
         }
     }
 

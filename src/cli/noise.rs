@@ -119,7 +119,8 @@ fn text(noise: &Noise) -> String {
             .throttled_samples
             .map(|count| format!("  the device throttled (reduced its clock rate) in {}", samples(count))),
     );
-    lines.extend(causes.threads.map(|threads| format!("  the device used {threads} threads")));
+    let threads = |count: u32| counted(count as usize, "thread");
+    lines.extend(causes.threads.map(|count| format!("  the device used {}", threads(count))));
     lines.join("\n")
 }
 
@@ -171,6 +172,21 @@ mod tests {
                 "the device used 6 threads".to_owned(),
             ]
         );
+    }
+
+    #[test]
+    fn one_thread_is_a_thread() {
+        let causes = Causes { threads: Some(1), ..Causes::default() };
+        let noise = Noise {
+            device: "a device".into(),
+            samples: 60,
+            launches: 3,
+            within_launch: None,
+            between_launches: None,
+            own_time: None,
+            causes,
+        };
+        assert!(lines(&noise).contains(&"the device used 1 thread".to_owned()), "{:?}", lines(&noise));
     }
 
     #[test]

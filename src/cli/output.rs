@@ -55,6 +55,23 @@ pub fn tell_json(value: &impl Serialize) -> Result<()> {
     tell(false, json(value)?)
 }
 
+/// Prints a command's report: as JSON if `json` is true, else as text, unless `quiet` is true. The report goes to
+/// standard error if `streams` is true, that is, if the command writes a picture to standard output.
+pub fn print_report(
+    report: &impl Serialize,
+    text: impl FnOnce() -> String,
+    streams: bool,
+    (json, quiet): (bool, bool),
+) -> Result<()> {
+    match (json, streams) {
+        (true, true) => tell_json(report),
+        (true, false) => print_json(report),
+        (false, true) => tell(quiet, text()),
+        (false, false) if quiet => Ok(()),
+        (false, false) => print(text()),
+    }
+}
+
 fn json(value: &impl Serialize) -> Result<String> {
     serde_json::to_string_pretty(value)
         .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))

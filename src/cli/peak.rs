@@ -28,7 +28,8 @@ pub struct Args {
     /// settings, else the most capable device]
     #[arg(long)]
     device: Option<String>,
-    /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads
+    /// Write the peak rates to FILE, which `raycl run --peak=FILE` reads; - writes them to standard output, without the
+    /// table
     #[arg(short, long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Replace the file of --out even if it was not written by raycl, or was changed after raycl wrote it
@@ -62,6 +63,9 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(target) = &target {
         target.write_json(&all)?;
     }
+    if target.as_ref().is_some_and(Target::is_standard_output) {
+        return Ok(());
+    }
     if args.json {
         return super::print_json(&all);
     }
@@ -79,10 +83,8 @@ fn devices(pattern: Option<&str>, sources: &Sources) -> Result<Vec<Device>> {
     }
 }
 
-/// How `raycl run --peak` gets the peak rates.
+/// How `raycl run --peak` measures the peak rates.
 pub(super) struct Wanted<'a> {
-    /// A file of peak rates, or "measure".
-    pub given: &'a str,
     /// Words that select the devices to measure.
     pub patterns: &'a [String],
     /// The folder of kernels that replace the built-in kernels.
@@ -92,12 +94,8 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Reads the peak rates from the file, or starts child processes that measure them. The process of `raycl run`
-    /// itself starts no driver.
-    pub fn for_run(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
-        if self.given != "measure" {
-            return Peak::read(Path::new(self.given));
-        }
+    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver.
+    pub fn measured(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
             let found = self.measured_apart(pattern);
@@ -175,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_runs_choices_are_those_of_the_process_that_measures() {
-        let wanted = Wanted { given: "measure", patterns: &[], cl_dir: None, no_wait: false };
+        let wanted = Wanted { patterns: &[], cl_dir: None, no_wait: false };
         assert_eq!(wanted.arguments("cpu"), ["peak", "--json", "--device", "cpu"]);
         let wanted = Wanted { cl_dir: Some(Path::new("mine")), no_wait: true, ..wanted };
         let expected = ["peak", "--json", "--device", "all", "--no-wait", "--cl-dir", "mine"];

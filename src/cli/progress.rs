@@ -4,7 +4,6 @@ use crate::experiment::Observer;
 use crate::printer::{self, tell};
 use crate::record::{Outcome, Record};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 /// A bar with the number of finished steps and the total, the time left, and the current work. A step is one launch
@@ -13,9 +12,13 @@ pub struct Bar {
     bar: ProgressBar,
 }
 
-/// The bar's layout. The text at the bar's end describes the current work; it is the text that was last passed to
-/// `works_on`. On a terminal of 80 columns, about 40 columns are left for this text.
-const STYLE: &str = "{spinner} {bar:16.cyan/blue} {pos}/{len}, {left} left: {wide_msg}";
+/// Returns the bar's layout. The text at the bar's end describes the current work; it is the text that was last passed
+/// to `works_on`. On a terminal of 80 columns, about 40 columns are left for this text. The layout contains the codes
+/// for cyan and for the usual colour itself, since indicatif's own colours do not obey `--color`.
+fn layout(coloured: bool) -> String {
+    let [cyan, usual] = if coloured { ["\u{1b}[36m", "\u{1b}[0m"] } else { [""; 2] };
+    format!("{{spinner}} {cyan}{{bar:16}}{usual} {{pos}}/{{len}}, {{left}} left: {{wide_msg}}")
+}
 
 /// Writes the time left; `?` if no step has finished yet.
 fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
@@ -24,6 +27,21 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
         0 => out.write_str("?"),
         _ => write!(out, "{:#}", HumanDuration(state.eta())),
     };
+}
+
+impl Bar {
+    /// Returns a bar; `None` if indicatif shows no bar there, as on a terminal that cannot move its cursor (`TERM=dumb`).
+    /// indicatif would also discard the lines that are printed above a hidden bar.
+    fn on(bar: ProgressBar, coloured: bool) -> Option<Self> {
+        if bar.is_hidden() {
+            return None;
+        }
+        let layout = layout(coloured);
+        // If the layout were wrong, indicatif's default would be used.
+        let style = ProgressStyle::with_template(&layout).unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_style(style.with_key("left", left));
+        Some(Self { bar })
+    }
 }
 
 impl Observer for Bar {
@@ -220,19 +238,17 @@ impl Observer for Stages {
 }
 
 /// Returns the observer that shows the progress on standard error: nothing if `quiet` is set; a line per point if
-/// `verbose` is set or standard error is not a terminal; otherwise a bar.
+/// `verbose` is set or standard error shows no bar (it is not a terminal, or too simple a terminal); otherwise a bar.
 pub fn observer(quiet: bool, verbose: bool) -> Box<dyn Observer> {
     if quiet {
         return Box::new(());
     }
-    if verbose || !std::io::stderr().is_terminal() {
-        return Box::new(Lines::default());
+    // Unless the user chose otherwise, the bar is coloured, since it is only shown on a terminal.
+    let coloured = super::colour::told().unwrap_or(true);
+    match Bar::on(ProgressBar::new(0), coloured) {
+        Some(bar) if !verbose => Box::new(bar),
+        _ => Box::new(Lines::default()),
     }
-    let bar = ProgressBar::new(0);
-    // The template is a constant. If the template were wrong, indicatif's default would be used.
-    let style = ProgressStyle::with_template(STYLE).unwrap_or_else(|_| ProgressStyle::default_bar());
-    bar.set_style(style.with_key("left", left));
-    Box::new(Bar { bar })
 }
 
 /// Formats a record as one line.
@@ -255,6 +271,8 @@ fn line(record: &Record) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use indicatif::{ProgressDrawTarget, TermLike};
+    use std::io::Result;
     use std::sync::{Arc, Mutex};
 
     /// An observer that stores the name and the arguments of every call.
@@ -286,6 +304,63 @@ mod tests {
         fn ends(&mut self) {
             self.0.lock().expect("no test panicked").push("ends".into());
         }
+    }
+
+    /// A terminal that stores what is written.
+    #[derive(Clone, Debug, Default)]
+    struct Screen(Arc<Mutex<String>>);
+
+    impl TermLike for Screen {
+        fn width(&self) -> u16 {
+            80
+        }
+        fn move_cursor_up(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_down(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_right(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_left(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn write_line(&self, text: &str) -> Result<()> {
+            self.write_str(text)
+        }
+        fn write_str(&self, text: &str) -> Result<()> {
+            self.0.lock().expect("no test panicked").push_str(text);
+            Ok(())
+        }
+        fn clear_line(&self) -> Result<()> {
+            Ok(())
+        }
+        fn flush(&self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn the_bar_has_colours_only_if_they_are_wanted() {
+        let shown = |coloured| {
+            let screen = Screen::default();
+            let target = ProgressDrawTarget::term_like(Box::new(screen.clone()));
+            let mut bar = Bar::on(ProgressBar::with_draw_target(Some(4), target), coloured).expect("a bar");
+            bar.works_on("timing teapot");
+            bar.advances(1);
+            bar.bar.tick();
+            let text = screen.0.lock().expect("no test panicked").clone();
+            assert!(text.contains("timing teapot") && text.contains("1/4"), "{text:?}");
+            text
+        };
+        assert!(shown(true).contains("\u{1b}[36m"), "{:?}", shown(true));
+        assert!(!shown(false).contains('\u{1b}'), "{:?}", shown(false));
+    }
+
+    #[test]
+    fn there_is_no_bar_where_it_would_be_hidden() {
+        assert!(Bar::on(ProgressBar::hidden(), false).is_none());
     }
 
     #[test]

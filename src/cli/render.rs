@@ -98,7 +98,7 @@ pub struct Args {
     /// command
     #[arg(long, conflicts_with = "json")]
     watch: bool,
-    /// Print one JSON object
+    /// Print one JSON object; to standard error if the picture goes to standard output
     #[arg(long)]
     json: bool,
     /// Print nothing but errors
@@ -249,12 +249,8 @@ fn may_be_shown(args: &Args, target: &Target) -> bool {
 /// Prints the report; to standard error if the picture goes to standard output. Without `--watch`, the function then
 /// ends the process.
 fn tell(args: &Args, report: &Report, device: &DeviceInfo) -> Result<()> {
-    match (args.json, args.quiet) {
-        _ if target(args).is_standard_output() => super::tell(args.quiet, report.text(device))?,
-        (true, _) => super::print_json(report)?,
-        (false, true) => {}
-        (false, false) => super::print(report.text(device))?,
-    }
+    let streams = target(args).is_standard_output();
+    super::print_report(report, || report.text(device), streams, (args.json, args.quiet))?;
     if !args.watch {
         super::end_at_once();
     }
@@ -297,8 +293,10 @@ fn target(args: &Args) -> Target {
         _ => "picture".as_ref(),
     };
     let choice = Choice { force: args.force, elsewhere: "-o FILE" };
-    let default = || PathBuf::from(stem).with_extension("png");
-    Target::new(args.output.clone().unwrap_or_else(default), choice)
+    // `with_extension` would replace the last part of a stem with dots, such as `part.v1`.
+    let mut default = stem.to_owned();
+    default.push(".png");
+    Target::new(args.output.clone().unwrap_or_else(|| default.into()), choice)
 }
 
 /// Returns the files of `--layers`, if requested. The .png file of a layer must not have the path of the picture. The
@@ -407,6 +405,7 @@ mod tests {
         let named = |words: &[&str]| target(&args(words)).path().display().to_string();
         assert_eq!(named(&["scenes/teapot.toml"]), "teapot.png");
         assert_eq!(named(&["a/mesh.obj.gz"]), "mesh.png");
+        assert_eq!(named(&["a/part.v1.stl"]), "part.v1.png");
         assert_eq!(named(&["-"]), "picture.png");
         assert_eq!(named(&["a.toml", "-o", "b/c.exr"]), "b/c.exr");
         let files = |words: &[&str]| written(&args(words));

@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::experiment::Lock;
 use crate::record::{Repaired, repair};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Arguments of `raycl repair`.
@@ -32,7 +33,7 @@ pub fn run(args: Args) -> Result<()> {
     let _lock = Lock::take(&args.folder)?;
     let repaired = repair(&args.folder)?;
     if args.json {
-        return super::print_json(&serde_json::json!({ "repaired": repaired }));
+        return super::print_json(&json(&repaired));
     }
     if repaired.is_empty() {
         return super::print("no line is damaged");
@@ -45,4 +46,13 @@ pub fn run(args: Args) -> Result<()> {
         )
     };
     super::print(repaired.iter().map(line).collect::<Vec<_>>().join("\n"))
+}
+
+/// Returns the object for `--json`. A path need not be UTF-8, which JSON requires.
+fn json(repaired: &[Repaired]) -> Value {
+    let one = |Repaired { file, copy, damaged, kept }: &Repaired| {
+        let [file, copy] = [file, copy].map(|path| path.display().to_string());
+        json!({ "file": file, "copy": copy, "damaged": damaged, "kept": kept })
+    };
+    json!({ "repaired": repaired.iter().map(one).collect::<Vec<_>>() })
 }

@@ -46,8 +46,11 @@ pub fn run(args: Args) -> Result<()> {
     }
     let (plots, count) = &written.plots;
     if args.json {
+        // A path need not be UTF-8, which JSON requires.
+        let [page, plots, exports] =
+            [&written.page, plots, &written.exports].map(|path| path.display().to_string());
         return super::print_json(&serde_json::json!({
-            "report": written.page, "plots": plots, "plot_count": count, "exports": written.exports,
+            "report": page, "plots": plots, "plot_count": count, "exports": exports,
         }));
     }
     if args.quiet {

@@ -10,6 +10,7 @@ use crate::record::Folder;
 use crate::report;
 use crate::report::paper::{CONFIGS, SCENES};
 use crate::settings::results;
+use crate::words::counted_of_were;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl reproduce`.
@@ -40,10 +41,10 @@ pub struct Args {
     #[arg(long)]
     resume: bool,
     /// If another process is measuring on a selected device, end at once instead of waiting for it
-    #[arg(long, conflicts_with = "page_only")]
+    #[arg(long)]
     no_wait: bool,
     /// Measure nothing; from existing results, generate the page that judges the student paper's claims
-    #[arg(long, conflicts_with = "resume")]
+    #[arg(long, conflicts_with_all = ["device", "set", "resume", "no_wait", "verbose"])]
     page_only: bool,
     /// Print neither the progress nor the paths of written files
     #[arg(short, long)]
@@ -89,7 +90,7 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
         report::write(&[Folder::read(&folder)?], &mut OutFolder::open(&folder, out.choice())?)?;
         let missing = records.iter().filter(|record| !record.outcome.is_fine()).count();
         if missing > 0 {
-            failed.push(format!("{name}: {missing} of {} points were not measured", records.len()));
+            failed.push(format!("{name}: {} not measured", counted_of_were(missing, records.len(), "point")));
         }
     }
     stages.end();
@@ -130,6 +131,7 @@ fn resuming(args: &Args) -> String {
     words.extend(["--out".to_owned(), args.out.display().to_string()]);
     words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
     words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
+    words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
 }
@@ -244,5 +246,6 @@ mod tests {
         let devices = "--device cpu --device nvidia";
         let command = format!("raycl reproduce --out out {devices} --set timing.launches=1 --resume");
         assert_eq!(resuming(&args), command);
+        assert!(resuming(&Args { no_wait: true, ..args }).ends_with(" --no-wait --resume"));
     }
 }

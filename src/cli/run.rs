@@ -23,10 +23,12 @@ use crate::experiment::{
     Fault, Observer, Plan, Results, Run, asleep, dry_run, find_devices, keeps_moved_samples,
 };
 use crate::output::{Choice, OutFolder, refuse_other_folders};
+use crate::peak::Peak;
 use crate::program::Sources;
 use crate::record::{Folder, Record, summary_terminal};
 use crate::settings;
 use crate::shard::{Asked, ShardPlan};
+use crate::words::counted_of_were;
 use earlier::foreseen;
 use environment::environment;
 use folders::default_folder;
@@ -34,6 +36,7 @@ use forecast::forecast;
 use resume::{choices, say_how_to_resume};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use spread::Spread;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -250,6 +253,7 @@ fn refuse_shards(out: &Path) -> Result<()> {
 pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
+    let peak = peak_of_file(args)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     refuse_shards(&out)?;
     refuse_other_folders(&out, choice(args), false)?;
@@ -261,35 +265,48 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let infos = chosen(args, &experiment, &devices)?;
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
+    let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
+    let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
+    // A new run reads its scenes before it makes its folder: a mistake in a scene must not leave a folder that refuses
+    // the corrected command.
+    let expected = if args.resume { None } else { Some(foreseen(&run, &out, &[])?) };
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
-    let blocks = args.spread.then(|| spread::blocks(&run, &out)).transpose()?;
-    let run = Run { blocks: blocks.as_deref(), ..run };
-    keep_peak(args, &experiment, &mut results, &interrupted)
+    spread.iter().try_for_each(|spread| spread.write(&out))?;
+    keep_peak(args, &experiment, peak, &mut results, &interrupted)
         .map_err(|error| say_how_to_resume(error, args, &out))?;
     if !args.quiet {
-        observer.says(&foreseen(&run, &out, &results.past().records)?.to_string());
+        let expected = expected.map_or_else(|| foreseen(&run, &out, &results.past().records), Ok)?;
+        observer.says(&expected.to_string());
     }
     let measured = measuring::execute(args, run, &out, &mut results, observer, &interrupted);
     let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
     Ok((out, records))
 }
 
-/// Stores the devices' peak rates in the folder, if requested.
+/// Returns the peak rates in the file of `--peak=FILE`; `None` if no file is given.
+fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
+    let file = args.peak.as_deref().filter(|given| *given != "measure");
+    file.map(|file| Peak::read(Path::new(file))).transpose()
+}
+
+/// Stores the devices' peak rates in the folder, if requested: those of the file or, without a file, measured ones.
 fn keep_peak(
     args: &Args,
     experiment: &Experiment,
+    of_file: Option<Vec<Peak>>,
     results: &mut Results,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let Some(given) = &args.peak else { return Ok(()) };
+    if args.peak.is_none() {
+        return Ok(());
+    }
     let wanted = super::peak::Wanted {
-        given,
         patterns: &patterns(args, experiment),
         cl_dir: args.cl_dir.first().map(PathBuf::as_path),
         no_wait: args.no_wait,
     };
-    results.keep_peak(wanted.for_run(interrupted)?)
+    results.keep_peak(of_file.map_or_else(|| wanted.measured(interrupted), Ok)?)
 }
 
 fn choice(args: &Args) -> Choice {
@@ -334,7 +351,11 @@ fn foresee(args: &Args) -> Result<()> {
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
     let expected = foreseen(&run, &out, &[])?;
-    forecast(&dry_run(&run)?, &expected, args.json)
+    let points = dry_run(&run)?;
+    if args.quiet && !args.json {
+        return Ok(());
+    }
+    forecast(&points, &expected, args.json)
 }
 
 /// Parses a positive number of seconds.
@@ -386,7 +407,7 @@ fn report(args: &Args, out: &Path) -> Result<()> {
     if failed == 0 {
         return Ok(());
     }
-    let error = Error::run(format!("{failed} of {} points were not measured", records.len()));
+    let error = Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")));
     Err(error.with_help(format!("{} gives the reason for each point", out.join("summary.md").display())))
 }
 

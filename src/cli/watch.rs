@@ -40,6 +40,8 @@ impl Watched {
                 "the system may limit the number of watched files; on Linux, raise fs.inotify.max_user_watches with sysctl",
             )
         };
+        let folders: Vec<_> =
+            folders.iter().map(|(folder, depth)| Ok((resolved(folder)?, *depth))).collect::<Result<_>>()?;
         let (sender, changes) = channel();
         let written: Vec<PathBuf> = written.iter().filter_map(|path| in_canonical_folder(path)).collect();
         let tell = move |event: notify::Result<notify::Event>| {
@@ -49,10 +51,6 @@ impl Watched {
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
-        // The paths in events begin with these folders and are compared with canonical paths, so the folders must be
-        // canonical.
-        let resolved = |folder: &Path| folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
-        let folders: Vec<_> = folders.iter().map(|(folder, depth)| (resolved(folder), *depth)).collect();
         for (folder, depth) in &folders {
             watcher.watch(folder, *depth).map_err(failed)?;
         }
@@ -76,6 +74,19 @@ impl Watched {
             }
         }
     }
+}
+
+/// Returns the canonical path of a folder. The paths in events begin with the watched folder and are compared with
+/// canonical paths, so the folder must be canonical. Returns an error if the folder cannot be read.
+fn resolved(folder: &Path) -> Result<PathBuf> {
+    folder.canonicalize().map_err(|error| {
+        Error::unreadable(
+            "folder",
+            folder,
+            &error,
+            "check the path of the scene, and that of --cl-dir if it is given",
+        )
+    })
 }
 
 /// Returns whether a watch on the first folder, recursive or not, also covers the second folder.
@@ -203,6 +214,24 @@ mod tests {
         std::thread::sleep(Duration::from_millis(400));
         assert!(!watched.has_changed(), "a picture that it writes is no source");
         change_until(&texture, || watched.has_changed());
+    }
+
+    #[test]
+    fn a_missing_folder_is_a_mistake_that_names_it() {
+        static INPUTS: Inputs = Inputs::new();
+        let place = tempfile::tempdir().expect("a folder");
+        let missing = place.path().join("missing");
+        let scene = folders(&missing.join("scene.toml"), None);
+        let kernels = folders(&place.path().join("scene.toml"), Some(&missing));
+        for folders in [scene, kernels] {
+            let error = Watched::new(&folders, &[], &INPUTS).err().expect("a folder is missing");
+            let message = error.to_string();
+            assert_eq!(error.exit_code(), 2, "{message}");
+            assert!(
+                message.starts_with(&format!("cannot read the folder `{}`: ", missing.display())),
+                "{message}"
+            );
+        }
     }
 
     #[test]

@@ -83,6 +83,8 @@ impl Movie {
         encoder.set_compression(png::Compression::Fast);
         encoder.set_animated(count, 0).map_err(Error::other)?;
         encoder.set_frame_delay(1, self.rate).map_err(Error::other)?;
+        // The frames also end early if casting one of them failed. Then `finish` fails, and the file is not replaced.
+        encoder.validate_sequence(true);
         let mut writer = encoder.write_header().map_err(Error::other)?;
         for (frame, display) in frames {
             let bytes = match to_rgba8(&frame, display) {
@@ -171,14 +173,32 @@ mod tests {
         assert_eq!(out.len(), header.len() + 2 * (6 + 8 + 2 + 2));
     }
 
+    /// Writes an animated picture of two frames, 25 per second, of which only the first `count` arrive.
+    fn write_frames(path: &std::path::Path, count: usize) -> Result<()> {
+        let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
+        let frames = frames.into_iter().take(count).map(|frame| (frame, Display::default()));
+        Movie::apng(Target::of_results(path), [2, 1], 25, 2).write(frames)
+    }
+
     /// Returns the file of an animated picture of two frames, 25 per second.
     fn animated() -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.apng");
-        let frames = [0.0, 1.0].map(|light| Radiance { pixels: vec![[light; 3]; 2], ..Radiance::new(2, 1) });
-        let frames = frames.into_iter().map(|frame| (frame, Display::default()));
-        Movie::apng(Target::of_results(&path), [2, 1], 25, 2).write(frames).unwrap();
+        write_frames(&path, 2).unwrap();
         std::fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn an_animated_png_that_lacks_frames_does_not_replace_a_complete_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.apng");
+        write_frames(&path, 2).unwrap();
+        let complete = std::fs::read(&path).unwrap();
+        for count in [0, 1] {
+            assert!(write_frames(&path, count).is_err(), "{count}");
+            assert_eq!(std::fs::read(&path).unwrap(), complete, "{count}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left behind");
     }
 
     #[test]

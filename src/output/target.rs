@@ -78,10 +78,13 @@ impl Target {
         })
     }
 
-    /// Writes indented JSON with a mark; the data is on the disk when the function returns.
+    /// Writes indented JSON with a mark. If the target is a file, its data is on the disk when the function returns.
     pub fn write_json(&self, value: &impl Serialize) -> Result<()> {
         let text = serde_json::to_string_pretty(value).map_err(|error| Error::fault(error.to_string()))?;
         let text = mark::json(&text);
+        if self.is_standard_output() {
+            return to_standard_output(|file| writeln!(file, "{text}"));
+        }
         put(&self.path, self.choice, maker, |file| {
             writeln!(file, "{text}")?;
             mark::seal(file)?;
@@ -132,6 +135,12 @@ mod tests {
         std::fs::write(target.path(), text.replace("2", "3")).unwrap();
         assert_eq!(target.check().unwrap_err().exit_code(), 2);
         assert!(target.write_json(&value).is_err());
+    }
+
+    #[test]
+    fn json_for_standard_output_makes_no_file() {
+        Target::new("-", KEEP).write_json(&serde_json::json!([{"a": 1}])).unwrap();
+        assert!(!Path::new("-").exists());
     }
 
     /// If another program makes a file at the target's path during the write, that file is not replaced.

@@ -4,6 +4,7 @@ use super::Args;
 use crate::device::{Builtins, Device};
 use crate::program::preprocess::Preprocessed;
 use crate::strategy::{Strategy, Workload};
+use crate::words::{counted, counted_are};
 
 /// The strategy, device and sizes of a program.
 pub(super) struct Title<'a> {
@@ -45,7 +46,11 @@ impl Title<'_> {
         };
         let Workload { triangles, positions, normals, materials, .. } = w;
         format!(
-            "{whose}: {triangles} triangles, {positions} positions, {normals} normals, {materials} materials{stack}"
+            "{whose}: {}, {}, {}, {}{stack}",
+            counted(*triangles, "triangle"),
+            counted(*positions, "position"),
+            counted(*normals, "normal"),
+            counted(*materials, "material"),
         )
     }
 
@@ -79,9 +84,9 @@ pub(super) fn foot(program: &Preprocessed, left_out: usize) -> String {
         foot += &comment(&format!("files that contain only macros, expanded above: {}", without.join(", ")));
     }
     if left_out > 0 {
-        foot += &comment(&format!(
-            "{left_out} lines that these kernels do not need are left out; --all prints them"
-        ));
+        let lines = counted_are(left_out, "line that these kernels do not need");
+        let them = if left_out == 1 { "it" } else { "them" };
+        foot += &comment(&format!("{lines} left out; --all prints {them}"));
     }
     if foot.is_empty() { foot } else { format!("\n{foot}") }
 }
@@ -116,4 +121,41 @@ fn comment(text: &str) -> String {
         line += word;
     }
     format!("{lines}{line}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn the_parts_of_a_scene_are_counted_and_one_normal_is_a_normal() {
+        let args = Command::parse_from(["kernel", "naive"]).args;
+        let strategy = crate::strategy::preset("naive").expect("a preset").strategy;
+        let workload = Workload { triangles: 12, positions: 8, normals: 1, materials: 1, ..Workload::CUBE };
+        let title = Title {
+            args: &args,
+            strategy,
+            workload,
+            builtins: Builtins::default(),
+            device: None,
+            options: "",
+        };
+        assert_eq!(title.sizes(), "a small scene: 12 triangles, 8 positions, 1 normal, 1 material");
+    }
+
+    #[test]
+    fn lines_that_are_left_out_are_counted_and_one_is_a_line() {
+        let program = Preprocessed { lines: Vec::new(), asked: Vec::new(), files: Vec::new() };
+        let told = |left_out| foot(&program, left_out).trim().to_owned();
+        assert_eq!(told(0), "");
+        assert_eq!(told(1), "// 1 line that these kernels do not need is left out; --all prints it");
+        assert_eq!(told(2), "// 2 lines that these kernels do not need are left out; --all prints them");
+    }
 }

@@ -194,12 +194,7 @@ pub fn run(args: &Args) -> Result<()> {
 /// Prints the report; to standard error if the frames go to standard output.
 fn tell(args: &Args, report: &Report) -> Result<()> {
     let streams = args.output.as_ref().is_some_and(|output| output.as_os_str() == "-");
-    match (args.json, args.quiet) {
-        _ if streams => crate::cli::tell(args.quiet, text(report)),
-        (true, _) => crate::cli::print_json(report),
-        (false, true) => Ok(()),
-        (false, false) => crate::cli::print(text(report)),
-    }
+    crate::cli::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
 /// Casts frames; each frame is encoded while the next one is cast. Returns the frames' device times in milliseconds.

@@ -156,13 +156,8 @@ pub(super) fn run(args: &Args, pattern: &str) -> Result<()> {
 }
 
 /// Prints the report; to standard error if the picture goes to standard output.
-fn tell(args: &Args, report: &Report, beside: bool) -> Result<()> {
-    match (args.json, args.quiet) {
-        _ if beside => super::super::tell(args.quiet, text(report)),
-        (true, _) => super::super::print_json(report),
-        (false, true) => Ok(()),
-        (false, false) => super::super::print(text(report)),
-    }
+fn tell(args: &Args, report: &Report, streams: bool) -> Result<()> {
+    super::super::print_report(report, || text(report), streams, (args.json, args.quiet))
 }
 
 /// Returns each device's strategy and local size: those with which the device would cast the frame alone.

@@ -4,6 +4,7 @@ use crate::cli::{print, print_json, table};
 use crate::error::Result;
 use crate::experiment::{Expected, Forecast};
 use crate::strategy::Requirements;
+use crate::words::counted;
 
 /// Prints for every point how many bytes of memory it needs, and whether it fits on its device. Without `json`, also
 /// prints the expected duration of the run.
@@ -46,9 +47,10 @@ fn counts(points: &[Forecast]) -> String {
         1 => " and 1 is meant for devices of another kind".to_owned(),
         count => format!(" and {count} are meant for devices of another kind"),
     };
+    let do_not = if refused == 1 { "does not" } else { "do not" };
     format!(
-        "{} points, {refused} of which do not fit{others}. Nothing was compiled or measured.",
-        points.len()
+        "{}, {refused} of which {do_not} fit{others}. Nothing was compiled or measured.",
+        counted(points.len(), "point")
     )
 }
 
@@ -89,11 +91,12 @@ mod tests {
         let (fits, too_large) = (point(None, None), point(Some("too large"), None));
         let other = point(Some("too large"), Some("for GPUs"));
         let end = ". Nothing was compiled or measured.";
+        assert_eq!(counts(std::slice::from_ref(&fits)), format!("1 point, 0 of which do not fit{end}"));
         let told = counts(&[fits.clone(), too_large.clone(), fits]);
-        assert_eq!(told, format!("3 points, 1 of which do not fit{end}"));
+        assert_eq!(told, format!("3 points, 1 of which does not fit{end}"));
         let told = counts(&[too_large.clone(), other.clone()]);
         let other_kind = "devices of another kind";
-        assert_eq!(told, format!("2 points, 1 of which do not fit and 1 is meant for {other_kind}{end}"));
+        assert_eq!(told, format!("2 points, 1 of which does not fit and 1 is meant for {other_kind}{end}"));
         let told = counts(&[other.clone(), other]);
         assert_eq!(told, format!("2 points, 0 of which do not fit and 2 are meant for {other_kind}{end}"));
     }

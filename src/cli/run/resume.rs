@@ -2,6 +2,7 @@
 
 use super::{Args, HANG_LIMIT};
 use crate::error::Error;
+use crate::peak;
 use crate::report::quote;
 use std::path::Path;
 
@@ -24,6 +25,9 @@ fn resuming(args: &Args, out: &Path) -> String {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
     words.extend(["--out".to_owned(), out.display().to_string()]);
     words.extend(choices(args));
+    // Once the peak rates are in the folder, the run does not need them again.
+    words.extend(peak_option(args).filter(|_| !out.join(peak::FILE).exists()));
+    words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.spread.then(|| "--spread".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
@@ -38,6 +42,14 @@ pub fn choices(args: &Args) -> Vec<String> {
     let limit = (args.hang_limit != HANG_LIMIT)
         .then(|| ["--hang-limit".to_owned(), args.hang_limit.as_secs_f64().to_string()]);
     devices.chain(set).chain(kernels).chain(limit.into_iter().flatten()).collect()
+}
+
+/// Returns the option `--peak` as it was given.
+pub fn peak_option(args: &Args) -> Option<String> {
+    args.peak.as_ref().map(|from| match from.as_str() {
+        "measure" => "--peak".to_owned(),
+        file => format!("--peak={file}"),
+    })
 }
 
 #[cfg(test)]
@@ -68,6 +80,18 @@ mod tests {
         );
         let plain = resuming(&args(&["a.toml", "--hang-limit", "600"]), Path::new("b"));
         assert_eq!(plain, "raycl run a.toml --out b --resume");
+    }
+
+    #[test]
+    fn the_command_that_continues_waits_as_little_and_has_the_peak_rates_unless_they_are_stored() {
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path().display().to_string();
+        let of = |more: &[&str]| resuming(&args(&[&["a.toml"], more].concat()), place.path());
+        let told = |options: &str| format!("raycl run a.toml --out {out}{options} --resume");
+        assert_eq!(of(&["--peak", "--no-wait"]), told(" --peak --no-wait"));
+        assert_eq!(of(&["--peak=h200.json"]), told(" --peak=h200.json"));
+        std::fs::write(place.path().join(peak::FILE), "[]").unwrap();
+        assert_eq!(of(&["--peak=h200.json"]), told(""));
     }
 
     #[test]

@@ -60,10 +60,9 @@ fn command(args: &Args, out: &Path) -> Vec<String> {
     let mut words = vec!["raycl".to_owned(), "run".to_owned(), args.config.display().to_string()];
     words.extend(["--out".to_owned(), out.display().to_string()]);
     words.extend(super::choices(args));
-    words.extend(args.peak.as_ref().map(|from| match from.as_str() {
-        "measure" => "--peak".to_owned(),
-        file => format!("--peak={file}"),
-    }));
+    words.extend(super::resume::peak_option(args));
+    words.extend(args.force.then(|| "--force".to_owned()));
+    words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words
 }
 
@@ -95,6 +94,8 @@ mod tests {
         let always = "raycl run a.toml --out results/a --device nvidia --set timing.seed=3";
         assert_eq!(of(&[]), always);
         assert_eq!(of(&["--peak"]), format!("{always} --peak"));
+        let more = ["--out", "results/a", "--force", "--no-wait"];
+        assert_eq!(of(&more), format!("{always} --force --no-wait"));
         assert_eq!(
             of(&["--peak=peak.json", "--cl-dir", "cl"]),
             format!("{always} --cl-dir cl --peak=peak.json")

@@ -11,11 +11,13 @@ use crate::device_lock::Locks;
 use crate::error::{Error, Result};
 use crate::experiment::{Observer, Plan, Results, Run};
 use crate::output::{Choice, refuse_other_folders};
+use crate::peak::Peak;
 use crate::program::Sources;
 use crate::record::{Environment, Record};
 use crate::shard::{
     About, Asked, Attempt, End, Header, Kind, KindPoint, Pulse, Shard, ShardPlan, cut, watch_launcher,
 };
+use crate::words::{counted, counted_of_were};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -34,6 +36,7 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     }
     let sources = two_kernels::sources(args, false)?;
     let experiment = config::load(&args.config, &args.set)?;
+    let peak = super::peak_of_file(args)?;
     let header = header(&experiment, &sources[0], shard.of)?;
     refuse_others(&out, args.force)?;
     let interrupted = interrupt_flag()?;
@@ -42,8 +45,8 @@ pub fn run(args: &Args, asked: Asked) -> Result<()> {
     let locks = Locks::of_machine(!args.no_wait);
     let run = super::run_of(args, &experiment, &infos, &sources, &locks)?;
     let plan = ShardPlan::open(&out, &header, || make(&run, header.clone(), &out))?;
-    let part =
-        Part { args, out, run, plan, asked, shard, environment: environment(&experiment, &infos, &sources) };
+    let environment = environment(&experiment, &infos, &sources);
+    let part = Part { args, out, run, plan, asked, shard, environment, peak };
     let records = part.measure(&interrupted)?;
     part.report(&records)
 }
@@ -105,6 +108,8 @@ struct Part<'a> {
     asked: Asked,
     shard: Shard,
     environment: Environment,
+    /// The peak rates in the file of `--peak=FILE`.
+    peak: Option<Vec<Peak>>,
 }
 
 impl Part<'_> {
@@ -136,7 +141,7 @@ impl Part<'_> {
         self.write_kinds(&blocks.iter().flat_map(|block| block.points.clone()).collect::<Vec<_>>())?;
         let earlier = attempt.earlier(&self.out);
         let mut results = Results::of_attempt(&attempt.folder, &self.environment, host, &earlier)?;
-        super::keep_peak(self.args, self.run.experiment, &mut results, interrupted)?;
+        super::keep_peak(self.args, self.run.experiment, self.peak.clone(), &mut results, interrupted)?;
         if !self.args.quiet {
             let again = match earlier.len() {
                 0 => String::new(),
@@ -183,20 +188,21 @@ impl Part<'_> {
             records.iter().try_for_each(crate::cli::print_json)?;
         } else if !self.args.quiet {
             let out = crate::report::quote(&self.out.display().to_string());
-            print(format!(
-                "shard {}: {} points. When all shards have ended: raycl merge {out}",
-                self.shard,
-                records.len()
-            ))?;
+            print(done(self.shard, records.len(), &out))?;
         }
         match records.iter().filter(|record| !record.outcome.is_fine()).count() {
             0 => Ok(()),
-            failed => Err(Error::run(format!("{failed} of {} points were not measured", records.len()))
+            failed => Err(Error::run(format!("{} not measured", counted_of_were(failed, records.len(), "point")))
                 .with_help(
                     "`raycl merge` gives the reason for each point; the same command with --resume --retry-failed measures these points again",
                 )),
         }
     }
+}
+
+/// Returns the line that says how many points a shard has, and how its results are merged.
+fn done(shard: Shard, points: usize, out: &str) -> String {
+    format!("shard {shard}: {}. When all shards have ended: raycl merge {out}", counted(points, "point"))
 }
 
 /// Returns the text that identifies a device's kind in the keys of points.
@@ -209,6 +215,16 @@ mod tests {
     use super::super::fixtures;
     use super::*;
     use crate::shard::Block;
+
+    #[test]
+    fn the_points_of_a_shard_are_counted_and_one_is_a_point() {
+        let told = |points| done(Shard { number: 1, of: 2 }, points, "out");
+        let end = "When all shards have ended: raycl merge out";
+        assert_eq!(
+            [told(1), told(2)],
+            ["1 point", "2 points"].map(|points| format!("shard 1/2: {points}. {end}"))
+        );
+    }
 
     #[test]
     fn a_shard_cannot_compare_two_folders_of_kernels() {

@@ -13,7 +13,7 @@ const FILE: &str = "blocks.json";
 
 /// The blocks into which the points of a run were cut.
 #[derive(Serialize, Deserialize)]
-struct Spread {
+pub struct Spread {
     /// Number of devices.
     devices: usize,
     /// The label of each point in the plan (the points for one device), such as "triangle 16x10 naive 8x8".
@@ -21,22 +21,32 @@ struct Spread {
     blocks: Vec<Block>,
 }
 
-/// Returns the plan's blocks for the devices of a run. A run that is resumed with the same points on as many devices
-/// uses the blocks of its first session, even if the expected times of points have changed. With new blocks, the
-/// control point of a group could change between the sessions.
-pub fn blocks(run: &Run<'_>, out: &Path) -> Result<Vec<Block>> {
-    let devices = run.devices.len();
-    let plan = Plan::new(run.experiment, devices.min(1));
-    let points: Vec<String> = plan.points.iter().map(|point| point.label(run.experiment)).collect();
-    let path = out.join(FILE);
-    if let Some(known) = read(&path).filter(|known| known.devices == devices && known.points == points) {
-        return Ok(known.blocks);
+impl Spread {
+    /// Cuts the plan of a run into blocks for its devices. A run that is resumed with the same points on as many
+    /// devices uses the blocks of its first session, even if the expected times of points have changed. With new
+    /// blocks, the control point of a group could change between the sessions.
+    pub fn of(run: &Run<'_>, out: &Path) -> Result<Self> {
+        let devices = run.devices.len();
+        let plan = Plan::new(run.experiment, devices.min(1));
+        let points: Vec<String> = plan.points.iter().map(|point| point.label(run.experiment)).collect();
+        let known = read(&out.join(FILE));
+        if let Some(known) = known.filter(|known| known.devices == devices && known.points == points) {
+            return Ok(known);
+        }
+        let blocks = cut(&run.costs(&earlier(out))?, devices as u32);
+        Ok(Self { devices, points, blocks })
     }
-    let blocks = cut(&run.costs(&earlier(out))?, devices as u32);
-    let spread = Spread { devices, points, blocks };
-    let text = serde_json::to_vec(&spread).map_err(|error| Error::run(error.to_string()))?;
-    write_whole(&path, &text)?;
-    Ok(spread.blocks)
+
+    /// Returns the blocks.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// Writes the blocks into the folder of results, for the run's later sessions.
+    pub fn write(&self, out: &Path) -> Result<()> {
+        let text = serde_json::to_vec(self).map_err(|error| Error::run(error.to_string()))?;
+        write_whole(&out.join(FILE), &text)
+    }
 }
 
 /// Returns the blocks of an earlier session; `None` if there are none, or if they do not contain each point
@@ -82,7 +92,9 @@ mod tests {
         let blocks_of = |lines: &str, devices: &[&DeviceInfo]| {
             let experiment = fixtures::experiment(lines);
             let run = super::super::run_of(&args, &experiment, devices, &sources, &locks).unwrap();
-            blocks(&run, place.path()).unwrap()
+            let spread = Spread::of(&run, place.path()).unwrap();
+            spread.write(place.path()).unwrap();
+            spread.blocks
         };
         let lines = "local_sizes = [1, 2, 4, 8]";
         let first = blocks_of(lines, &[&device, &device]);
@@ -90,7 +102,7 @@ mod tests {
         shards.sort_unstable();
         shards.dedup();
         assert_eq!(shards, [1, 2], "each device has a part");
-        // The file is written again only if the number of devices or the points have changed.
+        // The points are cut again only if the number of devices or the points have changed.
         let path = place.path().join(FILE);
         let text = std::fs::read_to_string(&path).unwrap();
         let marked = text.replacen("\"number\":1,", "\"number\":77,", 1);
