@@ -1,12 +1,16 @@
 //! The user's own settings in `~/.config/raycl/config.toml`. A setting applies only if neither an option nor an
 //! environment variable sets the same value.
 
+use std::ffi::OsString;
+use std::fs::Metadata;
+use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use serde::Deserialize;
 use toml::Spanned;
 
+use crate::cache;
 use crate::cli::colour::Colour;
 use crate::error::{Error, Result};
 use crate::reader::{self, Kind};
@@ -39,26 +43,36 @@ struct Settings {
 
 static USER: OnceLock<Settings> = OnceLock::new();
 
-/// Reads the user's settings file, if there is one. Call this function once, before any setting is used.
+/// Reads the user's settings file, if there is one, and checks raycl's environment variables. Call this function once,
+/// before any setting is used.
 ///
 /// # Errors
 ///
-/// Returns an input error with the file, the line and the most similar valid name. After an error, no settings apply.
+/// Returns an input error with the file, the line and the most similar valid name, or with the environment variable
+/// whose value cannot be used. After an error in the file, no settings of the file apply.
 pub fn load() -> Result<()> {
-    let Some(path) = xdg::folder("XDG_CONFIG_HOME", ".config").map(|folder| folder.join("config.toml"))
-    else {
-        return Ok(());
-    };
-    let settings = read(&path)?;
-    // If this function was called before, the earlier settings stay.
-    let _ = USER.set(settings);
-    Ok(())
+    if let Some(folder) = xdg::folder("XDG_CONFIG_HOME", ".config") {
+        let settings = read(&folder.join("config.toml"))?;
+        // If this function was called before, the earlier settings stay.
+        let _ = USER.set(settings);
+    }
+    for name in [DEVICE, RESULTS] {
+        refuse_other_than_utf8(name, std::env::var_os(name))?;
+    }
+    cache::check_limit()
+}
+
+/// Refuses the value of an environment variable if it is not UTF-8, since it would otherwise be ignored.
+fn refuse_other_than_utf8(name: &str, value: Option<OsString>) -> Result<()> {
+    let Some(value) = value.filter(|value| value.to_str().is_none()) else { return Ok(()) };
+    let message = format!("{name}: the value '{}' is not UTF-8", value.to_string_lossy());
+    Err(Error::input(message).with_help(format!("set {name} to UTF-8 text, or unset it")))
 }
 
 fn read(path: &Path) -> Result<Settings> {
     let text = match reader::text(path, Kind::Toml) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Settings::default()),
+        Err(error) if is_out_of_reach(&error, path.symlink_metadata()) => return Ok(Settings::default()),
         Err(error) => {
             return Err(Error::unreadable(
                 "settings",
@@ -79,6 +93,15 @@ fn read(path: &Path) -> Result<Settings> {
         }
     }
     Ok(settings)
+}
+
+/// Returns whether an error means that there is no settings file, or that it lies in a folder in which this user may
+/// look up no file, such as the home folder of another user. A part of the path may also be a file: services often have
+/// the home folder /dev/null. `found` is what the user may know about the file.
+fn is_out_of_reach(error: &IoError, found: std::io::Result<Metadata>) -> bool {
+    let is_denied = |error: &IoError| error.kind() == ErrorKind::PermissionDenied;
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
+        || is_denied(error) && found.is_err_and(|error| is_denied(&error))
 }
 
 impl Settings {
@@ -145,6 +168,31 @@ mod tests {
         assert_eq!(read.wire.color, Some(Colour::Never));
         assert_eq!(read.wire.device.map(Spanned::into_inner).as_deref(), Some("cpu"));
         assert!(super::read(Path::new("/no/such/file")).expect("no settings").wire.device.is_none());
+    }
+
+    #[test]
+    fn a_file_out_of_reach_is_no_mistake_and_one_that_may_not_be_read_is() {
+        assert!(super::read(Path::new("/dev/null/raycl/config.toml")).expect("no settings").text.is_empty());
+        let denied = || IoError::from(ErrorKind::PermissionDenied);
+        let known = || Path::new("/").metadata();
+        assert!(is_out_of_reach(&denied(), Err(denied())));
+        assert!(!is_out_of_reach(&denied(), known()));
+        assert!(!is_out_of_reach(&IoError::from(ErrorKind::IsADirectory), known()));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_variable_that_is_not_utf8_is_refused_by_its_name() {
+        use std::os::unix::ffi::OsStringExt as _;
+        let error = refuse_other_than_utf8(DEVICE, Some(OsString::from_vec(vec![b'x', 0xff])));
+        let error = error.expect_err("it is not UTF-8");
+        assert_eq!(
+            (error.to_string().as_str(), error.exit_code()),
+            ("RAYCL_DEVICE: the value 'x\u{fffd}' is not UTF-8", 2)
+        );
+        assert!(
+            [None, Some("é".into())].into_iter().all(|value| refuse_other_than_utf8(DEVICE, value).is_ok())
+        );
     }
 
     #[test]

@@ -273,6 +273,24 @@ fn ctrl_c_ends_after_the_sample_says_how_to_resume_and_exits_with_130() {
 }
 
 #[test]
+fn a_signal_to_the_whole_process_group_ends_no_worker_before_its_run() {
+    for name in [Signal::INT, Signal::TERM] {
+        let ground = Ground::new(12);
+        let run = ground.start(&["--fault", "hold@cast:7"]);
+        ground.until_it_hangs();
+        for worker in children(run.id()) {
+            signal(name, worker);
+            assert!(is_alive(worker), "{name:?}");
+        }
+        signal(name, run.id());
+        ground.let_go();
+        let output = finish(run);
+        assert_eq!(output.status.code(), Some(130), "{}", said(&output));
+        ground.resume();
+    }
+}
+
+#[test]
 fn a_second_ctrl_c_ends_at_once_and_leaves_no_worker() {
     let ground = Ground::new(3);
     let run = ground.start(&["--fault", "hang@cast:7"]);

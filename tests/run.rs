@@ -167,6 +167,32 @@ fn two_folders_of_kernels_are_compared_in_the_same_rounds() {
 }
 
 #[test]
+fn two_folders_of_kernels_may_differ_in_headers_and_both_must_have_the_experiments_values() {
+    let (place, device, old) = (place(), device(), repository("cl"));
+    // A test that reads nine floats of each triangle takes the place of a test that reads twelve.
+    let (of, file) = ("tests/overlay/cast/intersect/nine_floats.cl", "cast/intersect/moller_trumbore.cl");
+    let new = place.kernels_of(of, file, "record_floats: 9", "record_floats: 9");
+    let [old, new] = [old.to_str().expect("UTF-8"), &new];
+    let run = |folders: [&str; 2], strategies: &str| {
+        let [first, second] = folders;
+        let more = ["--cl-dir", first, "--cl-dir", second, "--set", "strategies=[]", "--set", strategies];
+        arguments(&device, &more).into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let words = run([old, new], "strategy=[{ preset = \"deferred\" }]");
+    place.output(&words.iter().map(String::as_str).collect::<Vec<_>>());
+    let records = place.json_lines("out/records.jsonl");
+    let outcomes: Vec<_> = records.iter().map(|record| record["outcome"].as_str()).collect();
+    assert_eq!(outcomes, [Some("measured"); 1 + 2 * 2]);
+    let text = std::fs::read_to_string(repository("cl/cast/vectors/local.cl")).expect("a kernel file");
+    place.write(&format!("{new}/cast/vectors/mine.cl"), &text);
+    for folders in [[old, new], [new, old]] {
+        let words = run(folders, "strategy=[{ preset = \"deferred\", vectors = \"mine\" }]");
+        let message = place.mistake(&words.iter().map(String::as_str).collect::<Vec<_>>(), 2);
+        has(&message, &["'mine' is not a value of the axis 'vectors'", old, "every value"]);
+    }
+}
+
+#[test]
 fn the_environment_says_what_ran_where() {
     let place = place();
     records(&place, &["--set", "timing.seed=7", "--set", "baselines=[]"], 0);

@@ -82,3 +82,28 @@ fn a_mistake_in_the_file_is_told_with_its_line_and_the_nearest_name() {
     raycl(&place, &["--help"]).assert().success();
     raycl(&place, &["worker", "--list"]).assert().success();
 }
+
+#[test]
+fn a_home_folder_that_is_no_folder_has_no_settings() {
+    let place = place("");
+    for variable in ["XDG_CONFIG_HOME", "HOME"] {
+        let mut command = raycl(&place, &["strategies"]);
+        command.env_remove("XDG_CONFIG_HOME").env(variable, "/dev/null").assert().success();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_variable_that_cannot_be_used_is_a_mistake_and_named() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    let place = place("");
+    let no_text = OsStr::from_bytes(b"\xff");
+    let told = |variable: &str, value: &OsStr| mistake(raycl(&place, &["strategies"]).env(variable, value));
+    for variable in ["RAYCL_DEVICE", "RAYCL_RESULTS"] {
+        has(&told(variable, no_text), &[&format!("{variable}: the value"), "is not UTF-8"]);
+    }
+    for value in [no_text, OsStr::new("1G")] {
+        has(&told("RAYCL_CACHE_MIB", value), &["RAYCL_CACHE_MIB: '", "is not a whole number of MiB", "512"]);
+    }
+}

@@ -63,33 +63,51 @@ fn crashes_that_repeat_stop_being_retried() {
 }
 
 #[test]
-fn a_refused_frame_costs_its_point_only() {
-    struct Refusing(Mock);
-    struct RefusingWorker(Box<dyn Worker>, bool);
-    impl Spawner for Refusing {
+fn a_failed_launch_costs_its_point_only_even_if_the_device_then_refuses_everything_to_the_worker() {
+    /// Starts workers whose device fails at point 1, in its check or in its first cast.
+    struct Failing {
+        of: Mock,
+        casting: bool,
+    }
+    struct FailingWorker {
+        of: Box<dyn Worker>,
+        casting: bool,
+        has_failed: bool,
+    }
+    impl Spawner for Failing {
         fn spawn(&mut self, device: usize) -> raycl::Result<Box<dyn Worker>> {
-            Ok(Box::new(RefusingWorker(self.0.spawn(device)?, false)))
+            let of = self.of.spawn(device)?;
+            Ok(Box::new(FailingWorker { of, casting: self.casting, has_failed: false }))
         }
     }
-    impl Worker for RefusingWorker {
+    impl Worker for FailingWorker {
         fn send(&mut self, request: &Request) {
-            self.1 = matches!(request, Request::Cast { point: 1 });
-            self.0.send(request);
+            let is_cast = matches!(request, Request::Cast { .. });
+            self.has_failed |= point_of(request) == 1 && is_cast == self.casting;
+            self.of.send(request);
         }
         fn wait(&mut self, limit: Duration) -> Wait {
-            match self.0.wait(limit) {
-                Wait::Reply(_) if self.1 => Wait::Reply(Reply::Refused(PointFailure::new(
-                    Outcome::LaunchFailed,
-                    "CL_OUT_OF_RESOURCES",
-                ))),
+            let failure = PointFailure::new(Outcome::LaunchFailed, "CL_OUT_OF_RESOURCES");
+            match self.of.wait(limit) {
+                Wait::Reply(Reply::Checked { record, .. }) if self.has_failed => {
+                    let record = Box::new(failure.write_into(*record));
+                    Wait::Reply(Reply::Checked { record, ready: false })
+                }
+                Wait::Reply(Reply::Sample(_)) if self.has_failed => Wait::Reply(Reply::Refused(failure)),
                 wait => wait,
             }
         }
     }
-    let folder = folder();
-    let mut refusing = Refusing(Mock::new(|_| Act::Answer));
-    let records = execute(CONFIG, folder.path(), &mut refusing, &AtomicBool::new(false)).expect("it runs");
-    assert_eq!((count(&records, Outcome::LaunchFailed), count(&records, Outcome::Measured)), (1, POINTS - 1));
+    for casting in [false, true] {
+        let folder = folder();
+        let mut failing = Failing { of: Mock::new(|_| Act::Answer), casting };
+        let records = execute(CONFIG, folder.path(), &mut failing, &AtomicBool::new(false)).expect("it runs");
+        assert_eq!(count(&records, Outcome::LaunchFailed), 1, "casting: {casting}");
+        let measured: Vec<_> = records.iter().filter(|one| one.outcome == Outcome::Measured).collect();
+        assert_eq!(measured.len(), POINTS - 1);
+        assert!(measured.iter().all(|one| one.samples_ms.len() == 4), "samples of the ended launch count");
+        assert_eq!(failing.of.counts.borrow().workers, 2);
+    }
 }
 
 #[test]

@@ -1,21 +1,35 @@
 //! Finds the cache's folder, and checks who owns it. raycl runs programs from the cache, so only the user may write
 //! there.
 
+use crate::error::{Error, Result};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// The environment variable that limits the cache's size in MiB; 0 turns the cache off.
 pub const LIMIT: &str = "RAYCL_CACHE_MIB";
 const DEFAULT_LIMIT_MIB: u64 = 512;
 
-/// Returns the limit of the cache's size in bytes, from the environment.
+/// Returns the limit of the cache's size in bytes, from the environment. Commands refuse a value that is not a number
+/// ([`check_limit`]); for other programs, the default applies.
 pub fn limit_bytes() -> u64 {
-    limit_of(std::env::var(LIMIT).ok().as_deref())
+    limit_of(std::env::var_os(LIMIT).as_deref()).unwrap_or(DEFAULT_LIMIT_MIB << 20)
 }
 
-/// Returns the limit in bytes that the variable's text gives, or the default if the text is not a number.
-fn limit_of(text: Option<&str>) -> u64 {
-    let told = text.and_then(|text| text.trim().parse::<u64>().ok());
-    told.unwrap_or(DEFAULT_LIMIT_MIB).saturating_mul(1 << 20)
+/// Returns an input error if the environment's limit of the cache's size is not a number.
+pub fn check_limit() -> Result<()> {
+    limit_of(std::env::var_os(LIMIT).as_deref()).map(|_| ())
+}
+
+/// Returns the limit in bytes that the variable's text gives, or the default if the text is blank.
+fn limit_of(text: Option<&OsStr>) -> Result<u64> {
+    let text = text.map(OsStr::to_string_lossy).filter(|text| !text.trim().is_empty());
+    let mib = text.map_or(Ok(DEFAULT_LIMIT_MIB), |text| {
+        let message = format!("{LIMIT}: '{text}' is not a whole number of MiB");
+        let error =
+            |_| Error::input(message).with_help("set it to a number such as 512, or to 0 for no cache");
+        text.trim().parse().map_err(error)
+    })?;
+    Ok(mib.saturating_mul(1 << 20))
 }
 
 /// Returns the folder `raycl` in the user's cache folder; `None` if the environment names no cache folder.
@@ -86,10 +100,16 @@ mod tests {
     #[test]
     fn the_limit_is_told_in_mebibytes_and_is_512_of_them_otherwise() {
         const MIB: u64 = 1024 * 1024;
-        for (text, bytes) in [(Some("64"), 64 * MIB), (Some("0"), 0), (None, 512 * MIB)] {
-            assert_eq!(limit_of(text), bytes, "{text:?}");
+        let limit = |text: &str| limit_of(Some(OsStr::new(text)));
+        for (text, bytes) in [("64", 64 * MIB), (" 64\n", 64 * MIB), ("0", 0), ("", 512 * MIB)] {
+            assert_eq!(limit(text).ok(), Some(bytes), "{text:?}");
         }
-        let most = u64::MAX.to_string();
-        assert_eq!(limit_of(Some(most.as_str())), u64::MAX);
+        assert_eq!(limit_of(None).ok(), Some(512 * MIB));
+        assert_eq!(limit(&u64::MAX.to_string()).ok(), Some(u64::MAX));
+        for wrong in ["1G", "-1", "1.5"] {
+            let error = limit(wrong).expect_err(wrong);
+            let expected = format!("RAYCL_CACHE_MIB: '{wrong}' is not a whole number of MiB");
+            assert_eq!((error.to_string(), error.exit_code()), (expected, 2));
+        }
     }
 }

@@ -5,7 +5,7 @@
 mod entry;
 mod folder;
 
-pub use folder::{LIMIT, limit_bytes, temporary};
+pub use folder::{LIMIT, check_limit, limit_bytes, temporary};
 
 use entry::{file_name, opened, sealed};
 use std::io::Write as _;

@@ -1,5 +1,6 @@
 //! The scenes of a config: scene files, and scene files with changed values.
 
+use std::ops::Range;
 use std::path::Path;
 
 use toml::{Spanned, Value};
@@ -58,30 +59,56 @@ fn refuse_foreign(document: &Document, name: &Spanned<String>, path: &Path) -> O
 /// Returns a scene for every combination of the values in a `[[scene]]` entry.
 fn product(document: &Document, entry: &SceneEntry, folder: &Path) -> Result<Vec<SceneChoice>> {
     let mut choices = vec![find(document, &entry.file, folder)?];
-    for (key, values) in &entry.set {
-        let values = match values.get_ref() {
-            SceneValues::One(value) => vec![value],
-            SceneValues::List(list) => list.iter().collect(),
-        };
+    for change in entry.set.iter().flat_map(|(key, values)| changes(key, values.get_ref())) {
+        let Change { path, span, values } = &change;
         if values.is_empty() {
-            let message = format!("'{}' is empty", key.get_ref());
-            return Err(document.error(key.span(), message, "expected at least one value"));
+            let message = format!("'{path}' is empty");
+            return Err(document.error(span.clone(), message, "expected at least one value"));
         }
+        let place = document.place_of(span.clone());
         let vary =
-            |choice: &SceneChoice| values.iter().map(|value| with(choice, document, key, value)).collect();
+            |choice: &SceneChoice| values.iter().map(|value| with(choice, &place, path, value)).collect();
         choices = choices.iter().flat_map(|choice| -> Vec<_> { vary(choice) }).collect();
     }
     Ok(choices)
 }
 
-/// Returns a copy of the choice with one more changed value. The copy's suffix names the value by the last part of the
-/// value's key.
-fn with(choice: &SceneChoice, document: &Document, key: &Spanned<String>, value: &Value) -> SceneChoice {
+/// A path in a scene, and the values to set there.
+struct Change<'a> {
+    path: String,
+    /// The place of the key in the config.
+    span: Range<usize>,
+    values: Vec<&'a Value>,
+}
+
+/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as `display.exposure = 3` means the
+/// table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table in a list is a value.
+fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
+    let path = key.get_ref().clone();
+    let changed = match values {
+        SceneValues::One(value) => below(path, value),
+        SceneValues::List(list) => vec![(path, list.iter().collect())],
+    };
+    changed.into_iter().map(|(path, values)| Change { path, span: key.span(), values }).collect()
+}
+
+fn below(path: String, value: &Value) -> Vec<(String, Vec<&Value>)> {
+    match value {
+        Value::Table(table) if !table.is_empty() => {
+            table.iter().flat_map(|(key, inner)| below(format!("{path}.{key}"), inner)).collect()
+        }
+        Value::Array(list) => vec![(path, list.iter().collect())],
+        value => vec![(path, vec![value])],
+    }
+}
+
+/// Returns a copy of the choice with one more changed value. `place` is the place of the key in the config. The copy's
+/// suffix names the value by the last part of the value's key.
+fn with(choice: &SceneChoice, place: &str, key: &str, value: &Value) -> SceneChoice {
     let mut choice = choice.clone();
-    let (place, key) = (document.place_of(key.span()), key.get_ref());
     let short = key.rsplit('.').next().unwrap_or(key);
     choice.suffix.push_str(&format!("+{short}={value}"));
     let origin = format!("{place}: {key} = {value}");
-    choice.overrides.push(Setting { path: key.clone(), value: value.clone(), origin });
+    choice.overrides.push(Setting { path: key.to_owned(), value: value.clone(), origin });
     choice
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::*;
 use crate::device::{DeviceKind, DeviceLimits, EXAMPLE_LIMITS};
+use crate::scene::Setting;
 use crate::strategy::{Triangles, Vectors, Width};
 
 const GOOD: &str = r#"question = "Which?"
@@ -312,6 +313,24 @@ fn a_scene_is_taken_with_each_of_the_values_set_in_it() {
     // A config with `[[scene]]` entries needs no `scenes`, and a repeated entry adds no scene.
     let only = GOOD.replace("scenes = ", "# ") + entry + entry;
     assert_eq!(load_with(&only, &[]).unwrap().scenes.len(), 2);
+}
+
+#[test]
+fn a_path_without_quotes_changes_only_its_own_value_and_a_table_in_a_list_is_a_value() {
+    let set = |text: &str, overrides: &[(&str, &str)]| -> Vec<Vec<String>> {
+        let entry = format!("[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = {{ {text} }}\n");
+        let experiment = load_with(&format!("{GOOD}{entry}"), overrides).unwrap();
+        let told = |set: &Setting| format!("{} {}", set.path, set.value);
+        experiment.scenes[1..].iter().map(|scene| scene.overrides.iter().map(told).collect()).collect()
+    };
+    assert_eq!(set("display.exposure = [3, 4]", &[]), [["display.exposure 3"], ["display.exposure 4"]]);
+    let both = ["display.exposure 3", "light.0.power 5"];
+    assert_eq!(set("light.0.power = 5, display = { exposure = 3 }", &[]), [both]);
+    assert_eq!(set("light.0.power = 5", &[("scene.0.set.display.exposure", "3")]), [both]);
+    assert_eq!(set("display = [{ exposure = 3 }]", &[]), [["display { exposure = 3 }"]]);
+    let wrong =
+        format!("{GOOD}[[scene]]\nfile = \"../scenes/gourd.toml\"\nset = {{ display.exposure = [] }}\n");
+    refuses(&wrong, &["'display.exposure' is empty", "9:9"]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use folder::Folder;
 use holder::Holder;
 use std::fs::{File, TryLockError};
-use std::io::ErrorKind;
+use std::io::{Error as IoError, ErrorKind};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -31,6 +31,27 @@ pub struct Locks {
 /// A lock on a device, released when dropped. The operating system releases the lock, however the process ends.
 pub struct Held {
     file: File,
+}
+
+/// What a process tells while it waits for a lock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Waiting<'a> {
+    /// The wait begins, or another process has taken the lock meanwhile. The line describes the process that holds the
+    /// lock.
+    For(&'a str),
+    /// The wait goes on. This is told several times per second.
+    Still,
+}
+
+/// Returns whether an attempt to lock a file failed because its file system does not support locks, as is the case for
+/// some network file systems. If NFS has no lock service, `flock` fails with `ENOLCK` (Linux's manual, `fcntl(2)`: "a
+/// remote locking protocol failed (e.g., locking over NFS)").
+pub fn lacks_locks(error: &IoError) -> bool {
+    #[cfg(unix)]
+    let has_no_service = error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error());
+    #[cfg(not(unix))]
+    let has_no_service = false;
+    has_no_service || error.kind() == ErrorKind::Unsupported
 }
 
 impl Drop for Held {
@@ -55,12 +76,11 @@ impl Locks {
     }
 
     /// Takes a device's lock as soon as no other process holds the lock. If `wait` is false, returns an error instead
-    /// of waiting. While waiting, this function calls `says` with a line that describes the holder. An interruption
-    /// ends the wait.
+    /// of waiting. While waiting, this function calls `tells`. An interruption ends the wait.
     pub fn take(
         &self,
         device: &LockName,
-        says: &mut dyn FnMut(&str),
+        tells: &mut dyn FnMut(Waiting<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Held> {
         let mut told = None;
@@ -77,7 +97,7 @@ impl Locks {
                 return Err(refused(&holder, device));
             }
             if told.as_ref() != Some(&holder) {
-                says(&format!("waiting for {holder}, which is measuring on {device}"));
+                tells(Waiting::For(&format!("waiting for {holder}, which is measuring on {device}")));
                 told = Some(holder);
             }
             if interrupted.load(Ordering::Relaxed) {
@@ -86,20 +106,36 @@ impl Locks {
                 ));
             }
             std::thread::sleep(LOOK_UP);
+            tells(Waiting::Still);
         }
     }
 
-    /// Takes the locks of several devices. All processes take the locks in the same order, so no two processes can
-    /// wait for each other.
+    /// Takes the locks of several devices. Calls `says` with each line that describes a process that holds a lock.
     pub fn take_all(
         &self,
-        mut devices: Vec<LockName>,
+        devices: Vec<LockName>,
         says: &mut dyn FnMut(&str),
+        interrupted: &AtomicBool,
+    ) -> Result<Vec<Held>> {
+        let mut tells = |waiting: Waiting<'_>| {
+            if let Waiting::For(line) = waiting {
+                says(line);
+            }
+        };
+        self.take_all_telling(devices, &mut tells, interrupted)
+    }
+
+    /// Takes the locks of several devices. All processes take the locks in the same order, so no two processes can
+    /// wait for each other. While waiting, this function calls `tells`.
+    pub fn take_all_telling(
+        &self,
+        mut devices: Vec<LockName>,
+        tells: &mut dyn FnMut(Waiting<'_>),
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
         devices.sort();
         devices.dedup();
-        devices.iter().map(|device| self.take(device, says, interrupted)).collect()
+        devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
 
     /// Tries to take the lock once.
@@ -107,8 +143,8 @@ impl Locks {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Ok(Attempt::Busy),
-            // Some network file systems do not support locks; raycl then measures without a lock.
-            Err(TryLockError::Error(error)) if error.kind() == ErrorKind::Unsupported => {}
+            // Without locks, raycl measures all the same.
+            Err(TryLockError::Error(error)) if lacks_locks(&error) => {}
             Err(TryLockError::Error(error)) => return Err(error),
         }
         // If the file was removed meanwhile, its lock does not stop other processes, since they lock a new file. The
@@ -116,7 +152,8 @@ impl Locks {
         if !self.folder.still_has(device.file(), &file) {
             return Ok(Attempt::Removed);
         }
-        Holder::of_this_process().write(&mut file)?;
+        // The description is only for messages of waiting processes, and a full disk must not stop a measurement.
+        let _ = Holder::of_this_process().write(&mut file);
         Ok(Attempt::Held(Held { file }))
     }
 }
@@ -159,14 +196,38 @@ mod tests {
 
         let mut held = Some(held);
         let mut said = Vec::new();
-        let mut says = |line: &str| {
-            said.push(line.to_owned());
-            held = None;
+        let mut tells = |waiting: Waiting<'_>| match waiting {
+            Waiting::For(line) => said.push(line.to_owned()),
+            Waiting::Still => {
+                said.push("still".to_owned());
+                held = None;
+            }
         };
-        let second = Locks { wait: true, ..locks }.take(&cpu(), &mut says, &OFF).unwrap();
-        assert_eq!(said.len(), 1, "{said:?}");
-        assert!(said[0].starts_with(&format!("waiting for {process}, `")), "{said:?}");
+        let second = Locks { wait: true, ..locks }.take(&cpu(), &mut tells, &OFF).unwrap();
+        assert_eq!(said.len(), 2, "{said:?}");
+        assert!(said[0].starts_with(&format!("waiting for {process}, `")) && said[1] == "still", "{said:?}");
         drop(second);
+    }
+
+    #[test]
+    fn a_holder_that_cannot_be_described_holds_the_device_all_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let locks = Locks::in_folder(folder.path(), false);
+        drop(locks.folder.open(cpu().file()).unwrap());
+        // Like a file on a full disk, this file can be locked and not written.
+        let file = File::open(locks.folder.path(cpu().file())).unwrap();
+        let Attempt::Held(_held) = locks.try_hold(file, &cpu()).unwrap() else { panic!("it is free") };
+        let refused = locks.take(&cpu(), &mut |_| {}, &OFF).err().unwrap();
+        assert!(refused.to_string().starts_with("another process is measuring"), "{refused}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn file_systems_without_locks_are_told_apart_from_other_failures() {
+        const ENOLCK: i32 = rustix::io::Errno::NOLCK.raw_os_error();
+        assert!(lacks_locks(&IoError::from_raw_os_error(ENOLCK)));
+        assert!(lacks_locks(&IoError::from(ErrorKind::Unsupported)));
+        assert!(!lacks_locks(&IoError::from(ErrorKind::PermissionDenied)));
     }
 
     #[test]

@@ -14,12 +14,13 @@ use super::result_sink::ResultSink;
 use super::rounds::{End, measure};
 use super::supervisor::{Checked, Supervisor, Task};
 use crate::device::{DeviceInfo, DeviceKind};
-use crate::device_lock::LockName;
+use crate::device_lock::{Held, LockName, Waiting};
 use crate::error::Result;
 use crate::load::Watch;
 use crate::measure::StopReason;
 use crate::record::{Record, judge};
 use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 use timed::{Latency, Timed};
 
@@ -130,7 +131,7 @@ impl OpenGroup {
                 }
                 End::AllFailed => break,
                 End::Broken => {
-                    sink.says("a worker process was lost: its whole launch is repeated");
+                    sink.says("a worker process was lost or replaced: its whole launch is repeated");
                     supervisor.retire();
                 }
             }
@@ -175,7 +176,7 @@ impl OpenGroup {
         // Drivers start and programs are built only when the devices are free, since this work, like checks, would
         // disturb another process's measurement.
         let interrupted = supervisor.interrupted();
-        drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
+        drop(take_locks(run, devices.clone(), sink, interrupted)?);
         supervisor.start_ahead(self.tasks())?;
         let ahead = run.ahead.filter(|_| self.visits == 1 && left > 0);
         if let Some(ahead) = ahead {
@@ -185,7 +186,7 @@ impl OpenGroup {
             // A check needs no lock, but it would disturb the process that holds the lock, so it waits until
             // the device is free.
             let interrupted = supervisor.interrupted();
-            drop(run.locks.take_all(devices.clone(), &mut |line| sink.says(line), interrupted)?);
+            drop(take_locks(run, devices.clone(), sink, interrupted)?);
             if let Some(ahead) = ahead {
                 sink.works_on(&format!("building {}", pending.label));
                 ahead.need(&mut pending, interrupted)?;
@@ -226,7 +227,7 @@ impl OpenGroup {
         let timing = &run.experiment.timing;
         let devices = lock_names(run, &self.points);
         let interrupted = supervisor.interrupted();
-        let _held = run.locks.take_all(devices, &mut |line| sink.says(line), interrupted)?;
+        let _held = take_locks(run, devices, sink, interrupted)?;
         let launch = sink.next_launch();
         let (number, losses) = (self.whole.len() + 1, supervisor.losses());
         let taken = vec![Vec::new(); self.points.len()];
@@ -309,6 +310,20 @@ fn lock_names(run: &Run<'_>, points: &[PendingPoint]) -> Vec<LockName> {
         .iter()
         .filter(|pending| device_of(run, pending).is_none_or(|device| !asleep::is_asleep(device)));
     awake.map(|pending| LockName::of(device_of(run, pending))).collect()
+}
+
+/// Takes locks of devices. While other processes hold them, the sink is told that the run waits.
+fn take_locks(
+    run: &Run<'_>,
+    devices: Vec<LockName>,
+    sink: &mut impl ResultSink,
+    interrupted: &AtomicBool,
+) -> Result<Vec<Held>> {
+    let mut tells = |waiting: Waiting<'_>| match waiting {
+        Waiting::For(line) => sink.says(line),
+        Waiting::Still => sink.waits(),
+    };
+    run.locks.take_all_telling(devices, &mut tells, interrupted)
 }
 
 /// Copies a draft's names, folder of kernels and block to its checked record, since workers do not know these values.

@@ -1,5 +1,6 @@
 //! A lock that allows one run at a time in a folder.
 
+use crate::device_lock::lacks_locks;
 use crate::error::{Error, Result};
 use crate::record::own_file;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -36,8 +37,8 @@ impl Lock {
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(taken(folder, file)),
-            // Some network file systems do not support locks. On such a file system, raycl runs without a lock.
-            Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
+            // On a file system without locks, raycl runs without a lock.
+            Err(TryLockError::Error(error)) if lacks_locks(&error) => {}
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
         file.set_len(0).and_then(|()| write!(file, "{}", std::process::id())).map_err(failed)?;

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::program::Sources;
 use crate::record::{PlannedPoint, Record};
 use crate::scene::Scene;
-use crate::strategy::{Requirements, Workload};
+use crate::strategy::{Requirements, Values, Workload};
 use std::collections::HashMap;
 
 /// A point that still has to be measured.
@@ -125,8 +125,7 @@ impl Run<'_> {
     /// result, and points that will not be measured (their `not_for` or `fits` says so). The function loads one scene
     /// at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
-        let drafters: Vec<_> =
-            self.all_sources().map(|sources| Drafter { experiment: self.experiment, sources }).collect();
+        let drafters = self.drafters()?;
         let labels = self.other_sources.map(|other| labels([self.sources, other]));
         let mut groups = Vec::new();
         let mut held: Option<(usize, Hashed)> = None;
@@ -139,9 +138,11 @@ impl Run<'_> {
                     _ => self.experiment.scenes[point.scene].load()?.into(),
                 };
                 let device = point.device.map(|device| self.devices[device]);
-                for (place, drafter) in drafters.iter().enumerate().take(if device.is_some() { 2 } else { 1 })
-                {
-                    let mut record = drafter.draft(point, device, &at)?;
+                let count = if device.is_some() { 2 } else { 1 };
+                for (place, (drafter, values)) in drafters.iter().enumerate().take(count) {
+                    let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
+                    let (record, fits) = values.map_or_else(draft, |values| values.during(draft));
+                    let mut record = record?;
                     record.block = piece.block;
                     record.is_control = piece.borrows(number);
                     let of = labels.as_ref().filter(|_| device.is_some()).map(|labels| &labels[place]);
@@ -152,7 +153,7 @@ impl Run<'_> {
                     let label = point.label(self.experiment) + &name;
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
-                    drafted.fits = self.fits(point, device, &at.scene);
+                    drafted.fits = fits;
                     points.push(drafted);
                 }
                 held = Some((point.scene, at));
@@ -164,6 +165,18 @@ impl Run<'_> {
             groups.push(points);
         }
         Ok(groups)
+    }
+}
+
+impl Run<'_> {
+    /// Returns what drafts points with each of the run's kernels. If two folders are compared, each one's values are
+    /// returned too, since the workers of a folder know only that folder's headers.
+    fn drafters(&self) -> Result<Vec<(Drafter<'_>, Option<Values>)>> {
+        let of = |sources| Drafter { experiment: self.experiment, sources };
+        match self.other_sources {
+            None => Ok(vec![(of(self.sources), None)]),
+            Some(_) => self.all_sources().map(|one| Ok((of(one), Some(one.values()?)))).collect(),
+        }
     }
 }
 
@@ -267,6 +280,36 @@ mod tests {
         let folders = ["a/cl", "b/cl", "b/mine"].map(|path| Sources::Folder(path.into()));
         assert_eq!(labels([&folders[0], &folders[1]]), ["cl, A", "cl, B"]);
         assert_eq!(labels([&folders[2], &Sources::Embedded]), ["mine", "built in"]);
+    }
+
+    #[test]
+    fn each_folder_of_kernels_drafts_its_points_by_its_own_headers() {
+        let file = "cast/intersect/moller_trumbore.cl";
+        let text = Sources::Embedded.read(file).unwrap();
+        let folders = ["a", "b"].map(|_| tempfile::tempdir().unwrap());
+        let sources = [0, 1].map(|place| {
+            let folder = folders[place].path();
+            std::fs::create_dir_all(folder.join("cast/intersect")).unwrap();
+            let floats = ["// record_floats: 20\n", "// record_floats: 16\n"][place];
+            std::fs::write(folder.join(file), text.replace("// record_floats: 12\n", floats)).unwrap();
+            Sources::Folder(folder.to_owned())
+        });
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let experiment = fixtures::experiment("local_sizes = [4]");
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let keys = |run: &Run<'_>| -> Vec<String> {
+            let plan = run.plan();
+            let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+            groups.into_iter().flatten().map(|pending| pending.record.key).collect()
+        };
+        // A worker of a folder knows no other headers, and its keys must be those of the run.
+        let of_worker =
+            |sources: &Sources| sources.values().unwrap().during(|| keys(&Run { sources, ..run })).remove(0);
+        let [one, other] = [&sources[0], &sources[1]];
+        let both = keys(&Run { sources: one, other_sources: Some(other), ..run });
+        assert_eq!(both, [of_worker(one), of_worker(other)]);
+        assert_ne!(both[0], both[1]);
     }
 
     #[test]

@@ -71,8 +71,23 @@ impl Pictures {
     }
 }
 
+/// The longest name of a picture without its ending, in bytes. File systems allow 255 bytes, and pictures that are
+/// derived from another one add words to its name.
+const LONGEST_NAME: usize = 200;
+
 fn path_of(name: &str) -> String {
-    format!("images/{}.png", file_name(name))
+    format!("images/{}.png", shortened(file_name(name), name))
+}
+
+/// Returns a file's name, which has only ASCII characters. If the name is too long, its end is replaced by a hash of
+/// `full`, so that different names stay different.
+fn shortened(mut file_name: String, full: &str) -> String {
+    if file_name.len() > LONGEST_NAME {
+        let hash = &blake3::hash(full.as_bytes()).to_hex()[..16];
+        file_name.truncate(LONGEST_NAME - 1 - hash.len());
+        file_name.extend(["-", hash]);
+    }
+    file_name
 }
 
 fn hash(image: &Radiance) -> blake3::Hash {
@@ -98,6 +113,22 @@ mod tests {
     fn no_name_leaves_the_folder() {
         assert_eq!(file_name("../../etc/passwd"), "..-..-etc-passwd");
         assert_eq!(file_name("a b/c\\d<e>"), "a-b-c-d-e-");
+    }
+
+    #[test]
+    fn pictures_with_long_names_have_short_files_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let long = "é".repeat(300);
+        assert_eq!(path_of(&"a".repeat(LONGEST_NAME)), format!("images/{}.png", "a".repeat(LONGEST_NAME)));
+        let pictures = Pictures::of(folder.path());
+        let drawn = RgbImage::from_pixel(3, 2, image::Rgb([7; 3]));
+        let paths = ["a", "b"].map(|end| pictures.drawing(&format!("{long}{end}"), &drawn).unwrap());
+        assert_ne!(paths[0], paths[1]);
+        for path in &paths {
+            assert!(folder.path().join(path).is_file() && path.len() == "images/.png".len() + LONGEST_NAME);
+        }
+        assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::fault::{Fault, Step};
 use super::point_failure::PointFailure;
-use crate::device::DeviceInfo;
+use crate::device::{DeviceInfo, Hardware};
 use crate::error::Error;
 use crate::launch::FrameTimes;
 use crate::record::Record;
@@ -23,6 +23,10 @@ pub struct Job {
     /// The [identity](crate::device::DeviceInfo::identity) of the worker's device; `None` if the run has
     /// baselines only.
     pub device: Option<String>,
+    /// The UUID and the PCI address of the worker's device, as far as they are known. If one of several equal devices
+    /// disappears, another one has its identity, but not its UUID.
+    #[serde(default)]
+    pub hardware: Hardware,
     /// The device whose name is in records, if points are distributed over several devices of the same model.
     #[serde(default)]
     pub stands_for: Option<DeviceInfo>,

@@ -97,8 +97,13 @@ impl<'a> RequestHandler<'a> {
         if record.key != key {
             return Err(changed(device));
         }
+        // A control point is checked in each of its blocks. The buffers of its earlier check are freed first.
+        self.entries.remove(&number);
         let ready = match self.checker.check(&point, &at.scene, verified, &mut record)? {
-            Ok(ready) => self.entries.insert(number, Entry { ready, batch: None }).is_none(),
+            Ok(ready) => {
+                self.entries.insert(number, Entry { ready, batch: None });
+                true
+            }
             Err(refusal) => {
                 record = refusal.write_into(record);
                 false
@@ -338,6 +343,26 @@ mod tests {
         }
         assert!(matches!(handler.answer(&Request::Cast { point: 1 }), Ok(Reply::Sample(_))));
         assert!(handler.answer(&Request::Cast { point: 0 }).is_err());
+    }
+
+    #[test]
+    fn a_control_point_that_is_checked_again_in_another_block_can_be_cast() {
+        let experiment = fixtures::experiment_of("scenes = ['scenes/triangle.toml']\nbaselines = ['serial']");
+        let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
+        let plan = Plan::new(&experiment, 0);
+        let at = Hashed::from(experiment.scenes[0].load().unwrap());
+        let key = drafter.draft(&plan.points[0], None, &at).unwrap().key;
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let checker = Checker::open(drafter, None, Pictures::of(folder.path())).unwrap();
+        let mut handler = RequestHandler::new(drafter, plan, checker, None);
+        for block in [1, 2] {
+            let request = Request::Check { point: 0, key: key.clone(), verified: None };
+            let checked = handler.answer(&request);
+            assert!(matches!(checked, Ok(Reply::Checked { ready: true, .. })), "block {block}: {checked:?}");
+            let cast = handler.answer(&Request::Cast { point: 0 });
+            assert!(matches!(cast, Ok(Reply::Sample(_))), "block {block}: {cast:?}");
+        }
     }
 
     #[test]

@@ -12,6 +12,8 @@ pub trait ResultSink {
     fn works_on(&mut self, what: &str);
     /// Prints a line at once.
     fn says(&mut self, line: &str);
+    /// Is called several times per second while the run waits for a device that another process uses.
+    fn waits(&mut self) {}
     /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
     /// Stores a sample of a point.
@@ -49,6 +51,10 @@ impl ResultSink for FolderSink<'_> {
 
     fn says(&mut self, line: &str) {
         self.observer.says(line);
+    }
+
+    fn waits(&mut self) {
+        self.observer.waits();
     }
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {

@@ -94,12 +94,13 @@ impl Run<'_> {
     }
 
     fn jobs_of(&self, sources: &Sources, folder: &Path, fault: Option<Fault>) -> Vec<Job> {
-        let job = |device| Job {
+        let job = |device: Option<&DeviceInfo>| Job {
             config: self.experiment.path.clone(),
             text: self.experiment.source.clone(),
             overrides: self.overrides.to_vec(),
             device_count: self.planned_devices(),
-            device,
+            device: device.map(DeviceInfo::identity),
+            hardware: device.map(|device| device.hardware.clone()).unwrap_or_default(),
             stands_for: self.devices.first().filter(|_| self.spread).map(|&device| device.clone()),
             cl_dir: match sources {
                 Sources::Embedded => None,
@@ -111,7 +112,7 @@ impl Run<'_> {
         };
         match self.devices {
             [] => vec![job(None)],
-            devices => devices.iter().map(|device| job(Some(device.identity()))).collect(),
+            devices => devices.iter().map(|&device| job(Some(device))).collect(),
         }
     }
 
@@ -138,7 +139,7 @@ mod tests {
         DeviceInfo {
             name: name.into(),
             platform: "CUDA".into(),
-            hardware: Hardware::default(),
+            hardware: Hardware { uuid: Some(name.into()), ..Hardware::default() },
             ..asleep::device(1.0)
         }
     }
@@ -158,6 +159,7 @@ mod tests {
             overrides: overrides.to_vec(),
             device_count: 2,
             device: Some(device.identity()),
+            hardware: device.hardware.clone(),
             folder: "out".into(),
             fault,
             ..Job::default()
@@ -172,7 +174,10 @@ mod tests {
         let of_folder = |device| Job { cl_dir: Some("mine".into()), ..expected(device) };
         assert_eq!(jobs(&both), [expected(&one), expected(&two), of_folder(&one), of_folder(&two)]);
         let on_host = Run { devices: &[], other_sources: None, ..both };
-        assert_eq!(jobs(&on_host), [Job { device_count: 0, device: None, ..expected(&one) }]);
+        assert_eq!(
+            jobs(&on_host),
+            [Job { device_count: 0, device: None, hardware: Hardware::default(), ..expected(&one) }]
+        );
         let asleep = asleep::device(2.5);
         let jobs = jobs(&Run { devices: &[&asleep], ..on_host });
         assert_eq!(jobs.iter().map(|job| job.asleep_ms).collect::<Vec<_>>(), [Some(2.5)]);

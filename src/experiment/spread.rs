@@ -65,6 +65,10 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).says(line);
     }
 
+    fn waits(&mut self) {
+        locked(self.0).waits();
+    }
+
     fn keep(&mut self, record: Record) -> Result<()> {
         locked(self.0).keep(record)
     }

@@ -106,7 +106,9 @@ pub struct Supervisor<'a> {
     starting: HashMap<(usize, usize), Box<dyn Worker>>,
     /// The number of the current launch.
     launch: u32,
-    deaths: HashMap<usize, u32>,
+    /// Number of workers that each point has killed, by the worker's device and the point. Two folders of kernels count
+    /// as two devices.
+    deaths: HashMap<(usize, usize), u32>,
     given_up: usize,
     losses: usize,
     /// Devices on which the anchor failed.
@@ -175,7 +177,7 @@ impl<'a> Supervisor<'a> {
         Ok(())
     }
 
-    /// Returns how many workers were lost so far.
+    /// Returns how many workers were lost or replaced so far.
     pub fn losses(&self) -> usize {
         self.losses
     }
@@ -194,7 +196,7 @@ impl<'a> Supervisor<'a> {
                 }
                 Ok(reply) => return Err(unexpected(reply)),
                 Err(loss) => {
-                    if let Some(refusal) = self.refusal(task.point, loss) {
+                    if let Some(refusal) = self.refusal(task, loss) {
                         return Ok(Err(refusal));
                     }
                 }
@@ -220,7 +222,7 @@ impl<'a> Supervisor<'a> {
             Ok(Reply::Sample(times)) => Ok(Some(Ok(times))),
             Ok(Reply::Refused(refusal)) => Ok(Some(Err(refusal))),
             Ok(reply) => Err(unexpected(reply)),
-            Err(loss) => Ok(self.refusal(task.point, loss).map(Err)),
+            Err(loss) => Ok(self.refusal(task, loss).map(Err)),
         }
     }
 
@@ -239,7 +241,8 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
-    /// dropped.
+    /// dropped. So is a worker that reports a failed launch, since the context of a GPU may be unusable after a fault:
+    /// every later point of this worker would then fail too.
     fn ask(&mut self, task: Task<'_>, request: &Request) -> Result<std::result::Result<Reply, Loss>> {
         self.stop_if_interrupted()?;
         let mut post = match self.posts.remove(&task.post()) {
@@ -251,8 +254,11 @@ impl<'a> Supervisor<'a> {
         // repeated.
         let patient = matches!(request, Request::Cast { .. } | Request::Anchor);
         let answer = self.wait(post.worker.as_mut(), patient)?;
-        if answer.is_ok() {
-            self.posts.insert(task.post(), post);
+        match &answer {
+            // Samples of one launch come from the same workers, so the launch is repeated.
+            Ok(reply) if is_failed_launch(reply) => self.losses += 1,
+            Ok(_) => drop(self.posts.insert(task.post(), post)),
+            Err(_) => {}
         }
         Ok(answer)
     }
@@ -291,7 +297,11 @@ impl<'a> Supervisor<'a> {
         loop {
             match worker.wait(LOOK_UP.min(self.limit)) {
                 Wait::Reply(reply) => return Ok(Ok(reply)),
-                Wait::Dead(death) => return Ok(Err(Loss::Died(death))),
+                // An interruption may end workers too, and such a death is not the point's fault.
+                Wait::Dead(death) => {
+                    self.stop_if_interrupted()?;
+                    return Ok(Err(Loss::Died(death)));
+                }
                 Wait::Silence if start.elapsed() >= self.limit => return Ok(Err(Loss::HungFor(self.limit))),
                 Wait::Silence if !patient => self.stop_if_interrupted()?,
                 Wait::Silence => {}
@@ -307,7 +317,7 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Returns the failure of a point whose worker was lost; `None` if the point is to be tried again.
-    fn refusal(&mut self, point: usize, loss: Loss) -> Option<PointFailure> {
+    fn refusal(&mut self, task: Task<'_>, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
         let death = match loss {
             Loss::HungFor(limit) => {
@@ -320,7 +330,7 @@ impl<'a> Supervisor<'a> {
             }
             Loss::Died(death) => death,
         };
-        let deaths = self.deaths.entry(point).or_default();
+        let deaths = self.deaths.entry((task.device, task.point)).or_default();
         *deaths += 1;
         if *deaths < ATTEMPTS && self.given_up < PATIENCE {
             return None;
@@ -329,6 +339,15 @@ impl<'a> Supervisor<'a> {
         let twice = if *deaths > 1 { "on both attempts its process" } else { "its process" };
         let reason = format!("{twice} {}", death.describe());
         Some(PointFailure::new(Outcome::Crashed, reason))
+    }
+}
+
+/// Returns whether a device refused or failed to run a point's kernel.
+fn is_failed_launch(reply: &Reply) -> bool {
+    match reply {
+        Reply::Checked { record, ready: false } => record.outcome == Outcome::LaunchFailed,
+        Reply::Refused(failure) => failure.outcome == Outcome::LaunchFailed,
+        _ => false,
     }
 }
 

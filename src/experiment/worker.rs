@@ -9,10 +9,11 @@ use super::request_handler::RequestHandler;
 use super::{Pictures, Plan};
 use crate::cache::Cache;
 use crate::config;
-use crate::device::{Device, DeviceInfo, LaneTest, pick_one};
+use crate::device::{Device, DeviceInfo, Hardware, LaneTest, pick_one};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use serde::de::DeserializeOwned;
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{BufRead as _, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -40,7 +41,7 @@ fn work(job: &Job, lines: &Receiver<String>) -> Result<()> {
         let mut asleep = Asleep::new(drafter, plan, frame_ms);
         return answer(job, lines, |request| asleep.answer(request));
     }
-    let device = job.device.as_deref().map(|identity| find(identity, &sources)).transpose()?;
+    let device = job.device.as_deref().map(|identity| find(identity, &job.hardware, &sources)).transpose()?;
     let checker = Checker::open(drafter, device.as_ref(), Pictures::of(&job.folder))?;
     let mut handler = RequestHandler::new(drafter, plan, checker, job.stands_for.clone());
     answer(job, lines, |request| handler.answer(request))
@@ -63,11 +64,14 @@ fn answer(
     Ok(())
 }
 
-/// Ignores SIGINT. Ctrl-C in a terminal reaches every process, but the run decides when its workers end.
+/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a launcher that ends
+/// a whole process group. The run decides when its workers end: it closes their standard input.
 fn ignore_interrupts() -> Result<()> {
-    signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::new(AtomicBool::new(false)))
-        .map(|_| ())
-        .map_err(|error| Error::fault(format!("cannot ignore SIGINT: {error}")))
+    for (signal, name) in [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM")] {
+        signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)))
+            .map_err(|error| Error::fault(format!("cannot ignore {name}: {error}")))?;
+    }
+    Ok(())
 }
 
 /// Reads standard input line by line. The end of standard input means that the run has ended. The process then ends at
@@ -85,13 +89,27 @@ fn input_lines() -> Receiver<String> {
     lines
 }
 
-fn find(identity: &str, sources: &Sources) -> Result<Device> {
+/// Opens the device with this identity, unless it is another device than the one with which the run began.
+fn find(identity: &str, hardware: &Hardware, sources: &Sources) -> Result<Device> {
     let gone = || {
         Error::run("the device has disappeared: its driver no longer lists it")
             .with_help("`raycl devices` lists the available devices; finished measurements are saved")
     };
-    let place = |infos: &[DeviceInfo]| Ok(infos.iter().position(|info| info.identity() == identity));
+    let place = |infos: &[DeviceInfo]| Ok(place_of(identity, hardware, infos));
     pick_one(&Cache::of_user(), sources, LaneTest::Now, place)?.ok_or_else(gone)
+}
+
+fn place_of(identity: &str, hardware: &Hardware, infos: &[DeviceInfo]) -> Option<usize> {
+    let fits = |info: &DeviceInfo| info.identity() == identity && may_be(&info.hardware, hardware);
+    infos.iter().position(fits)
+}
+
+/// Returns whether two devices may be the same one: neither their UUIDs nor their PCI addresses differ. What is not
+/// known of a device does not differ.
+fn may_be(one: &Hardware, other: &Hardware) -> bool {
+    let agree =
+        |one: &Option<String>, other: &Option<String>| one.is_none() || other.is_none() || one == other;
+    agree(&one.uuid, &other.uuid) && agree(&one.pci_bus, &other.pci_bus)
 }
 
 fn parse<T: DeserializeOwned>(line: &str) -> Result<T> {
@@ -107,4 +125,34 @@ fn reply(reply: &Reply) -> Result<()> {
     let line = serde_json::to_string(reply).map_err(|error| unwritable(&error))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "\n{line}").and_then(|()| out.flush()).map_err(|error| unwritable(&error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::asleep;
+    use super::*;
+
+    #[test]
+    fn if_one_of_several_equal_devices_disappears_no_other_one_is_used_in_its_place() {
+        let device = |twins_before, uuid: Option<&str>, pci_bus: Option<&str>| DeviceInfo {
+            twins_before,
+            hardware: Hardware {
+                uuid: uuid.map(str::to_owned),
+                pci_bus: pci_bus.map(str::to_owned),
+                ..Hardware::default()
+            },
+            ..asleep::device(1.0)
+        };
+        let place =
+            |wanted: &DeviceInfo, infos: &[DeviceInfo]| place_of(&wanted.identity(), &wanted.hardware, infos);
+        let both = [device(0, Some("a"), Some("1")), device(1, Some("b"), Some("2"))];
+        assert_eq!([place(&both[0], &both), place(&both[1], &both)], [Some(0), Some(1)]);
+        // The second device is now the only one, so it has the first one's identity.
+        for left in [device(0, Some("b"), None), device(0, None, Some("2"))] {
+            assert_eq!(place(&both[0], &[left]), None);
+        }
+        for unknown in [device(0, None, None), device(0, Some("a"), None)] {
+            assert_eq!(place(&both[0], &[unknown]), Some(0));
+        }
+    }
 }

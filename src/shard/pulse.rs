@@ -24,7 +24,8 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 pub struct Beat {
     /// The number of counts so far; the process counts once per second.
     pub beats: u64,
-    /// The number of counts since the last step.
+    /// The number of counts since the last step, or since the attempt last waited for a device that another process
+    /// uses.
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.
@@ -39,8 +40,9 @@ impl Beat {
         Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
     }
 
-    fn after(self, steps: u64) -> Self {
-        let quiet = if steps == self.steps { self.quiet + 1 } else { 0 };
+    /// Returns the next count. `waits` is true if the attempt has waited for a device since the last count.
+    fn after(self, steps: u64, waits: bool) -> Self {
+        let quiet = if steps == self.steps && !waits { self.quiet + 1 } else { 0 };
         Self { beats: self.beats + 1, quiet, steps }
     }
 
@@ -54,12 +56,15 @@ impl Beat {
 /// An observer that counts steps and passes every call on to another observer.
 pub struct Steps<'a> {
     steps: Arc<AtomicU64>,
+    waits: Arc<AtomicBool>,
     listener: &'a mut dyn Observer,
 }
 
 /// A thread that counts until this value is dropped.
 pub struct Pulse {
     steps: Arc<AtomicU64>,
+    /// True if the attempt has waited for a device since the last count.
+    waits: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -70,9 +75,9 @@ impl Pulse {
         let path = folder.join(FILE);
         let mut file = File::create(&path)
             .map_err(|error| Error::run(format!("cannot write {}: {error}", path.display())))?;
-        let (steps, ended) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicBool::new(false)));
+        let (steps, waits, ended): (Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>) = Default::default();
         let thread = {
-            let (steps, ended) = (Arc::clone(&steps), Arc::clone(&ended));
+            let (steps, waits, ended) = (Arc::clone(&steps), Arc::clone(&waits), Arc::clone(&ended));
             std::thread::spawn(move || {
                 let mut beat = Beat::default();
                 loop {
@@ -82,16 +87,16 @@ impl Pulse {
                     if sleeps_through(BEAT, &ended) {
                         return;
                     }
-                    beat = beat.after(steps.load(Ordering::Relaxed));
+                    beat = beat.after(steps.load(Ordering::Relaxed), waits.swap(false, Ordering::Relaxed));
                 }
             })
         };
-        Ok(Self { steps, ended, thread: Some(thread) })
+        Ok(Self { steps, waits, ended, thread: Some(thread) })
     }
 
     /// Returns an observer that passes every call on to `listener`. Each call that shows progress counts as a step.
     pub fn listening<'a>(&self, listener: &'a mut dyn Observer) -> Steps<'a> {
-        Steps { steps: Arc::clone(&self.steps), listener }
+        Steps { steps: Arc::clone(&self.steps), waits: Arc::clone(&self.waits), listener }
     }
 }
 
@@ -146,6 +151,11 @@ impl Observer for Steps<'_> {
         self.listener.says(line);
     }
 
+    fn waits(&mut self) {
+        self.waits.store(true, Ordering::Relaxed);
+        self.listener.waits();
+    }
+
     fn finished(&mut self, record: &Record) {
         self.step();
         self.listener.finished(record);
@@ -162,10 +172,14 @@ mod tests {
 
     #[test]
     fn a_beat_counts_how_long_nothing_was_done() {
-        let first = Beat::default().after(3);
+        let next = |beat: Beat, steps| beat.after(steps, false);
+        let first = next(Beat::default(), 3);
         assert_eq!(first, Beat { beats: 1, quiet: 0, steps: 3 });
-        assert_eq!(first.after(3).after(3), Beat { beats: 3, quiet: 2, steps: 3 });
-        assert_eq!(first.after(3).after(4).quiet, 0);
+        let second = next(first, 3);
+        assert_eq!(next(second, 3), Beat { beats: 3, quiet: 2, steps: 3 });
+        assert_eq!(next(second, 4).quiet, 0);
+        // An attempt that waits for a device is not hung.
+        assert_eq!(second.after(3, true), Beat { beats: 3, quiet: 0, steps: 3 });
     }
 
     #[test]
@@ -206,6 +220,9 @@ mod tests {
         fn says(&mut self, line: &str) {
             self.0.push(format!("says {line}"));
         }
+        fn waits(&mut self) {
+            self.0.push("waits".to_owned());
+        }
         fn finished(&mut self, record: &Record) {
             self.0.push(format!("finished {}", record.name));
         }
@@ -221,13 +238,14 @@ mod tests {
         let mut heard = Heard::default();
         let mut steps = pulse.listening(&mut heard);
         let mut taken = Vec::new();
-        let calls: [&dyn Fn(&mut Steps<'_>); 8] = [
+        let calls: [&dyn Fn(&mut Steps<'_>); 9] = [
             &|steps| steps.enters("a"),
             &|steps| steps.begins(4, 8),
             &|steps| steps.resumes(1, 2),
             &|steps| steps.advances(3),
             &|steps| steps.works_on("b"),
             &|steps| steps.says("c"),
+            &|steps| steps.waits(),
             &|steps| steps.finished(&Record { name: "d".into(), ..Record::default() }),
             &|steps| steps.ends(),
         ];
@@ -235,7 +253,7 @@ mod tests {
             call(&mut steps);
             taken.push(pulse.steps.load(Ordering::Relaxed));
         }
-        assert_eq!(taken, [0, 0, 0, 1, 2, 2, 3, 3]);
+        assert_eq!(taken, [0, 0, 0, 1, 2, 2, 2, 3, 3]);
         let expected = [
             "enters a",
             "begins 4 8",
@@ -243,6 +261,7 @@ mod tests {
             "advances 3",
             "works on b",
             "says c",
+            "waits",
             "finished d",
             "ends",
         ];

@@ -26,7 +26,7 @@ pub use host::HostNeeds;
 pub use infeasible::{Cause, Infeasible};
 pub use presets::{PRESETS, Preset, preset, preset_of};
 pub use requirements::Requirements;
-pub use values::{FOLDERS, values_of};
+pub use values::{FOLDERS, Values, values_of};
 pub use workload::{MOST_SUBPIXEL_BITS, Workload};
 
 use crate::device::{Builtins, DeviceLimits, LaneOperations};

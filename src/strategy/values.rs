@@ -5,8 +5,9 @@ use super::AXES;
 use super::header::{Header, Reader};
 use crate::error::{Error, Result, nearest};
 use crate::sources::{Sources, lines};
+use std::cell::Cell;
 use std::path::PathBuf;
-use std::sync::{LazyLock, PoisonError, RwLock};
+use std::sync::{LazyLock, Mutex, PoisonError, RwLock};
 
 /// The folders of values, and the axis to which their files belong. A value may have a file in several
 /// folders, one per family that supports it; the first file contains its header.
@@ -22,17 +23,48 @@ pub const FOLDERS: [(&str, &str); 7] = [
 
 type Headers = &'static [Header];
 
-/// The headers of all values. The headers are constant for the process, which has one `--cl-dir` and reads that folder
-/// before it parses any name of a value. The headers live as long as the process, so that a strategy can hold their
-/// names and be copied.
+/// The headers of all values. The headers are constant for the process, which reads its `--cl-dir` before it parses any
+/// name of a value. (If a run compares two folders, these are the headers of the second one; see [`Values`].) The
+/// headers live as long as the process, so that a strategy can hold their names and be copied.
 static KNOWN: LazyLock<RwLock<Headers>> = LazyLock::new(|| {
     // A test checks that the built-in headers can be read.
     RwLock::new(headers(&Sources::Embedded).unwrap_or_default().leak())
 });
 
+thread_local! {
+    /// The headers that this thread uses instead of [`KNOWN`].
+    static INSTEAD: Cell<Option<Headers>> = const { Cell::new(None) };
+}
+
 /// Returns the headers of all values that are files, in the order of their axes and names.
 fn known() -> Headers {
-    *KNOWN.read().unwrap_or_else(PoisonError::into_inner)
+    INSTEAD.get().unwrap_or_else(|| *KNOWN.read().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// The values that are files in some sources, with their headers. A run that compares two folders of kernels needs the
+/// values of both, since the same value may have other properties in the other folder.
+#[derive(Clone, Copy, Debug)]
+pub struct Values(Headers);
+
+impl Values {
+    /// Calls `work`. During this call, values have the properties that these headers state, in this thread.
+    pub fn during<R>(self, work: impl FnOnce() -> R) -> R {
+        let before = INSTEAD.replace(Some(self.0));
+        let result = work();
+        INSTEAD.set(before);
+        result
+    }
+}
+
+/// Stores headers for the rest of the process. Equal headers are stored once.
+fn stored(headers: Vec<Header>) -> Headers {
+    static ALL: Mutex<Vec<Headers>> = Mutex::new(Vec::new());
+    let mut all = ALL.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(same) = all.iter().find(|known| **known == headers) {
+        return same;
+    }
+    all.push(headers.leak());
+    all[all.len() - 1]
 }
 
 /// Returns the headers of an axis's values, by name.
@@ -58,6 +90,11 @@ impl Sources {
         let mut known = KNOWN.write().unwrap_or_else(PoisonError::into_inner);
         replace(&mut known, headers);
         Ok(sources)
+    }
+
+    /// Returns the values that are files in these sources.
+    pub fn values(&self) -> Result<Values> {
+        Ok(Values(stored(headers(self)?)))
     }
 }
 

@@ -2,11 +2,13 @@
 
 use super::Args;
 use crate::cli::compare::print_table;
+use crate::config;
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::record::Folder;
 use crate::report::Comparison;
 use crate::words::counted;
+use std::path::{Path, PathBuf};
 
 /// A change counts as "same" if its whole 95% interval lies between a speed-up and a slowdown by this fraction.
 const THRESHOLD: f64 = 0.02;
@@ -64,8 +66,35 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     }
     match folders.as_slice() {
         [] => Ok(vec![Sources::of(None)?]),
-        folders => folders.iter().map(|folder| Sources::of(Some(folder.clone()))).collect(),
+        [folder] => Ok(vec![Sources::of(Some(folder.clone()))?]),
+        folders => both(args, folders),
     }
+}
+
+/// Returns the kernels of two folders. Each folder's workers read the experiment with the values of their own folder, so
+/// an experiment with a value that only one folder has is refused.
+fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
+    let (mut sources, mut refused) = (Vec::new(), Vec::new());
+    for folder in folders {
+        sources.push(Sources::of(Some(folder.clone()))?);
+        refused.extend(config::load(&args.config, &args.set).err().map(|error| (error, folder)));
+    }
+    match refused.pop() {
+        None => Ok(sources),
+        Some((error, folder)) if refused.is_empty() => Err(refused_by(error, folder)),
+        // The mistake is in the experiment itself.
+        Some((error, _)) => Err(error),
+    }
+}
+
+/// Adds to an error about the experiment that only this folder's kernels cause the error.
+fn refused_by(error: Error, folder: &Path) -> Error {
+    let help = format!(
+        "this is so with the kernels of {} only; to compare two folders, both must have every value that the experiment names; {}",
+        folder.display(),
+        error.remedy()
+    );
+    error.with_help(help)
 }
 
 #[cfg(test)]
@@ -103,7 +132,7 @@ mod tests {
 
     #[test]
     fn two_folders_of_kernels_are_for_one_device_and_a_limit_is_for_two_folders() {
-        let of = |words: &[&str], spread| sources(&args(&[&["a.toml"], words].concat()), spread);
+        let of = |words: &[&str], spread| sources(&args(&[&["configs/quick.toml"], words].concat()), spread);
         let two = ["--cl-dir", "cl", "--cl-dir", "cl"];
         assert_eq!(
             [of(&[], true), of(&two[..2], true), of(&two, false)].map(|found| found.unwrap().len()),

@@ -2,6 +2,7 @@
 //! needs.
 
 use super::*;
+use crate::device_lock::Locks;
 use crate::experiment::fixtures;
 use crate::experiment::protocol::{Reply, Request};
 use crate::experiment::rounds::Rounds as _;
@@ -28,6 +29,9 @@ struct Noting {
     said: Vec<String>,
     steps: usize,
     loads: Vec<RoundLoad>,
+    waits: usize,
+    /// A lock of another process, which ends when this run has to wait.
+    of_another: Option<Held>,
 }
 
 impl ResultSink for Noting {
@@ -36,6 +40,10 @@ impl ResultSink for Noting {
     }
     fn says(&mut self, line: &str) {
         self.said.push(line.to_owned());
+    }
+    fn waits(&mut self) {
+        self.waits += 1;
+        self.of_another = None;
     }
     fn keep(&mut self, record: Record) -> Result<()> {
         self.records.push(record);
@@ -194,10 +202,23 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     assert!(sink.records.iter().all(|record| record.interval_ms.is_some()));
     assert_eq!(
         (sink.steps, sink.said),
-        (2, vec!["a worker process was lost: its whole launch is repeated".to_owned()])
+        (2, vec!["a worker process was lost or replaced: its whole launch is repeated".to_owned()])
     );
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
+}
+
+#[test]
+fn a_run_that_waits_for_a_device_tells_for_whom_once_and_that_it_waits_again_and_again() {
+    let (folder, off) = (tempfile::tempdir().unwrap(), AtomicBool::new(false));
+    let locks = Locks::in_folder(folder.path(), true);
+    let experiment = fixtures::experiment("local_sizes = [4]");
+    let run = fixtures::run(&experiment, &[], &locks);
+    let host = LockName::of(None);
+    let of_another = Some(locks.take(&host, &mut |_| {}, &off).unwrap());
+    let mut sink = Noting { of_another, ..Noting::default() };
+    drop(take_locks(&run, vec![host], &mut sink, &off).unwrap());
+    assert_eq!((sink.said.len(), sink.waits), (1, 1), "{:?}", sink.said);
 }
 
 #[test]

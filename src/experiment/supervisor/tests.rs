@@ -294,3 +294,49 @@ fn a_worker_that_was_started_ahead_and_died_is_replaced_and_one_that_hangs_is_to
     let words = "a worker process could not start: it did not open its device in 0 s";
     assert_eq!(error.to_string(), words);
 }
+
+#[test]
+fn a_worker_that_reports_a_failed_launch_is_replaced_and_counts_as_lost() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    let fails = |outcome| {
+        let record = Box::new(Record { outcome, ..Record::default() });
+        Wait::Reply(Reply::Checked { record, ready: false })
+    };
+    // A point that does not fit on its device says nothing about the device's state.
+    for (outcome, workers) in [(Outcome::Infeasible, 1), (Outcome::LaunchFailed, 2)] {
+        noting.instead.borrow_mut().push_back(fails(outcome));
+        assert!(matches!(supervisor.check(task(0, 0, 0)), Ok(Ok((_, false)))));
+        passes(&mut supervisor, task(1, 0, 0));
+        assert_eq!((noting.devices.borrow().len(), supervisor.losses()), (workers, workers - 1));
+    }
+    let refused = Reply::Refused(PointFailure::new(Outcome::LaunchFailed, "no"));
+    noting.instead.borrow_mut().push_back(Wait::Reply(refused));
+    assert!(matches!(supervisor.cast(task(1, 0, 0)), Ok(Some(Err(_)))));
+    passes(&mut supervisor, task(2, 0, 0));
+    assert_eq!((noting.devices.borrow().len(), supervisor.losses()), (3, 2));
+}
+
+#[test]
+fn deaths_at_a_point_are_counted_for_each_device_and_each_folder_of_kernels() {
+    let (noting, never) = (Noting::default(), AtomicBool::new(false));
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &never, LIMIT);
+    for device in [0, 1] {
+        noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
+        passes(&mut supervisor, task(0, device, 0));
+    }
+    assert_eq!(supervisor.losses(), 2);
+}
+
+#[test]
+fn a_worker_that_dies_after_an_interruption_does_not_count_against_its_point() {
+    let interrupted = Rc::new(AtomicBool::new(false));
+    let noting = Noting { interrupts: Some(Rc::clone(&interrupted)), ..Noting::default() };
+    let mut spawner = noting.clone();
+    let mut supervisor = Supervisor::new(&mut spawner, &interrupted, LIMIT);
+    noting.instead.borrow_mut().push_back(Wait::Dead(Death::default()));
+    assert_eq!(supervisor.check(task(0, 0, 0)).unwrap_err().exit_code(), 130);
+    assert_eq!(supervisor.losses(), 0);
+}

@@ -5,6 +5,7 @@ mod again;
 mod choice;
 mod environment;
 mod launches;
+mod meant;
 mod pictures;
 mod planned;
 
@@ -18,6 +19,7 @@ use crate::record::{write_whole, write_whole_by};
 use crate::words::counted;
 use choice::choose;
 use launches::Launches;
+use meant::{meant_kinds, types_of_devices};
 use planned::Planned;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -43,12 +45,13 @@ pub struct Merged {
 type Measured = (usize, Record);
 
 /// Merges the attempts of a folder, and writes all files except the summary and the report. `meant` contains words
-/// that select kinds of device; if it is empty, all kinds that took part are used.
+/// that select kinds of device, as for `raycl run --device`; if it is empty, all kinds that took part are used.
 pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let plan = ShardPlan::read(out)?.ok_or_else(|| no_shards(out))?;
     refuse_other_results(out)?;
     let all = Kind::all(out)?;
-    let ((kinds, not_begun), attempts) = (meant_kinds(&all, meant), Attempt::all(out));
+    let attempts = Attempt::all(out);
+    let (kinds, not_begun) = meant_kinds(&all, &types_of_devices(&attempts), meant);
     let chosen = choose(&attempts)?;
     let planned = Planned::of(&plan, &kinds);
     let wanted = Wanted { all: &all, kinds: &kinds, not_begun: &not_begun };
@@ -97,19 +100,6 @@ fn refuse_other_results(out: &Path) -> Result<()> {
         .with_help("choose another folder for the shards with --out")),
         false => Ok(()),
     }
-}
-
-/// Returns the kinds that took part and are selected, and the words that match no kind. The host's kinds are always
-/// selected.
-fn meant_kinds(all: &[Kind], meant: &[String]) -> (Vec<Kind>, Vec<String>) {
-    let has = |kind: &Kind, word: &String| {
-        format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(&word.to_lowercase())
-    };
-    let not_begun = meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
-    let is_meant = |kind: &Kind| {
-        meant.is_empty() || kind.device == crate::record::HOST || meant.iter().any(|word| has(kind, word))
-    };
-    (all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun)
 }
 
 /// Returns a note with the number of attempts that did not finish, by the way in which they ended; `None` if all
@@ -246,26 +236,6 @@ mod tests {
             said(&[None, interrupted(), done(), interrupted()]),
             "Of 4 attempts, 1 was killed or is still running, 2 were interrupted."
         );
-    }
-
-    #[test]
-    fn words_select_kinds_by_device_or_identity_and_the_host_is_always_selected() {
-        let kind = |device: &str, identity: &str| Kind {
-            device: device.into(),
-            identity: identity.into(),
-            ..Kind::default()
-        };
-        let all = [kind("host", "amd"), kind("NVIDIA H200", "CUDA | driver 580"), kind("cpu", "PoCL | 7.0")];
-        let told = |words: &[&str]| {
-            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-            let (kinds, not_begun) = meant_kinds(&all, &words);
-            (kinds.into_iter().map(|kind| kind.device).collect::<Vec<_>>(), not_begun)
-        };
-        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-        assert_eq!(told(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
-        assert_eq!(told(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
-        assert_eq!(told(&["POCL"]), (names(&["host", "cpu"]), vec![]));
-        assert_eq!(told(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
     }
 
     #[test]

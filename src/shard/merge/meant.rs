@@ -1,0 +1,103 @@
+//! Selects kinds of device by the words that select devices for a run.
+
+use crate::device::DeviceKind;
+use crate::record::HOST;
+use crate::shard::{Attempt, Kind};
+use serde_json::Value;
+use std::collections::HashMap;
+
+/// The type of each kind of device, such as "gpu", by [`Kind::identity`].
+pub type Types = HashMap<String, String>;
+
+/// Returns the types of the devices that attempts measured on. The types are in the attempts' environments. Attempts
+/// that were killed before they wrote an environment have no records either.
+pub fn types_of_devices(attempts: &[Attempt]) -> Types {
+    let of = |attempt: &Attempt| {
+        let text = std::fs::read(attempt.folder.join("environment.json")).ok()?;
+        let mut environment: Value = serde_json::from_slice(&text).ok()?;
+        let devices: Vec<Value> = serde_json::from_value(environment["devices"].take()).ok()?;
+        let types = devices.into_iter().map(|device| device["kind"].as_str().unwrap_or_default().to_owned());
+        // Both lists have the devices in the order in which the attempt was asked to use them.
+        Some(attempt.about()?.devices.into_iter().zip(types).collect::<Vec<_>>())
+    };
+    attempts.iter().filter_map(of).flatten().collect()
+}
+
+/// Returns the kinds that took part and are selected, and the words that match no kind. The host's kinds are always
+/// selected. A word is `all`, a type of device (`cpu`, `gpu`, `accelerator`), or a part of a kind's description.
+pub fn meant_kinds(all: &[Kind], types: &Types, meant: &[String]) -> (Vec<Kind>, Vec<String>) {
+    let has =
+        |kind: &Kind, word: &String| matches(kind, types.get(&kind.identity), &word.trim().to_lowercase());
+    let not_begun = meant.iter().filter(|word| !all.iter().any(|kind| has(kind, word))).cloned().collect();
+    let is_meant =
+        |kind: &Kind| meant.is_empty() || kind.device == HOST || meant.iter().any(|word| has(kind, word));
+    (all.iter().filter(|kind| is_meant(kind)).cloned().collect(), not_begun)
+}
+
+/// Returns whether a word, in lower case, selects a kind of device of this type. If the type is unknown, the word is
+/// looked for in the description, like any other word.
+fn matches(kind: &Kind, known: Option<&String>, word: &str) -> bool {
+    let types = [DeviceKind::Cpu, DeviceKind::Gpu, DeviceKind::Accelerator].map(DeviceKind::name);
+    let is_type = types.contains(&word);
+    match known {
+        _ if word == "all" => true,
+        _ if is_type && kind.device == HOST => false,
+        Some(known) if is_type => known == word,
+        _ => format!("{} | {}", kind.device, kind.identity).to_lowercase().contains(word),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::shard::About;
+    use serde_json::json;
+
+    fn kind(device: &str, identity: &str) -> Kind {
+        Kind { device: device.into(), identity: identity.into(), ..Kind::default() }
+    }
+
+    /// Returns the names of the selected kinds, and the words that match none.
+    fn told(all: &[Kind], types: &Types, words: &[&str]) -> (Vec<String>, Vec<String>) {
+        let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+        let (kinds, not_begun) = meant_kinds(all, types, &words);
+        (kinds.into_iter().map(|kind| kind.device).collect(), not_begun)
+    }
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    #[test]
+    fn words_select_kinds_by_device_or_identity_and_the_host_is_always_selected() {
+        let all = [kind("host", "amd"), kind("NVIDIA H200", "CUDA | driver 580"), kind("cpu", "PoCL | 7.0")];
+        let told = |words: &[&str]| told(&all, &Types::new(), words);
+        assert_eq!(told(&[]), (names(&["host", "NVIDIA H200", "cpu"]), vec![]));
+        assert_eq!(told(&["h200"]), (names(&["host", "NVIDIA H200"]), vec![]));
+        assert_eq!(told(&["POCL"]), (names(&["host", "cpu"]), vec![]));
+        assert_eq!(told(&["h200", "mi300"]), (names(&["host", "NVIDIA H200"]), names(&["mi300"])));
+        assert_eq!(told(&["cpu"]), (names(&["host", "cpu"]), vec![]), "the types are unknown");
+    }
+
+    #[test]
+    fn types_of_devices_and_all_select_kinds_as_they_select_devices_for_a_run() {
+        let out = tempfile::tempdir().unwrap();
+        let about =
+            About { shard: 1, of: 1, devices: names(&["CUDA | H200", "PoCL | EPYC"]), ..About::default() };
+        let attempt = Attempt::begin(out.path(), &about).unwrap();
+        let environment = json!({ "devices": [{ "kind": "gpu" }, { "kind": "cpu" }] });
+        std::fs::write(attempt.folder.join("environment.json"), environment.to_string()).unwrap();
+        Attempt::begin(out.path(), &About { shard: 2, ..about }).unwrap();
+        let types = types_of_devices(&Attempt::all(out.path()));
+        let all = [kind("host", "Xeon CPU"), kind("H200", "CUDA | H200"), kind("EPYC", "PoCL | EPYC")];
+        let told = |words: &[&str]| told(&all, &types, words);
+        assert_eq!(told(&["GPU"]), (names(&["host", "H200"]), vec![]));
+        assert_eq!(told(&["cpu"]), (names(&["host", "EPYC"]), vec![]));
+        assert_eq!(told(&["all"]), (names(&["host", "H200", "EPYC"]), vec![]));
+        assert_eq!(told(&["accelerator"]), (names(&["host"]), names(&["accelerator"])));
+        // A baseline's kind is no device.
+        let host = meant_kinds(&all[..1], &types, &names(&["cpu"]));
+        assert_eq!(host.1, names(&["cpu"]));
+    }
+}
