@@ -5,7 +5,7 @@ __kernel void prepare_origins(PREPARE_ORIGINS_PARAMETERS) {
     const int origin = get_global_id(1);
     if (triangle >= triangle_count) return;
     const Uniform3 from = origin ? LOAD3(lights + LIGHT_FLOATS * (origin - 1)) : uniform3(eye.x, eye.y, eye.z);
-    const __global float *at = soup + SOUP_STRIDE * triangle;
+    const __global float *at = soup + SOUP_STRIDE * (size_t)triangle;
     Corners corners;
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);

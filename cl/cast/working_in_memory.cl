@@ -6,7 +6,7 @@
 //                        ^ first                          ^ first + stride, for item 0
 typedef struct {
     volatile WORKING_SPACE varying *first; // this work-item's x of vector 0
-    int stride;                            // from one vector to the next
+    size_t stride;                         // from one vector to the next; with many work-items, more than an int
 } Working;
 
 Vec3 working_get(const Working *working, int which) {

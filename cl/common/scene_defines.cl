@@ -12,6 +12,9 @@
 #ifndef SAMPLED
 #error "SAMPLED: 0 or 1: whether a pixel gets several samples"
 #endif
+#ifndef HALF_LIGHT
+#error "HALF_LIGHT: 0 or 1: whether soft light is cast at half resolution"
+#endif
 #ifndef ENVIRONMENT
 #error "ENVIRONMENT: 0 or 1: whether the sky is a picture"
 #endif

@@ -13,6 +13,11 @@
 __kernel __attribute__((reqd_work_group_size(LOCAL_X, LOCAL_Y, 1))) GROUP_ATTRIBUTE void probe_lanes(PROBE_LANES_PARAMETERS) {
     GROUP_LOCALS
     __local uint words[LOCAL_Y][GROUP_LANES];
+#if LANE_OPERATIONS == LANES_BY_SUB_GROUPS
+    // A driver may make sub-groups of another size. A group's number, or a lane, could then be beyond the arrays, so
+    // nothing is written, and the host finds no answers.
+    if (get_sub_group_size() != GROUP_LANES) return;
+#endif
     Group group;
     BIND_GROUP(group)
     const uint own = (7u * (uint)forgotten(group.lane) + (uint)group.number) & 31u;

@@ -37,6 +37,10 @@ INLINED uint cast_left_over(SOURCES_PARAMETER Group *group, const Tree *tree, co
     return reached;
 }
 
+// A loop over a group's entries of the queue: every `groups`-th entry from `first` on, where `groups` is the number of
+// groups that share the queue. The step is never larger than the rest of the queue, so that `i` cannot overflow.
+#define FOR_QUEUED(i, first, groups, count) for (uint i = first; i < count; i += min(groups, count - i))
+
 // Returns the ray from the eye with an index (see index_of).
 INLINED EyeRay ray_of(Group *group, uint index, int2 grid) {
     return ray_at(group, (int2)((int)(index % (uint)grid.x), (int)(index / (uint)grid.x)), grid);
@@ -49,8 +53,9 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_left_over(TILE_LEFT_OVER_PARAMETE
     STACK_LOCALS
     TREE_OF_TILES
     BIND_SOURCES
-    const int groups = (int)get_num_groups(0) * LOCAL_Y, count = *queued;
-    for (int i = (int)get_group_id(0) * LOCAL_Y + group.number; i < count; i += groups) {
+    const uint groups = (uint)get_num_groups(0) * LOCAL_Y, count = *queued;
+    const uint first = (uint)get_group_id(0) * LOCAL_Y + group.number;
+    FOR_QUEUED(i, first, groups, count) {
         const uint2 entry = queue[i];
         const uint reached = cast_left_over(SOURCES_ARGUMENT &group, &tree, surfaces, eye, corner, step_x, step_y,
                                             ray_of(&group, entry.x, GRID_OF(image_size)), nearest[entry.x], lights + LIGHT_FLOATS * first_light,
@@ -182,10 +187,10 @@ __kernel GROUP_SHAPE GROUP_ATTRIBUTE void tile_shade(TILE_SHADE_PARAMETERS) {
     // The value of a hit without light. The fourth component is 1, since it counts hits.
     const float4 dark = (float4)(0.0f, 0.0f, 0.0f, 1.0f);
     if ((int)get_group_id(1) < queue_rows) {
-        const int across = (int)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
-        const int first = (int)get_group_id(1) * across + (int)get_group_id(0) * LOCAL_Y + group.number;
-        const int count = *queued;
-        for (int i = first; i < count; i += groups) {
+        const uint across = (uint)get_num_groups(0) * LOCAL_Y, groups = across * queue_rows;
+        const uint first = (uint)get_group_id(1) * across + (uint)get_group_id(0) * LOCAL_Y + group.number;
+        const uint count = *queued;
+        FOR_QUEUED(i, first, groups, count) {
             const uint2 entry = queue[i];
             const EyeRay eye_ray = ray_of(&group, entry.x, GRID_OF(image_size));
             const int place = nearest[entry.x];

@@ -214,23 +214,23 @@ INLINED uint faces_source(Group *group, const Tree *tree, const __global float4 
 
 // Adds this lane's pixel to the queue if some of its shadow rays are leftover. One lane reserves entries of the queue
 // for all lanes of the group.
-INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global int *queued) {
+INLINED void leave(Group *group, EyeRay eye_ray, int2 grid, uint lights, __global uint2 *queue, __global uint *queued) {
     const uint leaving = lane_ballot(group, lights != 0);
     // The function continues even if no lane has an entry: with barriers, one compiler failed after an early return
     // here.
-    int first = 0;
+    uint first = 0;
     // One atomic operation per group. A lane with an entry finds its position in the queue by its rank among the lanes
     // with entries.
-    if (leaving && group->lane == 0) first = atomic_add(queued, (int)popcount(leaving));
-    first = (int)lane_get(group, (uint)first, 0);
-    if (lights) queue[first + (int)BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
+    if (leaving && group->lane == 0) first = atomic_add(queued, popcount(leaving));
+    first = lane_get(group, first, 0);
+    if (lights) queue[first + BITS_BEFORE(group, leaving)] = (uint2)(index_of(eye_ray, grid), lights);
 }
 
 // The buffers for the results of shadow rays.
 typedef struct {
     __global uint *lit;    // one word of lights per ray from the eye that hits something
     __global uint2 *queue; // indices of rays from the eye with leftover shadow rays, and the lights of the shadow rays
-    __global int *queued;  // number of entries in the queue
+    __global uint *queued; // number of entries in the queue
 } Found;
 
 // Casts the shadow rays of a round's lights, from `first_light` on. Sets a bit of a pixel's word if the pixel faces the

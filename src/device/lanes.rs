@@ -42,6 +42,9 @@ const GROUPS: usize = 4;
 const ANSWERS: usize = 8;
 /// A mask with one bit per lane. The test computes each lane's rank among the lanes whose bits are set.
 const AMONG: u32 = 0x0f0f_00ff;
+/// The value of every answer before the kernel runs. No right answer has this value, so memory that the kernel does not
+/// write is never right.
+const NO_ANSWER: u32 = u32::MAX;
 
 /// The file of the kernel that tests the operations.
 const PROBE: &str = "probe/lanes.cl";
@@ -124,6 +127,17 @@ fn try_out(
     platform: ocl::Platform,
     device: ocl::Device,
 ) -> ocl::Result<bool> {
+    Ok(ask(operations, source, info, platform, device)? == expected())
+}
+
+/// Returns the answers of a kernel with this implementation.
+fn ask(
+    operations: LaneOperations,
+    source: &str,
+    info: &DeviceInfo,
+    platform: ocl::Platform,
+    device: ocl::Device,
+) -> ocl::Result<Vec<u32>> {
     let options = format!(
         "-D LANE_OPERATIONS={} -D GROUP_LANES={LANES} -D LOCAL_X={LANES} -D LOCAL_Y={GROUPS} {} {}",
         operations as u32,
@@ -137,6 +151,7 @@ fn try_out(
         .queue(queue.clone())
         .flags(MemFlags::READ_WRITE)
         .len(LANES * GROUPS * ANSWERS)
+        .fill_val(NO_ANSWER)
         .build()?;
     let kernel = Kernel::builder()
         .program(&program)
@@ -151,7 +166,7 @@ fn try_out(
     unsafe { kernel.enq()? };
     let mut found = vec![0; answers.len()];
     answers.read(&mut found).enq()?;
-    Ok(found == expected())
+    Ok(found)
 }
 
 /// Returns the right answers of every lane of every group.
@@ -176,7 +191,7 @@ fn answers(group: u32, lane: u32) -> [u32; ANSWERS] {
 mod tests {
     use super::*;
     use crate::device::tests::example;
-    use crate::device::{DeviceKind, DeviceLimits, discover};
+    use crate::device::{Device, DeviceKind, DeviceLimits, discover};
 
     #[test]
     fn extensions_hint_at_what_to_try() {
@@ -197,6 +212,30 @@ mod tests {
         let expected = expected();
         let rows: std::collections::HashSet<_> = expected.chunks(ANSWERS).collect();
         assert_eq!(rows.len(), LANES * GROUPS);
+        assert!(!expected.contains(&NO_ANSWER));
+    }
+
+    /// The device need not have sub-groups: macros take the place of its functions. Only the size of sub-groups and the
+    /// numbers of lanes and groups matter here.
+    #[test]
+    fn sub_groups_of_another_size_write_no_answers() {
+        let Device { info, platform, device, .. } = discover(&Sources::Embedded).unwrap().remove(0);
+        let ask_with = |lanes: usize| {
+            let functions = format!(
+                "#define get_sub_group_size() {lanes}u
+                 #define get_sub_group_local_id() (get_local_id(0) % {lanes})
+                 #define get_sub_group_id() ((get_local_id(1) * LOCAL_X + get_local_id(0)) / {lanes})
+                 #define sub_group_barrier(fence)
+                 #define sub_group_broadcast(value, from) (value)
+                 #define sub_group_ballot(yes) (uint4)(yes)
+                 #define sub_group_reduce_add(value) (value)
+                 #define sub_group_reduce_min(value) (value)\n"
+            );
+            let source = functions + &probe(&Sources::Embedded).unwrap();
+            ask(LaneOperations::SubGroups, &source, &info, platform, device).unwrap()
+        };
+        assert!(ask_with(LANES).chunks(ANSWERS).all(|answers| answers[ANSWERS - 1] < 32));
+        assert!([64, 16].iter().all(|lanes| ask_with(*lanes).iter().all(|answer| *answer == NO_ANSWER)));
     }
 
     #[test]

@@ -167,7 +167,7 @@ fn cast_kernel(
     record: &mut Record,
 ) -> std::result::Result<Cast, Refused> {
     let workload = session.workload(strategy, record.image_size, local_size)?;
-    let needs = Requirements::of(strategy, &workload);
+    let needs = Requirements::of(strategy, &workload, session.builtins().lanes);
     record.local_bytes = Some(needs.local_bytes);
     record.constant_bytes = Some(needs.constant_bytes);
     record.scratch_bytes = Some(needs.scratch_bytes);
@@ -237,6 +237,7 @@ mod tests {
         let needs = Requirements::of(
             &experiment.strategies[0].strategy,
             &Workload::of(&scene, record.image_size, [4, 2]),
+            device.info.limits.lane_operations,
         );
         assert!(needs.scratch_bytes > 0 && needs.constant_bytes > 0, "the test needs different bytes");
         let bytes = [record.local_bytes, record.constant_bytes, record.scratch_bytes, record.private_bytes];

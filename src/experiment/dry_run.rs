@@ -45,7 +45,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
         Forecast {
             label,
             device: info.label.clone(),
-            needs: Some(Requirements::of(strategy, &workload)),
+            needs: Some(Requirements::of(strategy, &workload, limits.lane_operations)),
             refused: refused.map(|infeasible| infeasible.reason),
             not_for: run.not_for(point, Some(info)),
             scene_notes,

@@ -59,7 +59,7 @@ impl<'a> Argument<'a> {
         let (points, elements): (bool, &[&str]) = match self {
             Self::Floats(_) => (true, &["float", "float4"]),
             Self::Quads(_) => (true, &["float4"]),
-            // The counter of the kernels' heap is a buffer of `i32` here, and has the type `uint` in kernels.
+            // The counters of the kernels' heap and queue are buffers of `i32` here, and of `uint` in kernels.
             Self::Ints(_) => (true, &["int", "uint"]),
             // A tree's nodes contain both floats and integers.
             Self::Words(_) => (true, &["uint", "float", "Index"]),

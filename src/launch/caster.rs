@@ -379,11 +379,12 @@ impl Caster {
 fn working(queue: &Queue, strategy: &Strategy, workload: &Workload) -> ocl::Result<Working> {
     // Half pictures have buffers of their own.
     let own = Workload { half_light: false, ..*workload };
-    let bytes = Requirements::of(strategy, &own).scratch_bytes as usize;
+    let bytes = Requirements::working_bytes(strategy, &own) as usize;
     Ok(match strategy.vectors.memory() {
         WorkingMemory::Private | WorkingMemory::Local => Working::None,
         WorkingMemory::Scratch => Working::Scratch(allocate(queue, bytes / 4)?),
         WorkingMemory::Heap => {
+            // `Requirements::check` refuses a heap of more values than a `u32` counts.
             let size = (bytes / 4 / strategy.width.rays()) as u32;
             Working::Heap { pool: allocate(queue, bytes / 4)?, top: allocate(queue, 1)?, size }
         }

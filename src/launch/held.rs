@@ -56,9 +56,8 @@ pub(super) struct Frames {
 impl Frames {
     /// Counts the bytes of one more frame, until the returned value is dropped.
     pub fn count(&self, strategy: &Strategy, workload: &Workload) -> FrameBytes {
-        let needs = Requirements::of(strategy, workload);
         let own_bytes =
-            needs.global_bytes - Requirements::scene_bytes(strategy, workload) + needs.scratch_bytes;
+            Requirements::buffer_bytes(strategy, workload) - Requirements::scene_bytes(strategy, workload);
         self.bytes.fetch_add(own_bytes, Ordering::Relaxed);
         FrameBytes { all: self.clone(), own_bytes }
     }

@@ -16,6 +16,9 @@ mod error;
 mod frame;
 mod half_light;
 mod held;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod offsets;
 mod parts;
 mod prepared;
 mod queue;

@@ -113,8 +113,7 @@ impl Prepared {
 
     /// Returns the total size of the buffers on the device, in bytes.
     pub fn device_bytes(&self) -> u64 {
-        let needs = Requirements::of(&self.strategy, &self.workload);
-        needs.global_bytes + needs.scratch_bytes
+        Requirements::buffer_bytes(&self.strategy, &self.workload)
     }
 
     /// Returns the time for building the tree on the host; 0 without a tree.

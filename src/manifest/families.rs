@@ -19,15 +19,7 @@ pub static EXHAUSTIVE: Family = Family {
     label: "traversal = exhaustive",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[
-        COMMON_DEFINES,
-        TEXTURE_DEFINES,
-        SOFT_DEFINES,
-        SIGN_DEFINES,
-        CAST_DEFINES,
-        PASSES_DEFINES,
-        RAYS_DEFINES,
-    ],
+    defines: CAST_KERNELS_DEFINES,
     rules: &[
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
@@ -42,16 +34,7 @@ pub static BVH: Family = Family {
     label: "traversal = bvh",
     entry: "cast/entry.cl",
     kernels: CAST_KERNELS,
-    defines: &[
-        COMMON_DEFINES,
-        TEXTURE_DEFINES,
-        SOFT_DEFINES,
-        SIGN_DEFINES,
-        CAST_DEFINES,
-        PASSES_DEFINES,
-        RAYS_DEFINES,
-        TREE_DEFINES,
-    ],
+    defines: CAST_KERNELS_DEFINES,
     rules: &[
         only("triangles", &["global"], LEAF_ORDER),
         only("layout", &["soup"], LEAF_ORDER),
@@ -94,6 +77,11 @@ pub static RASTER: Family = Family {
             "uses its own edge functions for primary rays, and moller-trumbore for shadow rays",
         ),
         only("records", &["each-test"], "reads each triangle once for all primary rays"),
+        only(
+            "math",
+            &["strict"],
+            "needs exactly equal depths in two kernels, and exactly opposite edges in two triangles, which math = fast does not preserve",
+        ),
         only("node_width", &["8"], NO_TREE),
         only("leaf_size", &["4"], NO_TREE),
         only("tile", &["32x16"], NO_TILES),
@@ -373,6 +361,18 @@ const CAST_KERNELS: &[Kernel] = &[
     MARK_KERNEL,
     FILTER_KERNEL,
     APPLY_KERNEL,
+];
+
+/// The defines of programs with `CAST_KERNELS`. The host gives `TREE_DEFINES` only to a strategy with a tree.
+const CAST_KERNELS_DEFINES: &[Defines] = &[
+    COMMON_DEFINES,
+    TEXTURE_DEFINES,
+    SOFT_DEFINES,
+    SIGN_DEFINES,
+    CAST_DEFINES,
+    PASSES_DEFINES,
+    RAYS_DEFINES,
+    TREE_DEFINES,
 ];
 
 /// The kernel that decides which pixels get more samples; it is the same in all families.

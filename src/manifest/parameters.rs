@@ -25,6 +25,7 @@ const SOURCE_INDICES: &str = "SOURCE_SPACE const Index *restrict";
 const FLOATS: &str = "const __global float *restrict";
 const QUADS: &str = "const __global float4 *restrict";
 const INTS: &str = "const __global int *restrict";
+const WORDS: &str = "const __global uint *restrict";
 
 /// The triangles, in the strategy's layout.
 pub const GEOMETRY: &[Parameter] = &[
@@ -53,19 +54,17 @@ pub const SURFACES: &[Parameter] =
 /// The triangles' texture coordinates, all textures, and the ray cone of a pixel, which determines the mip level.
 pub const TEXTURES: &[Parameter] = &[
     p(Textured, QUADS, "texture_rows"),
-    p(Textured, "const __global uint *restrict", "texture_words"),
+    p(Textured, WORDS, "texture_words"),
     p(Textured, "const float4", "cone"),
 ];
 /// The texture coordinates and the textures under other names, for the kernels of tiles that test whether rays pass
 /// through the holes of cut-outs.
-pub const MASKS: &[Parameter] =
-    &[p(CutOut, QUADS, "mask_rows"), p(CutOut, "const __global uint *restrict", "mask_words")];
+pub const MASKS: &[Parameter] = &[p(CutOut, QUADS, "mask_rows"), p(CutOut, WORDS, "mask_words")];
 /// The sky, the lights' radii, the number of samples per pixel, and the number of the sample that is cast.
 pub const SOFT: &[Parameter] = &[p(Soft, FLOATS, "soft"), p(Soft, "const uint2", "sample")];
 /// For each block of pixels, the number of samples per pixel that the block shall get. Also the number of samples per
 /// pixel that the image has from earlier frames.
-pub const SAMPLES: &[Parameter] =
-    &[p(Sampled, "const __global uint *restrict", "wanted"), p(Sampled, "const uint", "earlier")];
+pub const SAMPLES: &[Parameter] = &[p(Sampled, WORDS, "wanted"), p(Sampled, "const uint", "earlier")];
 /// Into how many sub-pixels a frame divides each pixel, how many samples the frame casts per pixel, and where each
 /// lane's sample lies in its pixel.
 pub const SUBPIXELS: &[Parameter] = &[
@@ -81,7 +80,7 @@ pub const TILE_SUBPIXELS: &[Parameter] = &[
     p(Sampled, "const uint", "subpixel_bits"),
     p(Sampled, "const uint", "samples_of_frame"),
     p(Sampled, FLOATS, "places"),
-    p(Sampled, "const __global uint *restrict", "rough"),
+    p(Sampled, WORDS, "rough"),
     p(Sampled, "const uint", "rough_count"),
 ];
 /// For each pixel, how many samples of earlier frames hit something.
@@ -144,17 +143,17 @@ pub const FIRST_LIGHT: &[Parameter] = &[p(Always, "const int", "first_light")];
 pub const FOUND: &[Parameter] = &[
     p(Always, "__global uint *restrict", "lit"),
     p(Always, "__global uint2 *restrict", "queue"),
-    p(Always, "__global int *restrict", "queued"),
+    p(Always, "__global uint *restrict", "queued"),
 ];
 pub const LEFT_OVER: &[Parameter] = &[
     p(Always, "__global uint *restrict", "lit"),
     p(Always, "const __global uint2 *restrict", "queue"),
-    p(Always, INTS, "queued"),
+    p(Always, WORDS, "queued"),
 ];
 pub const SHADED_BY: &[Parameter] = &[
-    p(Always, "const __global uint *restrict", "lit"),
+    p(Always, WORDS, "lit"),
     p(Always, "const __global uint2 *restrict", "queue"),
-    p(Always, INTS, "queued"),
+    p(Always, WORDS, "queued"),
     p(Always, "const int", "queue_rows"),
 ];
 pub const TILE_PREPARE: &[Parameter] = &[
@@ -165,7 +164,7 @@ pub const TILE_PREPARE: &[Parameter] = &[
     p(Always, "const int", "first_origin"),
     p(Always, "const int", "first_light"),
     p(Always, "__global float4 *restrict", "prepared"),
-    p(Always, "__global int *restrict", "queued"),
+    p(Always, "__global uint *restrict", "queued"),
 ];
 
 /// Parameters of the kernel that tests lane operations; it belongs to no family.

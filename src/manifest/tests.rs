@@ -96,6 +96,17 @@ fn a_program_has_the_kernels_of_its_family_and_takes_their_parameters_from_here(
     }
 }
 
+/// A frame may have more than 2^31 rays, and more than 2^31 values in its heap.
+#[test]
+fn kernels_count_in_unsigned_numbers() {
+    let kernels = FAMILIES.iter().flat_map(|family| family.kernels);
+    let parameters = kernels.flat_map(|kernel| kernel.parameters.iter().copied().flatten());
+    let counters: Vec<_> =
+        parameters.filter(|of| ["queued", "heap_top", "rough_counter"].contains(&of.name)).collect();
+    assert!(counters.len() >= 7, "{counters:?}");
+    assert!(counters.iter().all(|of| of.of_type.contains(" uint *")), "{counters:?}");
+}
+
 #[test]
 fn every_define_has_a_value_and_is_used_by_its_family() {
     let mut uses = BTreeMap::new();
@@ -115,6 +126,17 @@ fn every_define_has_a_value_and_is_used_by_its_family() {
         }
     }
     assert!(uses.values().all(|used| *used), "{uses:?}");
+}
+
+/// In a condition, a name without a value counts as 0, and nobody would notice.
+#[test]
+fn a_kernel_file_asks_for_each_define() {
+    let read = |name: &str| Sources::Embedded.read(name).unwrap_or_else(|error| panic!("{error}"));
+    let text: String = Sources::names().into_iter().map(read).collect();
+    for (_, name) in FAMILIES.iter().flat_map(|family| family.defines.iter().copied().flatten()) {
+        let asks = text.contains(&format!("#ifndef {name}\n")) || text.contains(&format!("!defined({name})"));
+        assert!(asks, "no #error for a missing {name}");
+    }
 }
 
 #[test]

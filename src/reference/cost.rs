@@ -1,6 +1,7 @@
 //! Counts the tests that each pixel's rays need: in exhaustive casting, and in a tree.
 
 use super::cast::Caster;
+use super::count;
 use super::intersect::{Hit, moller_trumbore};
 use super::ray::Ray;
 use super::soft::Seen;
@@ -74,16 +75,22 @@ fn each_pixel<'a, F: Finder<f64> + 'a>(
     [width, height]: [u32; 2],
     finder: impl Fn(Arc<Tally>) -> F + Sync,
 ) -> Vec<Cost> {
-    let cost = |pixel: u32| {
+    let cost = |index: usize| {
+        let [x, y] = pixel_at(index, width);
         let tally = Arc::<Tally>::default();
         let caster = Caster::new(scene, [width, height], finder(Arc::clone(&tally)));
-        let (ray, hit) = caster.look(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
-        let seen = Seen::of(scene, Sample::CENTRE, [pixel % width, pixel / width]);
+        let (ray, hit) = caster.look(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        let seen = Seen::of(scene, Sample::CENTRE, [x, y]);
         caster.radiance(&seen, &ray, hit.as_ref(), f64::from(scene.shadow_bias));
         let read = |count: &AtomicU32| count.load(Ordering::Relaxed);
         Cost { tests: read(&tally.tests), nodes: read(&tally.nodes) }
     };
-    (0..width * height).into_par_iter().map(cost).collect()
+    (0..count([width, height])).into_par_iter().map(cost).collect()
+}
+
+/// Returns the column and the row of the pixel with an index. The largest image has more pixels than a `u32` counts.
+pub(super) fn pixel_at(index: usize, width: u32) -> [u32; 2] {
+    [index % width as usize, index / width as usize].map(|place| place as u32)
 }
 
 /// Counts the tests of an exhaustive search, but finds hits with a tree, which is faster.
@@ -187,6 +194,12 @@ mod tests {
         let tree = in_tree(&scene, size, Culling::None).expect("a small scene");
         assert!(tree.iter().any(|cost| cost.nodes > 1));
         assert!(10 * total(&tree) < total(&exhaustive(&scene, size, Culling::None)));
+    }
+
+    #[test]
+    fn the_largest_image_has_an_index_for_each_pixel() {
+        assert_eq!(pixel_at(count([65_536, 65_536]) - 1, 65_536), [65_535, 65_535]);
+        assert_eq!([0, 39, 40].map(|index| pixel_at(index, 40)), [[0, 0], [39, 0], [0, 1]]);
     }
 
     #[test]

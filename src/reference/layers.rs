@@ -3,6 +3,7 @@
 
 use super::cast::Caster;
 use super::cost::{self, Cost};
+use super::count;
 use super::intersect::Hit;
 use super::tree::Tree;
 use crate::error::Result;
@@ -39,13 +40,12 @@ pub struct Layers {
 ///
 /// Fails if the scene has more triangles than a tree can index.
 pub fn layers(scene: &Scene, object_starts: &[u32], size: [u32; 2], culling: Culling) -> Result<Layers> {
-    let [width, height] = size;
     let caster = Caster::<f64>::new(scene, size, Tree::new(&scene.mesh, culling));
     let forward = scene.camera.forward.as_dvec3();
-    let found: Vec<Option<(f32, [f32; 3], u32)>> = (0..width * height)
+    let found: Vec<Option<(f32, [f32; 3], u32)>> = (0..count(size))
         .into_par_iter()
-        .map(|pixel| {
-            let (x, y) = (f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
+        .map(|index| {
+            let [x, y] = cost::pixel_at(index, size[0]).map(|place| f64::from(place) + 0.5);
             let (ray, hit) = caster.look(x, y);
             let hit = hit?;
             let normal = normal_at(&scene.mesh, &hit);

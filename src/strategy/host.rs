@@ -169,10 +169,10 @@ mod tests {
     #[test]
     fn a_device_that_shares_the_hosts_memory_has_its_buffers_and_working_vectors_there() {
         let w = workload(10, 4000);
-        let device = Requirements::of(&preset("naive").unwrap().strategy, &w);
-        assert_eq!(device.scratch_bytes, 108 * 4000 * 4000);
+        let naive = preset("naive").unwrap().strategy;
+        assert_eq!(Requirements::working_bytes(&naive, &w), 108 * 4000 * 4000);
         let [shared, own] = [true, false].map(|shared| needs("naive", &w, shared, false).bytes());
-        assert_eq!(shared - own, device.global_bytes + device.scratch_bytes);
+        assert_eq!(shared - own, Requirements::buffer_bytes(&naive, &w));
     }
 
     #[test]

@@ -4,14 +4,14 @@
 
 mod fits;
 
-use fits::{groups, indices, shape, soft, textures};
+use fits::{counters, groups, indices, shape, soft, textures};
 
 use super::infeasible::Infeasible;
 use super::sum::Sum;
 use super::workload::Workload;
 use super::{Copied, Layout, Records, Strategy, Traversal, WorkingMemory};
 use crate::accel::WideBvh;
-use crate::device::DeviceLimits;
+use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{GROUP_LANES, ROW_FLOATS, SOUP_FLOATS, TILE_TRIANGLES};
 use crate::scene::Material;
 
@@ -31,9 +31,9 @@ const TILE_RAY_BYTES: u64 = (5 + 3 + 2 + 17 + 6) * 4;
 /// Bytes of an entry of the stack with which work-items that share a tile traverse a tree: the word that identifies a
 /// child node, and the distance at which the child's box is entered.
 const STACK_ENTRY_BYTES: u64 = 8;
-/// Bytes of an array in `__local` memory with one word per lane. Lanes exchange values through this array if the device
-/// has no faster way.
-const BOARD_BYTES: u64 = 4 * GROUP_LANES as u64;
+/// Bytes of an array in `__local` memory with two words per lane. Lanes exchange values through this array if the
+/// device has no faster way.
+const BOARD_BYTES: u64 = 2 * 4 * GROUP_LANES as u64;
 /// Bytes of a leaf's triangle that has to be tested, and of the number of the lane that prepared the triangle.
 const CANDIDATE_BYTES: u64 = ROW_BYTES + 4;
 /// Bytes of an entry in the queue of leftover shadow rays: a ray from the eye, and the lights of its shadow rays.
@@ -63,15 +63,25 @@ pub struct Requirements {
 }
 
 impl Requirements {
-    /// Returns the needs of `strategy` for `workload`.
-    pub fn of(strategy: &Strategy, workload: &Workload) -> Self {
+    /// Returns the needs of `strategy` for `workload` on a device whose work-items can exchange values by `lanes`.
+    pub fn of(strategy: &Strategy, workload: &Workload, lanes: LaneOperations) -> Self {
         Self {
-            local_bytes: local(strategy, workload).recorded(),
+            local_bytes: local(strategy, workload, lanes).recorded(),
             constant_bytes: constant(strategy, workload).recorded(),
             scratch_bytes: scratch(strategy, workload).recorded(),
             private_bytes: private(strategy, workload).recorded(),
             global_bytes: global(strategy, workload).recorded(),
         }
+    }
+
+    /// Returns the bytes of all buffers.
+    pub fn buffer_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+        buffers(strategy, workload).recorded()
+    }
+
+    /// Returns the bytes of the scratch or heap memory of a frame and, if it has half pictures, of these.
+    pub fn working_bytes(strategy: &Strategy, workload: &Workload) -> u64 {
+        scratch(strategy, workload).recorded()
     }
 
     /// Returns the bytes of global memory for a scene and its tree. Several points of an experiment can share this
@@ -100,16 +110,17 @@ impl Requirements {
         textures(strategy, workload)?;
         soft(strategy, workload)?;
         indices(strategy, workload)?;
-        local(strategy, workload).within("__local memory", limits.local_bytes)?;
+        let lanes = limits.lane_operations;
+        local(strategy, workload, lanes).within("__local memory", limits.local_bytes)?;
         constant(strategy, workload).within("__constant memory", limits.constant_bytes)?;
         if limits.is_cpu {
             private(strategy, workload).within("a CPU thread's stack", CPU_STACK_BYTES)?;
         }
-        let mut all = global(strategy, workload);
-        all.join(scratch(strategy, workload));
+        let all = buffers(strategy, workload);
         all.each_within("largest buffer", limits.allocation_bytes)?;
         all.within("global memory", limits.global_bytes)?;
-        Ok(Self::of(strategy, workload))
+        counters(strategy, workload)?;
+        Ok(Self::of(strategy, workload, lanes))
     }
 }
 
@@ -154,7 +165,7 @@ fn add_scene(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     sum.add("their indices", &[(index_bytes(strategy.layout), " B"), (w.triangles as u64, " triangles")]);
 }
 
-fn local(strategy: &Strategy, w: &Workload) -> Sum {
+fn local(strategy: &Strategy, w: &Workload, lanes: LaneOperations) -> Sum {
     let mut sum = Sum::default();
     if strategy.vectors.memory() == WorkingMemory::Local {
         let [x, y] = w.local_size;
@@ -169,7 +180,9 @@ fn local(strategy: &Strategy, w: &Workload) -> Sum {
         let groups = (u64::from(w.local_size[1]), " tiles");
         sum.add("stack", &[(STACK_ENTRY_BYTES, " B"), (w.stack_size as u64, " entries"), groups]);
         sum.add("leaf", &[(CANDIDATE_BYTES, " B"), (GROUP_LANES.into(), " triangles"), groups]);
-        sum.add("board", &[(BOARD_BYTES, " B")]);
+        if lanes == LaneOperations::Barriers {
+            sum.add("board", &[(BOARD_BYTES, " B")]);
+        }
     }
     match strategy.triangles.copied() {
         Copied::Nothing => {}
@@ -262,6 +275,13 @@ fn add_tree(sum: &mut Sum, strategy: &Strategy, w: &Workload) {
     if strategy.traversal == Traversal::Tile {
         sum.add("normals in leaf order", &[(ROW_BYTES, " B"), (w.triangles as u64, " triangles")]);
     }
+}
+
+/// Returns the memory of all buffers. Each term is one buffer.
+fn buffers(strategy: &Strategy, workload: &Workload) -> Sum {
+    let mut all = global(strategy, workload);
+    all.join(scratch(strategy, workload));
+    all
 }
 
 /// Returns the global memory for the scene, the image and the data passed between kernels. Each term is one

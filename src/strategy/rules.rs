@@ -200,6 +200,19 @@ mod tests {
     }
 
     #[test]
+    fn a_rasteriser_takes_only_arithmetic_that_gives_the_same_bits_twice() {
+        let mut raster =
+            preset("raster").map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(raster.contradiction(), None);
+        raster.math = Math::Fast;
+        assert_eq!(
+            raster.contradiction().unwrap_or_default(),
+            "math = fast, but traversal = raster needs exactly equal depths in two kernels, and exactly opposite edges \
+             in two triangles, which math = fast does not preserve; expected math = strict"
+        );
+    }
+
+    #[test]
     fn trees_keep_the_defaults_of_triangles_and_layout_and_say_why() {
         for name in ["bvh", "bvh-packet", "tile"] {
             let base = preset(name).map(|preset| preset.strategy).unwrap_or_else(|error| panic!("{error}"));

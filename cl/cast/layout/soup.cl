@@ -59,8 +59,9 @@ typedef struct {
     geometry.count = triangle_count;
 
 Corners corners(const Geometry *geometry, int triangle) {
-    // The stride is 26 floats in the soup, and 9 floats in a copy that contains only the corners.
-    VERTEX_SPACE const float *at = geometry->vertices + triangle * VERTEX_STRIDE;
+    // The stride is 26 floats in the soup, and 9 floats in a copy that contains only the corners. The offset of a
+    // triangle in a large soup does not fit into an int.
+    VERTEX_SPACE const float *at = geometry->vertices + (size_t)triangle * VERTEX_STRIDE;
     Corners corners;
     corners.a = LOAD3(at);
     corners.b = LOAD3(at + 3);
@@ -70,8 +71,8 @@ Corners corners(const Geometry *geometry, int triangle) {
 
 // Writes the normals and the material of one lane's triangle to that lane of the columns.
 void gather_surface(const Geometry *geometry, int triangle, int lane, Lanes *column) {
-    NORMAL_SPACE const float *normals = geometry->normals + triangle * NORMAL_STRIDE;
-    MATERIAL_SPACE const float *material = geometry->materials + triangle * MATERIAL_STRIDE;
+    NORMAL_SPACE const float *normals = geometry->normals + (size_t)triangle * NORMAL_STRIDE;
+    MATERIAL_SPACE const float *material = geometry->materials + (size_t)triangle * MATERIAL_STRIDE;
     // The columns have the order that surface_of expects: normals in columns 0 to 8, the material from column 9 on.
     for (int i = 0; i < 9; i++) column[i].each[lane] = normals[i];
     for (int i = 0; i < MATERIAL_FLOATS; i++) column[9 + i].each[lane] = material[i];

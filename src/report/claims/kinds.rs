@@ -5,6 +5,7 @@ use super::point::Point;
 use super::sure::Ratio;
 use super::table::{FastestTest, LocalSize, Memory, Pass, Preset, Test};
 use super::verdict::{Line, Verdict};
+use crate::device::LaneOperations;
 use crate::device::occupancy::{multiprocessor, occupancy};
 use crate::peak::{Figure, Peak};
 use crate::record::{Record, Sample, by, significant};
@@ -117,7 +118,7 @@ fn fits_in(preset: &Preset, size: LocalSize, triangles: usize, local_bytes: u64,
         image_size: crate::report::view::PAPER_SIZE,
         local_size: size.0,
     };
-    let needed = Requirements::of(&strategy, &workload).local_bytes;
+    let needed = Requirements::of(&strategy, &workload, LaneOperations::default()).local_bytes;
     let (sign, fits) = if needed <= local_bytes { ("<=", true) } else { (">", false) };
     let text = format!(
         "by arithmetic: {} at {} with {triangles} triangles: {needed} B of __local memory {sign} {local_bytes} B",

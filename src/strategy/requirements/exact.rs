@@ -1,7 +1,7 @@
 //! Tests of exact numbers of bytes, and of limits that are just reached.
 
 use super::super::preset;
-use super::tests::{PAPER_DEVICE, workload};
+use super::tests::{PAPER_DEVICE, needs_of, workload};
 use super::*;
 use crate::device::LaneOperations;
 
@@ -23,7 +23,7 @@ fn refusal(strategy: &Strategy, workload: &Workload, limits: &DeviceLimits) -> S
 fn a_tile_keeps_33_words_of_each_ray() {
     let bytes = |name, local_size| {
         let tile = with(name, "tile", "8x8");
-        Requirements::of(&tile, &Workload { local_size, ..workload(1, 1) }).private_bytes
+        needs_of(&tile, &Workload { local_size, ..workload(1, 1) }).private_bytes
     };
     assert_eq!(bytes("tile", [2, 3]), 33 * 4 * 64 * 2 * 3);
     assert_eq!(bytes("tile-group", [32, 2]), 33 * 4 * 64 * 2, "32 work-items share a tile");
@@ -31,7 +31,7 @@ fn a_tile_keeps_33_words_of_each_ray() {
 
 #[test]
 fn private_vectors_count_where_all_work_items_keep_them_at_once() {
-    let bytes = |name| Requirements::of(&of(name), &workload(1, 4)).private_bytes;
+    let bytes = |name| needs_of(&of(name), &workload(1, 4)).private_bytes;
     assert_eq!([bytes("wide"), bytes("bvh-packet")], [108 * 16 * 16; 2]);
     assert_eq!(bytes("private"), 0);
     assert_eq!(bytes("tiled"), 108 * 16);
@@ -41,14 +41,14 @@ fn private_vectors_count_where_all_work_items_keep_them_at_once() {
 fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
     let bytes = |half_light| {
         let w = Workload { half_light, image_size: [200, 101], local_size: [32, 1], ..workload(1, 1) };
-        Requirements::of(&of("tile-group"), &w).global_bytes
+        needs_of(&of("tile-group"), &w).global_bytes
     };
     // Each half picture has the same data per pixel as a whole one: image, nearest triangle, one queue entry, and the
     // word with one bit per light. Each half picture also has the triangle's planes for the eye and the light.
     assert_eq!(bytes(true) - bytes(false), (2 * (16 + 4 + 8 + 4) + 16) * 100 * 51 + 2 * 2 * 48);
     let scratch = |half_light| {
         let w = Workload { half_light, image_size: [64, 64], local_size: [8, 8], ..workload(1, 1) };
-        Requirements::of(&of("naive-scratch"), &w).scratch_bytes
+        needs_of(&of("naive-scratch"), &w).scratch_bytes
     };
     assert_eq!(scratch(true), scratch(false) * 3 / 2);
 }
@@ -56,7 +56,7 @@ fn soft_light_at_half_resolution_takes_two_half_pictures_and_their_ratios() {
 #[test]
 fn what_a_heap_takes_is_held_to_global_memory() {
     let (strategy, w) = (of("naive"), workload(1, 8));
-    let needs = Requirements::of(&strategy, &w);
+    let needs = needs_of(&strategy, &w);
     assert_eq!(needs.scratch_bytes, 108 * 800 * 504);
     let limits = DeviceLimits { global_bytes: needs.global_bytes + needs.scratch_bytes, ..PAPER_DEVICE };
     assert_eq!(refusal(&strategy, &w, &limits), "");
@@ -68,7 +68,7 @@ fn what_a_heap_takes_is_held_to_global_memory() {
 fn what_a_shared_tile_hands_on_is_counted() {
     let bytes = |side: u32| {
         let w = Workload { image_size: [side, side], local_size: [32, 1], ..workload(1, 1) };
-        Requirements::of(&of("tile-group"), &w).global_bytes
+        needs_of(&of("tile-group"), &w).global_bytes
     };
     // Per pixel: image, nearest triangle, one queue entry, and the word with one bit per light.
     assert_eq!(bytes(200) - bytes(100), (16 + 4 + 8 + 4) * 30_000);
@@ -84,11 +84,10 @@ fn nodes_are_about_as_many_as_half_full_leaves_need() {
 
 #[test]
 fn planes_are_kept_for_the_eye_and_each_light() {
-    let bytes = |lights| {
-        Requirements::of(&of("wide-common-origin"), &Workload { lights, ..workload(1000, 1) }).global_bytes
-    };
+    let bytes =
+        |lights| needs_of(&of("wide-common-origin"), &Workload { lights, ..workload(1000, 1) }).global_bytes;
     assert_eq!(bytes(3) - bytes(0), 3 * 48 * 1000);
-    assert_eq!(bytes(0) - Requirements::of(&of("wide"), &workload(1000, 1)).global_bytes, 48 * 1000);
+    assert_eq!(bytes(0) - needs_of(&of("wide"), &workload(1000, 1)).global_bytes, 48 * 1000);
 }
 
 #[test]
@@ -113,6 +112,35 @@ fn indices_of_16_bits_reach_65536_entries() {
         let expected = "16-bit indices: 65537 positions, normals or materials in the scene > 65536 of each that 16 bits can index; use layout = indexed32";
         assert_eq!(reason, expected);
     }
+}
+
+/// The device of these tests has enough memory for any image.
+#[test]
+fn a_heap_has_no_more_values_than_its_counter_counts() {
+    let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
+    let reason = |strategy: &Strategy, items| {
+        refusal(strategy, &Workload { image_size: [items, 1], ..workload(1, 1) }, &limits)
+    };
+    // A work-item's working vectors have 27 values, each with one number per ray: 2^32 / 27 = 159,072,862.8.
+    assert_eq!(reason(&of("naive"), 159_072_862), "");
+    let expected = "heap: 27 values x 159072863 x 1 work-items = 4294967301 > 4294967295";
+    assert_eq!(reason(&of("naive"), 159_072_863), expected);
+    let wide = with("naive", "width", "4");
+    assert_eq!([2, 4].map(|times| reason(&wide, times * 100_000_000).is_empty()), [true, false]);
+    assert_eq!(reason(&of("naive-scratch"), 159_072_863), "");
+}
+
+#[test]
+fn a_queue_has_no_more_entries_than_its_counter_counts() {
+    let limits = DeviceLimits { global_bytes: u64::MAX, allocation_bytes: u64::MAX, ..PAPER_DEVICE };
+    let reason = |name, image_size| {
+        let w = Workload { image_size, local_size: [32, 1], stack_size: 8, ..workload(1, 1) };
+        refusal(&of(name), &w, &limits)
+    };
+    assert_eq!(reason("tile-group", [65_536, 65_535]), "");
+    let expected = "queue: 4294967296 rays from the eye > 4294967295";
+    assert_eq!(reason("tile-group", [65_536, 65_536]), expected);
+    assert_eq!(reason("deferred", [65_536, 65_536]), "");
 }
 
 #[test]

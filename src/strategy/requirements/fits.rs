@@ -1,9 +1,12 @@
-//! Checks that do not depend on bytes: of work-groups, of indices, and of features of the scene.
+//! Checks that do not depend on bytes: of work-groups, of indices, of counters, and of features of the scene.
 
 use crate::accel::WideBvh;
 use crate::device::{DeviceLimits, LaneOperations};
 use crate::manifest::{Fact, GROUP_LANES};
-use crate::strategy::{Infeasible, Strategy, Workload};
+use crate::strategy::{Infeasible, Strategy, WorkingMemory, Workload};
+
+/// The largest number to which the counters in kernels count. Their type is `uint`.
+const MOST_COUNTED: u128 = u32::MAX as u128;
 
 /// Checks that the device supports a work-group of this shape.
 pub fn shape(workload: &Workload, limits: &DeviceLimits) -> Result<(), Infeasible> {
@@ -62,6 +65,24 @@ pub fn indices(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasibl
     let (triangles, most) = (workload.triangles, WideBvh::MAX_INDEX);
     if strategy.needs_tree() && triangles > most {
         return Err(Infeasible::beyond(format!("a tree's leaves: {triangles} triangles > {most}")));
+    }
+    Ok(())
+}
+
+/// Checks that kernels can count the values of a heap and the entries of a queue, if the strategy has them. A counter
+/// that overflows would give two work-items the same place.
+pub fn counters(strategy: &Strategy, workload: &Workload) -> Result<(), Infeasible> {
+    let [across, down] = workload.global_size(strategy).map(|items| items as u128);
+    let each = u128::from(strategy.vectors.bytes_per_ray() / 4);
+    let values = each * across * down;
+    if strategy.vectors.memory() == WorkingMemory::Heap && values > MOST_COUNTED {
+        return Err(Infeasible::beyond(format!(
+            "heap: {each} values x {across} x {down} work-items = {values} > {MOST_COUNTED}"
+        )));
+    }
+    let rays = workload.shared_rays(strategy) as u128;
+    if strategy.shares_tiles() && rays > MOST_COUNTED {
+        return Err(Infeasible::beyond(format!("queue: {rays} rays from the eye > {MOST_COUNTED}")));
     }
     Ok(())
 }
