@@ -135,7 +135,10 @@ fn a_picture_that_is_not_there_is_noted_with_its_line_and_its_material_keeps_its
         .expect("a file");
     has(&place.picture(&["--verify"]).1, &["2 triangles have a texture but no texture coordinates"]);
     std::fs::write(place.path("room.obj"), ROOM.replace("vt 1 0", "vt 1 nan")).expect("a file");
-    has(&place.mistake(&["render", "scene.toml"], 2), &["room.obj:9", "`nan` in a texture coordinate"]);
+    has(
+        &place.picture(&["--verify"]).1,
+        &["line 9: `nan` in a texture coordinate", "1 such texture coordinate is ignored"],
+    );
 }
 
 /// The defects of the changed kernels include another channel, a shift by half a texel, a wrong neighbour and a wrong

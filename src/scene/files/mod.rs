@@ -1,6 +1,7 @@
 //! Reads mesh files: OBJ, PLY, STL and glTF, recognised by their contents.
 
 mod colours;
+mod flaw;
 mod gltf;
 mod lights;
 mod origin;
@@ -15,6 +16,7 @@ use crate::filetype::{FileType, MeshFormat, Opened};
 use crate::memory::Available;
 use crate::reader::Kind;
 use crate::words::counted;
+use flaw::Named;
 use std::path::Path;
 
 pub(in crate::scene) use colours::{linear, note as colours_note, paint};
@@ -87,14 +89,13 @@ pub(in crate::scene) fn read(
     let bytes = opened.bytes(Kind::Mesh).map_err(unreadable)?;
     let (name, folder) = (path.display().to_string(), path.parent().unwrap_or(Path::new("")));
     let reach = Reach { folder, permitted };
-    let file = match format {
+    let named = Named { name: &name, quotes: permitted.quotes };
+    let mut file = match format {
         MeshFormat::Obj => obj::parse(&name, reach, &bytes),
-        MeshFormat::Ply => ply::parse(&name, &bytes),
-        MeshFormat::Stl => stl::parse(&name, &bytes),
+        MeshFormat::Ply => ply::parse(named, &bytes),
+        MeshFormat::Stl => stl::parse(named, &bytes),
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse(&name, reach, &bytes),
-    };
-    let mut file =
-        if permitted.quotes || format == MeshFormat::Obj { file? } else { withheld(file, &name, format)? };
+    }?;
     if file.mesh.triangles.is_empty() {
         return Err(Error::input(format!(
             "{name}: no triangles: the file is {} without a face",
@@ -116,26 +117,6 @@ fn invisible(mesh: &Mesh) -> Option<String> {
     let triangles = mesh.triangles.len();
     let note = || format!("nothing is visible: {} without area", counted(triangles, "triangle"));
     (!mesh.triangles.iter().any(has_area)).then(note)
-}
-
-/// Returns the result of reading a file whose text must not be shown: without notes, and with an error that does not
-/// quote the file.
-fn withheld(file: Result<MeshFile>, name: &str, format: MeshFormat) -> Result<MeshFile> {
-    let told = |file: MeshFile| MeshFile { camera_note: None, notes: Vec::new(), ..file };
-    let outside = "the file's text is not shown, since the file is outside the folder of the file that names it; \
-         `raycl render FILE` shows the mistake";
-    let mistake = || {
-        Error::input(format!("{name}: the file is damaged, or it is not {}", format.name()))
-            .with_help(outside)
-    };
-    file.map(told).map_err(|_| mistake())
-}
-
-/// Returns the error for a mistake in a mesh, without an excerpt of the file. `name` is the name of the file, followed
-/// by the number of the line if it is known.
-fn mistake(name: &str, what: impl std::fmt::Display) -> Error {
-    Error::input(format!("{name}: {what}"))
-        .with_help("the file may be cut off or damaged; export it again, or convert it to OBJ")
 }
 
 #[cfg(test)]

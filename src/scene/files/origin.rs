@@ -2,8 +2,7 @@
 //! of their points. Scales meshes of extreme size, since products of their lengths would underflow or overflow
 //! single precision.
 
-use super::mistake;
-use crate::error::Result;
+use super::flaw::Flaw;
 use crate::scene::mesh::Triangle;
 use crate::scene::{Camera, MAX_COORDINATE};
 use glam::{DVec3, Vec3};
@@ -120,23 +119,18 @@ fn length(vector: DVec3) -> f64 {
 
 /// Returns positions in single precision, and their placement. Positions that no triangle uses need not be finite:
 /// scanners write NaN for points that they did not measure.
-pub(super) fn settle(
-    name: &str,
-    positions: &[DVec3],
-    triangles: &[Triangle],
-) -> Result<(Vec<Vec3>, Placement)> {
-    settle_if(name, positions, triangles, |_| true)
+pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
+    settle_if(positions, triangles, |_| true)
 }
 
 /// Does the same as [`settle`], but scales the mesh only if `fits` returns true for the placement.
 pub(super) fn settle_if(
-    name: &str,
     positions: &[DVec3],
     triangles: &[Triangle],
     fits: impl Fn(&Placement) -> bool,
-) -> Result<(Vec<Vec3>, Placement)> {
+) -> Result<(Vec<Vec3>, Placement), Flaw> {
     if !positions.iter().all(is_valid) {
-        check(name, positions, triangles)?;
+        check(positions, triangles)?;
     }
     let wanted = placement_of(positions);
     let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
@@ -161,11 +155,14 @@ pub(super) fn is_valid(position: &DVec3) -> bool {
 }
 
 /// Refuses triangles with a position that is not valid.
-fn check(name: &str, positions: &[DVec3], triangles: &[Triangle]) -> Result<()> {
+fn check(positions: &[DVec3], triangles: &[Triangle]) -> Result<(), Flaw> {
     let mut used = triangles.iter().flat_map(|triangle| triangle.positions).map(|corner| corner as usize);
     let Some(vertex) = used.find(|&vertex| !is_valid(&positions[vertex])) else { return Ok(()) };
-    let what = format!("vertex {vertex} is at {}", positions[vertex]);
-    Err(mistake(name, format!("{what}; expected finite coordinates within +-{MAX_COORDINATE:e}")))
+    let expected = format!("expected finite coordinates within +-{MAX_COORDINATE:e}");
+    Err(Flaw::quoting(
+        format!("vertex {vertex} is at {}; {expected}", positions[vertex]),
+        format!("vertex {vertex} is not valid; {expected}"),
+    ))
 }
 
 #[cfg(test)]
@@ -176,12 +173,12 @@ mod tests {
     fn a_map_is_settled_with_its_centimetres_and_a_mesh_nearby_keeps_its_bits() {
         let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);
         let corners = [utm, utm + DVec3::new(0.01, 0.0, 0.0), utm + DVec3::new(100.0, 80.0, 5.0)];
-        let (positions, placement) = settle("map", &corners, &[]).expect("finite positions");
+        let (positions, placement) = settle(&corners, &[]).expect("finite positions");
         assert_eq!(placement.scale, 1.0);
         assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
         assert!((positions[1].x - positions[0].x - 0.01).abs() < 1e-5);
         let near = [DVec3::new(0.1, 5.0, 0.0), DVec3::new(1.0, 6.0, 0.0)];
-        let (positions, placement) = settle("near", &near, &[]).expect("finite positions");
+        let (positions, placement) = settle(&near, &[]).expect("finite positions");
         assert_eq!((positions[0], placement), (Vec3::new(0.1, 5.0, 0.0), Placement::IDENTITY));
     }
 
@@ -189,7 +186,7 @@ mod tests {
     fn a_mesh_of_extreme_size_is_scaled_by_a_power_of_two_and_a_point_is_not() {
         let placed = |at: DVec3, edge: f64| {
             let corners = [at, at + DVec3::X * edge, at + DVec3::Y * edge];
-            let (positions, placement) = settle("a", &corners, &[]).expect("valid positions");
+            let (positions, placement) = settle(&corners, &[]).expect("valid positions");
             ((positions[1] - positions[0]).as_dvec3(), placement)
         };
         for edge in [1e-300, 1e-46, 1e-30, 1e-20, 1e-10, 1e-7, 5e11, 1e12] {
@@ -217,7 +214,7 @@ mod tests {
     #[test]
     fn a_mesh_is_not_scaled_if_something_else_of_its_file_does_not_fit() {
         let corners = [DVec3::ZERO, DVec3::X * 1e-9];
-        let (positions, placement) = settle_if("a", &corners, &[], |_| false).expect("valid positions");
+        let (positions, placement) = settle_if(&corners, &[], |_| false).expect("valid positions");
         assert_eq!((positions[1], placement), (Vec3::X * 1e-9, Placement::IDENTITY));
     }
 
@@ -226,9 +223,8 @@ mod tests {
         for x in [f64::NAN, f64::INFINITY, 1e13] {
             let positions = [DVec3::ONE, DVec3::X * x];
             let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
-            assert!(settle("odd", &positions, &[triangle([0, 0, 1])]).is_err(), "{x}");
-            let (settled, placement) =
-                settle("unused", &positions, &[triangle([0; 3])]).expect("valid positions");
+            assert!(settle(&positions, &[triangle([0, 0, 1])]).is_err(), "{x}");
+            let (settled, placement) = settle(&positions, &[triangle([0; 3])]).expect("valid positions");
             assert_eq!(
                 settled.iter().map(|p| p.as_dvec3() + placement.origin).collect::<Vec<_>>(),
                 [DVec3::ONE; 2],

@@ -1,31 +1,50 @@
-//! Reads PLY files, ASCII or binary in either byte order, with the crate `ply-rs-bw`.
+//! Reads PLY files, ASCII or binary in either byte order. The crate `ply-rs-bw` reads the headers and the elements of
+//! binary files.
 
+mod ascii;
 mod header;
 
+use super::MeshFile;
+use super::colours;
+use super::flaw::{Flaw, Named};
 use super::origin::{placement_of, settle};
-use super::{MeshFile, colours, mistake};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::memory::Available;
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::{MAX_CONCAVE_CORNERS, triangulate};
+use crate::scene::obj::{MAX_CONCAVE_CORNERS, quoted, triangulate};
 use crate::words::{counted, counted_are};
 use glam::{DVec3, Vec3};
+use header::Tidied;
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
-use ply_rs_bw::ply::{ElementDef, Header, Property, PropertyAccess, PropertyAccessResult};
-use std::io::Cursor;
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
 
-/// Reads a file named `name`.
-pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
-    let failed = |error: ParseError| misread(name, &error);
-    let (bytes, strange) = header::tidied(bytes);
-    let mut reader = Reader::new(Cursor::new(&bytes[..]));
-    let header = Parser::<Skipped>::new().read_header(&mut reader).map_err(failed)?;
+/// Memory for a vertex while a file is read: the vertex itself, its position in double and in single precision, its
+/// normal and its colour.
+const VERTEX_BYTES: u64 = (size_of::<Vertex>() + size_of::<DVec3>() + 3 * size_of::<Vec3>()) as u64;
+/// Memory for a face while a file is read: the face itself and one triangle.
+const FACE_BYTES: u64 = (size_of::<Face>() + size_of::<Triangle>()) as u64;
+
+/// Reads a file.
+pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
+    let Tidied { header: text, payload, strange } = header::tidied(bytes);
+    let header = Parser::<Skipped>::new()
+        .read_header(&mut Reader::new(text.as_bytes()))
+        .map_err(|error| named.error(misread(&error, error.line())))?;
+    check_sizes(&header, payload.len()).map_err(|flaw| named.error(flaw))?;
+    hold(named.name, &header)?;
+    let mut elements = match header.encoding {
+        Encoding::Ascii => Elements::Ascii(ascii::Lines::of(payload, 1 + text.lines().count())),
+        _ => Elements::Binary(Reader::new(payload)),
+    };
     let mut parts = Parts::default();
     for element in header.elements.values() {
-        parts.read(element, &header, &mut reader).map_err(failed)?;
+        parts.read(element, &header, &mut elements).map_err(|flaw| named.error(flaw))?;
     }
-    let mut file = parts.mesh(name, &header)?;
+    let mut file = parts.mesh(named.quotes, &header).map_err(|flaw| named.error(flaw))?;
     if strange > 0 {
         file.notes.push(format!(
             "ignored {} in the header: PLY does not define such lines",
@@ -35,15 +54,86 @@ pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
     Ok(file)
 }
 
-/// Returns the error without the file's text. If the reader reports the number of the line, the message contains this
-/// number.
-fn misread(name: &str, error: &ParseError) -> Error {
+/// Returns the mistake that `ply-rs-bw` found, without the file's text.
+fn misread(error: &ParseError, line: Option<usize>) -> Flaw {
     let message = error.to_string();
     let what = message.lines().next().unwrap_or_default();
     let what = what.split_once(": ").map_or(what, |(_, what)| what).trim_end_matches('.');
-    match error.line() {
-        Some(line) => mistake(&format!("{name}:{line}"), what),
-        None => mistake(name, what),
+    // Even the first line of some messages contains a name from the header.
+    let flaw = Flaw::quoting(what, "not valid PLY; expected elements as the header defines them");
+    match line {
+        Some(line) => flaw.at(line),
+        None => flaw,
+    }
+}
+
+/// Refuses a file that is too short for the elements that its header states. Without this check, the number of elements
+/// alone would decide how much memory and time a file takes, since elements may take few bytes or none.
+fn check_sizes(header: &Header, payload: usize) -> std::result::Result<(), Flaw> {
+    let mut left = payload as u64;
+    // In an ASCII file, the last number needs no separator after it.
+    left += u64::from(header.encoding == Encoding::Ascii);
+    for element in header.elements.values().filter(|element| element.count > 0) {
+        let (name, count) = (quoted(element.name.as_bytes()), element.count as u64);
+        let least: u64 = element.properties.values().map(|of| least_bytes(header, &of.data_type)).sum();
+        if least == 0 {
+            let without = "has elements without properties";
+            return Err(Flaw::quoting(
+                format!("the header {without} ({name})"),
+                format!("the header {without}"),
+            ));
+        }
+        left = left.checked_sub(count.saturating_mul(least)).ok_or_else(|| {
+            let what = format!("the header states {count} elements {name} of at least {least} bytes");
+            let unquoted = "the file has fewer bytes than the elements of its header need";
+            Flaw::quoting(format!("{what}, but {left} bytes are left for them"), unquoted)
+        })?;
+    }
+    Ok(())
+}
+
+/// Returns the smallest number of bytes of a property: of an empty list, there is only the count.
+fn least_bytes(header: &Header, kind: &PropertyType) -> u64 {
+    let (PropertyType::Scalar(kind) | PropertyType::List(kind, _)) = kind;
+    match (header.encoding, kind) {
+        // A digit and a separator.
+        (Encoding::Ascii, _) => 2,
+        (_, ScalarType::Char | ScalarType::UChar) => 1,
+        (_, ScalarType::Short | ScalarType::UShort) => 2,
+        (_, ScalarType::Int | ScalarType::UInt | ScalarType::Float) => 4,
+        (_, ScalarType::Double) => 8,
+    }
+}
+
+/// Refuses a file whose vertices and faces do not fit into the host's memory.
+fn hold(name: &str, header: &Header) -> Result<()> {
+    let count = |name: &str| header.elements.get(name).map_or(0, |element| element.count as u64);
+    let (vertices, faces) = (count("vertex"), count("face").saturating_add(count("tristrips")));
+    let bytes = VERTEX_BYTES.saturating_mul(vertices).saturating_add(FACE_BYTES.saturating_mul(faces));
+    let sum = format!("{VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces");
+    Available::read().hold(bytes, &format!("reading {name}"), &sum)
+}
+
+/// The elements that are not read yet.
+enum Elements<'a> {
+    Ascii(ascii::Lines<'a>),
+    Binary(Reader<&'a [u8]>),
+}
+
+impl Elements<'_> {
+    /// Reads all elements of the next type.
+    fn next<E: PropertyAccess>(
+        &mut self,
+        of: &ElementDef,
+        header: &Header,
+    ) -> std::result::Result<Vec<E>, Flaw> {
+        match self {
+            Self::Ascii(lines) => lines.elements(of),
+            // The line number in this error is that of no line, since a binary file has none.
+            Self::Binary(reader) => Parser::new()
+                .read_payload_for_element(reader, of, header)
+                .map_err(|error| misread(&error, None)),
+        }
     }
 }
 
@@ -62,22 +152,21 @@ impl Parts {
         &mut self,
         element: &ElementDef,
         header: &Header,
-        reader: &mut Reader<Cursor<&[u8]>>,
-    ) -> std::result::Result<(), ParseError> {
+        elements: &mut Elements<'_>,
+    ) -> std::result::Result<(), Flaw> {
         match element.name.as_str() {
-            "vertex" => self.vertices = Parser::new().read_payload_for_element(reader, element, header)?,
-            "face" => self.faces = Parser::new().read_payload_for_element(reader, element, header)?,
-            "tristrips" => self.strips = Parser::new().read_payload_for_element(reader, element, header)?,
+            "vertex" => self.vertices = elements.next(element, header)?,
+            "face" => self.faces = elements.next(element, header)?,
+            "tristrips" => self.strips = elements.next(element, header)?,
             other => {
-                let skipped = Parser::<Skipped>::new();
                 self.others.push((other.to_owned(), element.count));
-                skipped.read_payload_for_element(reader, element, header)?;
+                elements.next::<Skipped>(element, header)?;
             }
         }
         Ok(())
     }
 
-    fn mesh(self, name: &str, header: &Header) -> Result<MeshFile> {
+    fn mesh(self, quotes: bool, header: &Header) -> std::result::Result<MeshFile, Flaw> {
         let has = |names: [&str; 3]| {
             let vertex = header.elements.get("vertex");
             names.iter().all(|name| vertex.is_some_and(|vertex| vertex.properties.contains_key(*name)))
@@ -99,25 +188,22 @@ impl Parts {
         let placement = placement_of(&positions);
         let mut short = 0;
         for (number, face) in self.faces.iter().enumerate() {
-            let corners = face
-                .corners(positions.len())
-                .map_err(|what| mistake(name, format!("face {number}: {what}")))?;
+            let corners = face.corners(positions.len()).map_err(|what| missing("face", number, &what))?;
             match corners[..] {
                 [a, b, c] => push([a, b, c]),
                 [] | [_] | [_, _] => short += 1,
                 _ => {
                     let outline: Vec<DVec3> =
                         corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
-                    let triangles = triangulate(&outline).ok_or_else(|| too_large(name, number))?;
+                    let triangles = triangulate(&outline).ok_or_else(|| too_large(number))?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
                 }
             }
         }
         for (number, strip) in self.strips.iter().enumerate() {
-            let what = |what| mistake(name, format!("strip {number}: {what}"));
-            strip.triangles(positions.len(), &mut push).map_err(what)?;
+            strip.triangles(positions.len(), &mut push).map_err(|what| missing("strip", number, &what))?;
         }
-        let (settled, placement) = settle(name, &positions, &mesh.triangles)?;
+        let (settled, placement) = settle(&positions, &mesh.triangles)?;
         mesh.positions = settled;
         let mut notes = Vec::new();
         let coloured =
@@ -132,12 +218,12 @@ impl Parts {
         if clear > 0 {
             notes.push(format!("alpha of {} is not used: every surface is opaque", counted(clear, "vertex")));
         }
-        notes.extend(self.notes(header, short));
+        notes.extend(self.notes(quotes, header, short));
         Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
     }
 
-    /// Returns notes on ignored parts of the file.
-    fn notes(&self, header: &Header, short: usize) -> Vec<String> {
+    /// Returns notes on ignored parts of the file, with text of the file only if `quotes` is true.
+    fn notes(&self, quotes: bool, header: &Header, short: usize) -> Vec<String> {
         let mut notes = Vec::new();
         let textures = header.comments.iter().filter(|comment| comment.starts_with("TextureFile")).count();
         if textures > 0 {
@@ -158,8 +244,8 @@ impl Parts {
             .map(|(name, count)| format!("{name} {count}"))
             .collect();
         if !others.is_empty() {
-            notes
-                .push(format!("elements other than vertices and faces are left out ({})", others.join(", ")));
+            let names = if quotes { format!(" ({})", others.join(", ")) } else { String::new() };
+            notes.push(format!("elements other than vertices and faces are left out{names}"));
         }
         notes
     }
@@ -205,12 +291,17 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// Returns the error about a face that is too large to be divided into triangles.
-fn too_large(name: &str, number: usize) -> Error {
+/// Returns the mistake of a face that is too large to be divided into triangles.
+fn too_large(number: usize) -> Flaw {
     let most = MAX_CONCAVE_CORNERS;
-    mistake(
-        name,
-        format!("face {number} is concave and has over {most} corners; divide it into smaller faces"),
+    format!("face {number} is concave and has over {most} corners; divide it into smaller faces").into()
+}
+
+/// Returns the mistake of a face or a strip with a vertex that does not exist; `what` quotes the vertex.
+fn missing(kind: &str, number: usize, what: &str) -> Flaw {
+    Flaw::quoting(
+        format!("{kind} {number}: {what}"),
+        format!("{kind} {number} has a vertex that does not exist in the file"),
     )
 }
 

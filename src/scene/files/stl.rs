@@ -2,13 +2,14 @@
 //! smooth surfaces. The facets' normals are not read: correct normals follow from the order of the
 //! corners.
 
+use super::MeshFile;
+use super::flaw::{Flaw, Named};
 use super::origin::settle;
-use super::{MeshFile, mistake};
 use crate::error::Result;
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::{decimal, quoted};
+use crate::scene::obj::{decimal, quoted, split_lines};
 use crate::words::counted_are;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -23,17 +24,21 @@ const HEAD_BYTES: usize = 1 << 10;
 /// Materialise Magics writes this key before a colour for all facets, in the header of a binary file.
 const COLOUR: &[u8] = b"COLOR=";
 
-/// Reads an STL file from its bytes. Errors name the file as `name`.
-pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+/// Reads an STL file from its bytes.
+pub(super) fn parse(named: Named<'_>, bytes: &[u8]) -> Result<MeshFile> {
+    read(bytes).map_err(|flaw| named.error(flaw))
+}
+
+fn read(bytes: &[u8]) -> std::result::Result<MeshFile, Flaw> {
     let (corners, notes) = match is_binary(bytes) {
         true => {
-            let count = held(bytes).map_err(|what| mistake(name, what))?;
+            let count = held(bytes)?;
             (binary(bytes, count), notes(bytes, count))
         }
-        false => (ascii(bytes).map_err(|(line, what)| mistake(&format!("{name}:{line}"), what))?, Vec::new()),
+        false => (ascii(bytes)?, Vec::new()),
     };
     let (positions, triangles) = joined(&corners);
-    let (positions, placement) = settle(name, &positions, &triangles)?;
+    let (positions, placement) = settle(&positions, &triangles)?;
     let mesh = Mesh { positions, triangles, materials: vec![Material::default()], ..Mesh::default() };
     Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
 }
@@ -59,12 +64,15 @@ fn count(bytes: &[u8]) -> Option<usize> {
 
 /// Returns the number of triangles to be read: the header's number or, if it is 0, the number of
 /// all triangles in the file. A program that writes to a stream may leave a 0 in the header.
-fn held(bytes: &[u8]) -> std::result::Result<usize, String> {
+fn held(bytes: &[u8]) -> std::result::Result<usize, Flaw> {
     let (said, held) = (count(bytes).unwrap_or(0), (bytes.len() - HEADER_BYTES) / TRIANGLE_BYTES);
     match said {
         0 => Ok(held),
         _ if said <= held => Ok(said),
-        _ => Err(format!("the header says {said} triangles, but the file holds {held}")),
+        _ => Err(Flaw::quoting(
+            format!("the header says {said} triangles, but the file holds {held}"),
+            format!("the header says more triangles than the file holds ({held})"),
+        )),
     }
 }
 
@@ -99,30 +107,65 @@ fn binary(bytes: &[u8], count: usize) -> Vec<DVec3> {
     rows(bytes, count).flat_map(|row| [12, 24, 36].map(|at| corner(&row[at..]))).collect()
 }
 
-/// Returns three corners per triangle of a text file. Only the lines `vertex x y z` are used, three before
-/// each `endfacet`. An error names the line.
-fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, (usize, String)> {
+/// The words that begin or end a part of a text file.
+const WORDS: [&[u8]; 7] = [b"solid", b"endsolid", b"facet", b"endfacet", b"outer", b"endloop", b"vertex"];
+
+/// A word of a text file, after the number of its line.
+type Word<'a> = (usize, &'a [u8]);
+
+/// Returns three corners per triangle of a text file. Only `vertex x y z` is used, three times before each
+/// `endfacet`. A line end only ends the name of a solid, since some programs write several statements into a line.
+fn ascii(bytes: &[u8]) -> std::result::Result<Vec<DVec3>, Flaw> {
     let mut corners = Vec::new();
-    let lines = || bytes.split(|&byte| byte == b'\n');
-    for (line, text) in (1..).zip(lines()) {
-        let mut words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        let word = words.next().unwrap_or_default();
-        if word.eq_ignore_ascii_case(b"vertex") {
-            corners.push(vertex(words).map_err(|what| (line, what))?);
-        } else if word.eq_ignore_ascii_case(b"endfacet") && !corners.len().is_multiple_of(3) {
-            return Err((line, "a facet without exactly three vertices".to_owned()));
+    let mut words = (1..).zip(split_lines(bytes)).flat_map(words_of);
+    while let Some((line, word)) = words.next() {
+        if is(word, "vertex") {
+            corners.push(vertex(line, &mut words)?);
+        } else if is(word, "endfacet") && !corners.len().is_multiple_of(3) {
+            return Err(Flaw::from("a facet without exactly three vertices").at(line));
+        } else if is(word, "solid") || is(word, "endsolid") {
+            skip_name(line, &mut words);
         }
     }
     if corners.len().is_multiple_of(3) {
         return Ok(corners);
     }
-    Err((lines().count(), "the last facet ends before its third vertex".to_owned()))
+    let last = split_lines(bytes).count();
+    Err(Flaw::from("the last facet ends before its third vertex").at(last))
 }
 
-fn vertex<'a>(mut words: impl Iterator<Item = &'a [u8]>) -> std::result::Result<DVec3, String> {
+fn words_of((number, line): (usize, &[u8])) -> impl Iterator<Item = Word<'_>> + Clone {
+    let words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    words.map(move |word| (number, word))
+}
+
+fn is(word: &[u8], expected: &str) -> bool {
+    word.eq_ignore_ascii_case(expected.as_bytes())
+}
+
+/// Skips the name of a solid, which may be any text. The name ends before the first facet in its line, or else with the
+/// line.
+fn skip_name<'a>(line: usize, words: &mut (impl Iterator<Item = Word<'a>> + Clone)) {
+    loop {
+        let mut ahead = words.clone();
+        let Some((_, first)) = ahead.next().filter(|(number, _)| *number == line) else { return };
+        if is(first, "facet") && ahead.next().is_some_and(|(_, second)| is(second, "normal")) {
+            return;
+        }
+        words.next();
+    }
+}
+
+fn vertex<'a>(line: usize, words: &mut impl Iterator<Item = Word<'a>>) -> std::result::Result<DVec3, Flaw> {
     let mut number = || {
-        let word = words.next().ok_or("a vertex with fewer than three numbers")?;
-        decimal(word).ok_or_else(|| format!("{} in a vertex; expected a finite decimal number", quoted(word)))
+        let next =
+            words.next().filter(|(_, word)| !WORDS.iter().any(|known| word.eq_ignore_ascii_case(known)));
+        let short = || Flaw::from("a vertex with fewer than three numbers").at(line);
+        let (line, word) = next.ok_or_else(short)?;
+        decimal(word).ok_or_else(|| {
+            let expected = "in a vertex; expected a finite decimal number";
+            Flaw::quoting(format!("{} {expected}", quoted(word)), format!("not a number {expected}")).at(line)
+        })
     };
     Ok(DVec3::new(number()?, number()?, number()?))
 }
@@ -154,6 +197,10 @@ fn joined(corners: &[DVec3]) -> (Vec<DVec3>, Vec<Triangle>) {
 mod tests {
     use super::*;
     use glam::Vec3;
+
+    fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+        super::parse(Named { name, quotes: true }, bytes)
+    }
 
     const TWO: &str = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n\
         endsolid a\nSOLID\n FACET NORMAL 0 0 1\n  OUTER LOOP\n  VERTEX 1 0 0\r\n  VERTEX 1. 1e0 -0\n  VERTEX .0 1 0\n  ENDLOOP\n ENDFACET\n";
@@ -222,6 +269,36 @@ mod tests {
         ] {
             let error = parse("a.stl", TWO.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
             assert!(error.contains(message), "{error}");
+        }
+    }
+
+    #[test]
+    fn statements_may_stand_in_any_lines() {
+        let mesh = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
+        let one_line = TWO.replace(['\r', '\n'], " ");
+        let odd_lines =
+            TWO.replace("vertex 1 0 0", "vertex\n1\n\n0 0").replace("normal 0 0 1\n", "normal 0 0 1 ");
+        for text in [TWO.replace("\r\n", "\n").replace('\n', "\r"), one_line, odd_lines] {
+            assert_eq!(parse("a.stl", text.as_bytes()).unwrap().mesh, mesh, "{text:?}");
+        }
+        for (text, message) in [
+            (TWO.replace("\r\n", "\n").replace('\n', "\r"), "a.stl:6: `x` in a vertex"),
+            (TWO.replace("outer loop\nvertex", "outer loop vertex"), "a.stl:5: `x` in a vertex"),
+            (TWO.replace("vertex 0 1 0", "vertex\n0\n1 0"), "a.stl:8: `x` in a vertex"),
+        ] {
+            let text =
+                text.replacen("1 0\rendloop", "x 0\rendloop", 1).replacen("1 0\nendloop", "x 0\nendloop", 1);
+            let error = parse("a.stl", text.as_bytes()).err().unwrap().to_string();
+            assert!(error.contains(message), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_name_of_a_solid_may_be_any_text() {
+        let mesh = parse("a.stl", TWO.as_bytes()).unwrap().mesh;
+        for name in ["vertex", "my facet vertex 1", "", "solid endfacet vertex"] {
+            let text = TWO.replace("solid a", &format!("solid {name}"));
+            assert_eq!(parse("a.stl", text.as_bytes()).unwrap().mesh, mesh, "{name}");
         }
     }
 

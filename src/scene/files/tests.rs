@@ -11,10 +11,11 @@ fn fixture(name: &str) -> PathBuf {
 
 fn parse(format: MeshFormat, bytes: &[u8]) -> Result<MeshFile> {
     let reach = Reach { folder: Path::new("/nowhere"), permitted: PERMITTED };
+    let named = Named { name: "a", quotes: true };
     match format {
         MeshFormat::Obj => obj::parse("a", reach, bytes),
-        MeshFormat::Ply => ply::parse("a", bytes),
-        MeshFormat::Stl => stl::parse("a", bytes),
+        MeshFormat::Ply => ply::parse(named, bytes),
+        MeshFormat::Stl => stl::parse(named, bytes),
         MeshFormat::Gltf | MeshFormat::Glb => gltf::parse("a", reach, bytes),
     }
 }
@@ -72,7 +73,26 @@ fn a_file_of_others_is_read_and_nothing_of_its_text_is_told() {
     let permitted = Permitted { quotes: false, ..PERMITTED };
     let opened = Opened::at(&path).unwrap();
     let error = super::read(&path, opened, MeshFormat::Stl, permitted).err().unwrap().to_string();
-    assert!(error.contains("not an STL mesh") && !error.contains("secret"), "{error}");
+    let expected = "a.stl:3: not a number in a vertex; expected a finite decimal number";
+    assert!(error.ends_with(expected) && !error.contains("secret"), "{error}");
+}
+
+#[test]
+fn notes_that_quote_nothing_are_told_about_a_file_of_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar alpha\nelement face 1\nproperty list uchar int vertex_indices\nelement secret 1\n\
+        property int secret\nend_header\n0 0 0 255\n1 0 0 255\n0 1 0 9\n3 0 1 2\n7\n";
+    std::fs::write(&path, text).unwrap();
+    let notes = |quotes| {
+        let permitted = Permitted { quotes, ..PERMITTED };
+        super::read(&path, Opened::at(&path).unwrap(), MeshFormat::Ply, permitted).unwrap().notes
+    };
+    let alpha = "alpha of 1 vertex is not used: every surface is opaque".to_owned();
+    let others = "elements other than vertices and faces are left out";
+    assert_eq!(notes(true), [alpha.clone(), format!("{others} (secret 1)")]);
+    assert_eq!(notes(false), [alpha, others.to_owned()]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
-use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, words};
+use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, without_comment, words};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
@@ -112,8 +112,12 @@ fn some_normals_missing(corners: &[Corner]) -> bool {
 }
 
 impl FaceChunk {
-    fn material(&mut self, context: &FaceContext, name: &str) -> u32 {
-        if let Some(&index) = context.materials.get(name) {
+    /// Returns the index of the material that a `usemtl` line names. A comment may follow the name, but some programs
+    /// write names such as `Material #25`, so the whole text is looked up first.
+    fn material(&mut self, context: &FaceContext, whole: &str) -> u32 {
+        let name = without_comment(whole);
+        let known = [whole, name].into_iter().find_map(|name| context.materials.get(name));
+        if let Some(&index) = known {
             return index;
         }
         if !name.is_empty() {

@@ -30,15 +30,15 @@ use faces::{FaceChunk, FaceContext};
 use glam::Vec3;
 use points::{PointChunk, Reading};
 use rayon::prelude::*;
-use text::{Chunk, Mistake, Source};
+use text::{Chunk, Mistake, Seen, Source};
 use textures::{Maps, Places};
 
 pub(in crate::scene) use asked::{Asked, Wish};
 pub(in crate::scene) use mtl::Reach;
 pub(in crate::scene) use notes::of_materials as note_materials;
 pub(in crate::scene) use polygon::{MAX_CONCAVE_CORNERS, triangulate};
-pub(in crate::scene) use text::{decimal, quoted};
-pub(in crate::scene) use textures::unmapped;
+pub(in crate::scene) use text::{decimal, quoted, split_lines};
+pub(in crate::scene) use textures::{finite, unmapped};
 
 /// The permissions for reading a mesh.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +71,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
     let materials = mtl::load_all(reach, libraries, &mut notes)?;
 
     let coordinates = match materials.maps.iter().any(Maps::has_any) {
-        true => read_coordinates(source, &chunks)?,
+        true => read_coordinates(source, &chunks, &mut notes),
         false => Vec::new(),
     };
     let starts = faces::starts(&points, &coordinates);
@@ -175,8 +175,10 @@ fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placeme
 }
 
 /// Returns the texture coordinates of each piece; they are only read if a material has a texture.
-fn read_coordinates(source: &Source, chunks: &[Chunk]) -> Result<Vec<Vec<[f32; 2]>>> {
-    in_order(source, chunks.par_iter().map(points::texture_coordinates).collect())
+fn read_coordinates(source: &Source, chunks: &[Chunk], notes: &mut Vec<String>) -> Vec<Vec<[f32; 2]>> {
+    let (coordinates, odd): (_, Vec<Seen>) = chunks.par_iter().map(points::texture_coordinates).unzip();
+    odd::note_coordinates(odd.into_iter().fold(Seen::default(), Seen::joined), source, notes);
+    coordinates
 }
 
 /// Returns the pieces' results, or the first mistake in the file.

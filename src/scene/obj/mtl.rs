@@ -2,7 +2,7 @@
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Source, keyword, quoted, tokens, words};
+use super::text::{Mistake, Source, keyword, quoted, tokens, without_comment, words};
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
@@ -13,6 +13,7 @@ use crate::scene::INPUTS;
 use crate::scene::material::{DEFAULT_LAMBERTIAN, Material, PAPER_SHININESS};
 use glam::Vec3;
 use std::collections::HashMap;
+use std::mem::take;
 use std::path::{Path, PathBuf};
 
 /// Materials and their names; number 0 is the default material.
@@ -35,45 +36,112 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds a note for each file that cannot.
+/// Loads all MTL files that can be loaded, and adds a note for each file that cannot. If several files define a name, the
+/// last `mtllib` line counts, and the first file of a line, as the specification of OBJ says.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,
     notes: &mut Vec<String>,
 ) -> Result<Materials> {
-    let mut materials = Materials {
-        list: vec![Material::default()],
-        asked: vec![Asked::default()],
-        maps: vec![Maps::default()],
-        by_name: HashMap::new(),
-    };
+    let mut loader = Loader::new();
+    // For each line, the numbers of its files.
+    let mut lines: Vec<Vec<usize>> = Vec::new();
+    // Some programs write the same line before each object.
+    let mut known: HashMap<&str, Vec<usize>> = HashMap::new();
     for library in libraries {
-        for name in reach.file_names(library) {
-            match reach.open(name) {
-                Ok(bytes) => materials.add(reach, name, &bytes, notes)?,
-                Err(reason) => {
-                    let quoted = || format!(" {}", quoted(name.as_bytes()));
-                    let name = if reach.permitted.quotes { quoted() } else { String::new() };
-                    let note = format!(
-                        "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
-                    );
-                    if !notes.contains(&note) {
-                        notes.push(note);
-                    }
-                }
+        if !known.contains_key(&**library) {
+            let names = reach.file_names(library).into_iter();
+            let files = names.map(|name| loader.file(reach, name, notes)).collect::<Result<Vec<_>>>()?;
+            known.insert(library, files.into_iter().flatten().collect());
+        }
+        lines.push(known[&**library].clone());
+    }
+    let order: Vec<usize> = lines.into_iter().rev().flatten().collect();
+    Ok(loader.named(&order))
+}
+
+/// Materials that are being loaded.
+struct Loader {
+    materials: Materials,
+    /// The number of each file that was loaded.
+    files: HashMap<PathBuf, usize>,
+    /// The names of the materials of each file.
+    names: Vec<Names>,
+}
+
+/// The names of a file's materials, and the materials' numbers.
+#[derive(Default)]
+struct Names {
+    whole: HashMap<String, u32>,
+    /// The names without the comment after them. They count only where no whole name fits.
+    short: HashMap<String, u32>,
+}
+
+impl Loader {
+    fn new() -> Self {
+        let materials = Materials {
+            list: vec![Material::default()],
+            asked: vec![Asked::default()],
+            maps: vec![Maps::default()],
+            by_name: HashMap::new(),
+        };
+        Self { materials, files: HashMap::new(), names: Vec::new() }
+    }
+
+    /// Loads a file unless it has been loaded, and returns its number. If the file cannot be loaded, adds a note.
+    fn file(&mut self, reach: Reach<'_>, name: &str, notes: &mut Vec<String>) -> Result<Option<usize>> {
+        let found = reach.locate(name).and_then(|path| match self.files.get(&path) {
+            Some(number) => Ok((*number, None)),
+            None => Ok((self.names.len(), Some((open(&path)?, path)))),
+        });
+        match found {
+            Ok((number, None)) => Ok(Some(number)),
+            Ok((number, Some((bytes, path)))) => {
+                let names = self.materials.add(reach, name, &bytes, notes)?;
+                self.names.push(names);
+                self.files.insert(path, number);
+                Ok(Some(number))
+            }
+            Err(reason) => {
+                let quoted = || format!(" {}", quoted(name.as_bytes()));
+                let name = if reach.permitted.quotes { quoted() } else { String::new() };
+                let note = format!(
+                    "material file{name} {reason}: its materials are grey, with the default diffuse reflectance k_L = {DEFAULT_LAMBERTIAN}"
+                );
+                notes.extend((!notes.contains(&note)).then_some(note));
+                Ok(None)
             }
         }
     }
-    Ok(materials)
+
+    /// Returns the materials. Their names are searched in the files in this order.
+    fn named(mut self, order: &[usize]) -> Materials {
+        for part in [|names: &mut Names| take(&mut names.whole), |names: &mut Names| take(&mut names.short)] {
+            for (name, index) in order.iter().flat_map(|file| part(&mut self.names[*file])) {
+                self.materials.by_name.entry(name).or_insert(index);
+            }
+        }
+        self.materials
+    }
+}
+
+/// Reads a material file.
+fn open(path: &Path) -> std::result::Result<Vec<u8>, String> {
+    let bytes = reader::bytes(path, Kind::Materials).map_err(|error| format!("cannot be read ({error})"))?;
+    match FileType::of(&bytes, bytes.len() as u64) {
+        FileType::Foreign(Foreign { name, .. }) if name != MTL => Err(format!("is {name} and is not read")),
+        _ => Ok(bytes),
+    }
 }
 
 impl Reach<'_> {
-    /// Returns the whole text as one name, with its spaces, if a file of this name exists; otherwise returns each word
-    /// as a name.
+    /// Returns the whole text as one name, with its spaces, if a file of this name exists, with or without the comment
+    /// at its end; otherwise returns each word as a name.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
-        match self.locate(library) {
-            Ok(_) => vec![library],
-            Err(_) => library.split_whitespace().collect(),
+        let name = without_comment(library);
+        match [library, name].into_iter().find(|name| self.locate(name).is_ok()) {
+            Some(name) => vec![name],
+            None => name.split_whitespace().collect(),
         }
     }
 
@@ -98,24 +166,15 @@ impl Reach<'_> {
     fn permits(&self, path: &Path) -> bool {
         self.permitted.beyond || lies_in(path, self.folder)
     }
-
-    fn open(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
-        let bytes = reader::bytes(&self.locate(name)?, Kind::Materials)
-            .map_err(|error| format!("cannot be read ({error})"))?;
-        match FileType::of(&bytes, bytes.len() as u64) {
-            FileType::Foreign(Foreign { name, .. }) if name != MTL => {
-                Err(format!("is {name} and is not read"))
-            }
-            _ => Ok(bytes),
-        }
-    }
 }
 
 const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow it, set outside_materials = true in the mesh's \
      [[object]] or, for a bare mesh, --set object.0.outside_materials=true)";
 
 impl Materials {
-    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8], notes: &mut Vec<String>) -> Result<()> {
+    /// Adds the materials of a file, and returns their names. Of several materials with the same name, the last counts.
+    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8], notes: &mut Vec<String>) -> Result<Names> {
+        let mut names = Names::default();
         let text = super::text::normalise(bytes);
         let path = reach.folder.join(name);
         let quotes = reach.permitted.quotes && lies_in(&path, reach.folder);
@@ -127,7 +186,9 @@ impl Materials {
             .map_err(|error| source.error(Mistake::new(0, format!("not a material file: {error}"))))?;
         for (material, Extras { mut asked, model, colour, mask }) in list.iter().zip(checked.extras) {
             let own = if material.name == NAMELESS { "" } else { &material.name };
-            self.by_name.insert(own.to_owned(), self.list.len() as u32);
+            let number = self.list.len() as u32;
+            names.whole.insert(own.to_owned(), number);
+            names.short.insert(without_comment(own).to_owned(), number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
             let at = |offset| format!("{name}:{}", source.line(offset));
             let told = |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), alone));
@@ -137,7 +198,7 @@ impl Materials {
             self.list.push(material);
             self.asked.push(asked);
         }
-        Ok(())
+        Ok(names)
     }
 }
 

@@ -1,10 +1,11 @@
-//! Vertices and normals that are not valid: a number is missing, not finite or out of range. Programs write NaN for
-//! points that were not measured. Some write other vertices that are not valid, but use them in no face. A vertex that
-//! is not valid is a mistake only if a face uses the vertex. A normal that is not valid counts as missing.
+//! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of range.
+//! Programs write NaN for points that were not measured. Some write other vertices that are not valid, but use them in no
+//! face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate that is
+//! not valid counts as missing.
 
 use super::faces::Start;
-use super::points::{PointChunk, is_large, mistake_in_normal, mistake_in_vertex};
-use super::text::{Mistake, Source, keyword};
+use super::points::{PointChunk, is_large, mistake_in_coordinate, mistake_in_normal, mistake_in_vertex};
+use super::text::{Mistake, Seen, Source, keyword};
 use crate::scene::Mesh;
 use crate::words::counted_are;
 use glam::Vec3;
@@ -79,6 +80,19 @@ pub(super) fn note_normals(odd: &[Odd], source: &Source, notes: &mut Vec<String>
         "{}: {} ignored; normals of faces that name such a normal are computed from the faces' shape",
         source.told(&mistake),
         counted_are(odd.len(), "such normal")
+    ));
+}
+
+/// Adds a note on texture coordinates that are not valid.
+pub(super) fn note_coordinates(odd: Seen, source: &Source, notes: &mut Vec<String>) {
+    if odd.count == 0 {
+        return;
+    }
+    let mistake = mistake_in_coordinate(odd.first, rest_of_line(source, odd.first));
+    notes.push(format!(
+        "{}: {} ignored",
+        source.told(&mistake),
+        counted_are(odd.count, "such texture coordinate")
     ));
 }
 

@@ -112,11 +112,14 @@ impl<'a> Remaining<'a> {
     }
 
     /// Returns whether a corner is convex and no other corner lies in its triangle. Only corners that are not convex
-    /// are tested: if any corner lies in the triangle, so does one that is not convex.
+    /// are tested: if any corner lies in the triangle, so does one that is not convex. Corners at the same places as
+    /// those of the triangle are not tested either: an outline with a hole passes twice through the ends of the bridge
+    /// to the hole.
     fn has_ear(&self, at: usize) -> bool {
         let corners = self.around(at);
         let [a, b, c] = corners.map(|corner| self.flat[corner]);
-        let may_lie_inside = |corner: &&usize| !self.is_convex[**corner] && !corners.contains(corner);
+        let may_lie_inside =
+            |corner: &&usize| !self.is_convex[**corner] && ![a, b, c].contains(&self.flat[**corner]);
         self.is_convex[corners[1]]
             && self.corners.iter().filter(may_lie_inside).all(|corner| {
                 let p = self.flat[*corner];
@@ -129,6 +132,8 @@ impl<'a> Remaining<'a> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
 
     fn total_area(outline: &[DVec3]) -> (f64, f64) {
         let triangles = triangulate(outline).unwrap();
@@ -229,6 +234,103 @@ mod tests {
         assert_eq!(triangulate(&outline).unwrap().len(), MAX_CONCAVE_CORNERS - 1);
         outline[7] = DVec3::ZERO;
         assert_eq!(triangulate(&outline), None);
+    }
+
+    #[test]
+    fn two_holes_stay_open() {
+        let vertices = [
+            (0, 0),
+            (12, 0),
+            (12, 12),
+            (0, 12),
+            (8, 10),
+            (9, 10),
+            (9, 1),
+            (8, 1),
+            (2, 4),
+            (2, 7),
+            (5, 7),
+            (5, 4),
+        ];
+        let face = [1, 2, 3, 5, 6, 7, 8, 5, 3, 4, 9, 10, 11, 12, 9, 4];
+        let corner =
+            |number: usize| DVec3::new(vertices[number - 1].0.into(), vertices[number - 1].1.into(), 0.0);
+        assert_eq!(total_area(&face.map(corner)), (126.0, 126.0));
+    }
+
+    /// Returns a polygon around a point, counter-clockwise, with corners at random distances of up to `radius`.
+    fn blob(random: &mut ChaCha8Rng, centre: DVec2, radius: f64, corners: usize) -> Vec<DVec2> {
+        let corner = |i: usize| {
+            let turns = (i as f64 + random.random_range(0.0..0.9)) / corners as f64;
+            let direction = DVec2::from_angle(std::f64::consts::TAU * turns);
+            centre + direction * radius * random.random_range(0.3..1.0)
+        };
+        (0..corners).map(corner).collect()
+    }
+
+    /// Returns whether a point lies in the angle that an outline forms at a corner. Of several corners at one place,
+    /// this is true for one at most.
+    fn faces(outline: &[DVec2], at: usize, p: DVec2) -> bool {
+        let count = outline.len();
+        let [a, b, c] = [at + count - 1, at, at + 1].map(|at| outline[at % count]);
+        let (before, after) = (area(a, b, p) > 0.0, area(b, c, p) > 0.0);
+        if area(a, b, c) > 0.0 { before && after } else { before || after }
+    }
+
+    /// Returns whether the line from p to q crosses no side of the outlines.
+    fn sees(outlines: &[Vec<DVec2>], p: DVec2, q: DVec2) -> bool {
+        // A side that ends at p or q has an area of 0 here.
+        let crosses =
+            |a: DVec2, b: DVec2| area(p, q, a) * area(p, q, b) < 0.0 && area(a, b, p) * area(a, b, q) < 0.0;
+        let mut sides =
+            outlines.iter().flat_map(|outline| outline.iter().zip(outline.iter().cycle().skip(1)));
+        sides.all(|(a, b)| !crosses(*a, *b))
+    }
+
+    /// Joins the last outline, a hole, to the first by a bridge between two random corners that see each other.
+    fn bridge(random: &mut ChaCha8Rng, outlines: &mut Vec<Vec<DVec2>>) {
+        loop {
+            let (outline, hole) = (&outlines[0], &outlines[outlines.len() - 1]);
+            let [i, j] = [outline, hole].map(|list| random.random_range(0..list.len()));
+            let (p, q) = (outline[i], hole[j]);
+            if faces(outline, i, q) && faces(hole, j, p) && sees(outlines, p, q) {
+                let around = hole[j..].iter().chain(&hole[..=j]);
+                let joined = outline[..=i].iter().chain(around).chain(&outline[i..]).copied().collect();
+                outlines.pop();
+                outlines[0] = joined;
+                return;
+            }
+        }
+    }
+
+    #[test]
+    fn outlines_of_one_to_three_holes_are_covered_once_without_their_holes() {
+        let signed = |list: &[DVec2]| {
+            (1..list.len() - 1).map(|i| area(list[0], list[i], list[i + 1])).sum::<f64>() / 2.0
+        };
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        for case in 0..300 {
+            let holes = 1 + case % 3;
+            let mut outlines = vec![blob(&mut random, DVec2::ZERO, 100.0, 12)];
+            // The outline stays at least 26 away from its centre, and the holes at most 16.
+            for hole in 0..holes {
+                let centre = DVec2::from_angle(std::f64::consts::TAU * hole as f64 / 3.0) * 9.0;
+                let corners = random.random_range(5..9);
+                let mut hole = blob(&mut random, centre, 7.0, corners);
+                hole.reverse();
+                outlines.push(hole);
+            }
+            let expected: f64 = outlines.iter().map(|outline| signed(outline)).sum();
+            while outlines.len() > 1 {
+                bridge(&mut random, &mut outlines);
+            }
+            let outline: Vec<DVec3> = outlines[0].iter().map(|p| p.extend(0.0)).collect();
+            let (sum, oriented) = total_area(&outline);
+            assert!(
+                (sum - expected).abs() < 1e-6 && (oriented - expected).abs() < 1e-6,
+                "{case}: {sum} {oriented}"
+            );
+        }
     }
 
     #[test]

@@ -93,6 +93,14 @@ fn odd_but_clear_files_are_read() {
 }
 
 #[test]
+fn a_comment_does_not_continue_a_line() {
+    let text = "v 0 0 0 # from C:\\\nv 1 0 0\nv 0 1 0\nf 1 \\\n2 # and D:\\\nv 9 9 9\nf 1 \\\n2 3\n";
+    let mesh = read(text).unwrap().mesh;
+    assert_eq!((mesh.positions.len(), mesh.triangles.len()), (4, 1));
+    assert_eq!(mesh.corners(&mesh.triangles[0]), [Vec3::ZERO, Vec3::X, Vec3::Y]);
+}
+
+#[test]
 fn a_mistake_after_continued_lines_has_its_own_line() {
     assert!(message("v 0 0 \\\n\\\n0\nv 1 0 x\nf 1 1 2\n").contains("test.obj:4: `x`"));
 }

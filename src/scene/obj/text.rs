@@ -104,6 +104,7 @@ fn expected(line: &[u8]) -> &'static str {
     match keyword(line).0 {
         b"v" => "`v x y z`: three finite numbers within +-1e12",
         b"vn" => "`vn x y z`: three finite numbers",
+        b"vt" => "`vt u v`: two finite numbers",
         b"f" => "`f 1 2 3`: the numbers of three or more vertices that the file has",
         b"newmtl" => "`newmtl NAME`",
         _ => "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`",
@@ -154,10 +155,9 @@ pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
     let mut out = Vec::with_capacity(bytes.len());
     let mut joined = 0;
     for line in split_lines(bytes) {
-        // A comment such as `# made from C:\` is not continued.
-        let comment = joined == 0 && line.trim_ascii_start().starts_with(b"#");
         match line.strip_suffix(b"\\") {
-            Some(head) if !comment => {
+            // A comment such as `# made from C:\` is not continued.
+            Some(head) if !separated(line).any(|word| word.starts_with(b"#")) => {
                 out.extend_from_slice(head);
                 out.push(b' ');
                 joined += 1;
@@ -173,7 +173,7 @@ pub(super) fn normalise(bytes: &[u8]) -> Cow<'_, [u8]> {
 }
 
 /// Splits lines at LF, CR LF or CR.
-fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+pub(in crate::scene) fn split_lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> + Clone {
     let mut rest = Some(bytes);
     std::iter::from_fn(move || {
         let text = rest?;
@@ -203,6 +203,14 @@ pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
 /// comment begins only at a word whose first character is `#`.
 pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     separated(line).take_while(|token| !token.starts_with(b"#"))
+}
+
+/// Returns a name without the comment after it. A comment begins only at a word whose first character is `#`.
+pub(super) fn without_comment(name: &str) -> &str {
+    let is_comment =
+        |at: &usize| name[..*at].chars().next_back().is_none_or(|before| before.is_ascii_whitespace());
+    let comment = name.match_indices('#').map(|(at, _)| at).find(is_comment);
+    name[..comment.unwrap_or(name.len())].trim_ascii_end()
 }
 
 fn separated(line: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -293,6 +301,7 @@ mod tests {
         for (line, expected) in [
             ("v x", "`v x y z`: three finite numbers within +-1e12"),
             ("vn x", "`vn x y z`: three finite numbers"),
+            ("vt x", "`vt u v`: two finite numbers"),
             ("f x", "`f 1 2 3`: the numbers of three or more vertices that the file has"),
             ("newmtl", "`newmtl NAME`"),
             ("", "a mesh: vertices, `v x y z`, and faces of them, `f 1 2 3`"),
@@ -306,6 +315,20 @@ mod tests {
             assert_eq!(told.remedy(), format!("expected {expected}"));
             let Error::Input(told) = told else { panic!("not an input error") };
             assert_eq!(told.span.map(|span| (span.offset(), span.len())), Some((6, line.len())));
+        }
+    }
+
+    #[test]
+    fn a_comment_begins_at_a_word() {
+        for (name, expected) in [
+            ("red # walls", "red"),
+            ("red #2", "red"),
+            ("a#b c#", "a#b c#"),
+            ("# a", ""),
+            ("#", ""),
+            ("", ""),
+        ] {
+            assert_eq!(without_comment(name), expected, "{name}");
         }
     }
 

@@ -191,18 +191,24 @@ pub(super) fn apply(
     let mut without = 0;
     let rows = mesh.triangles.iter().zip(&places.corners).map(|(triangle, corners)| {
         let Some((map, colour, mask)) = loaded[triangle.material as usize] else { return Mapped::NONE };
-        if corners.contains(&MISSING) {
+        let place = |corner: u32| map.place(places.coordinates[corner as usize]);
+        let all = (!corners.contains(&MISSING)).then(|| corners.map(place));
+        let row = all.and_then(|corners| finite(Mapped::new(corners, colour, mask, [map.wrap; 2])));
+        row.unwrap_or_else(|| {
             without += 1;
-            return Mapped::NONE;
-        }
-        let corners = corners.map(|corner| map.place(places.coordinates[corner as usize]));
-        Mapped::new(corners, colour, mask, [map.wrap; 2])
+            Mapped::NONE
+        })
     });
     let rows = rows.collect();
     mesh.textures = Textures::of(pictures.list, rows);
     if without > 0 {
         notes.push(unmapped(without));
     }
+}
+
+/// Returns a triangle's place in a texture if all of its coordinates are finite.
+pub(in crate::scene) fn finite(row: Mapped) -> Option<Mapped> {
+    row.corners.as_flattened().iter().all(|value| value.is_finite()).then_some(row)
 }
 
 /// Returns a note on triangles without texture coordinates.

@@ -1,11 +1,11 @@
 //! Reads numbers from a glTF file's buffers.
 
 use super::Parsed;
+use super::buffers::Bytes;
 use gltf::json::accessor::{Accessor, ComponentType, Type};
 use gltf::json::buffer::View;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
-use std::borrow::Cow;
 
 /// Largest number of elements of an accessor; larger than any supported scene needs.
 const MOST_ELEMENTS: u64 = 1 << 31;
@@ -14,7 +14,9 @@ const MOST_ELEMENTS: u64 = 1 << 31;
 #[derive(Clone, Copy)]
 pub(super) struct Numbers<'a> {
     pub root: &'a Root,
-    pub buffers: &'a [Cow<'a, [u8]>],
+    buffers: &'a [Bytes<'a>],
+    /// The largest number of elements that an accessor may have.
+    most: usize,
 }
 
 /// The position of elements in a buffer.
@@ -64,6 +66,19 @@ fn bytes_of(component: ComponentType) -> usize {
 }
 
 impl<'a> Numbers<'a> {
+    /// Makes the reader for a file's JSON and buffers.
+    pub fn of_file(root: &'a Root, buffers: &'a [Bytes<'a>]) -> Self {
+        // An element takes at least one byte of its buffer. Elements without data take no bytes in the file, so their
+        // number must be limited, too.
+        let largest = buffers.iter().map(|bytes| bytes.len()).max().unwrap_or(0);
+        Self { root, buffers, most: largest.max(1 << 16) }
+    }
+
+    /// Returns the number of an accessor's elements, or the largest number that it may have if this is less.
+    pub fn count(&self, index: Index<Accessor>) -> u64 {
+        self.root.get(index).map_or(0, |accessor| accessor.count.0.min(self.most as u64))
+    }
+
     /// Returns the elements of an accessor; each must have `N` components.
     pub fn of<const N: usize>(&self, index: Index<Accessor>) -> Parsed<Vec<[f64; N]>> {
         let number = index.value();
@@ -113,10 +128,7 @@ impl<'a> Numbers<'a> {
     /// Returns the elements of an accessor without a buffer view: zeros (glTF 2.0, 3.6.2.3). If the
     /// accessor is sparse, some of these zeros are replaced later.
     fn zeros<const N: usize>(&self, accessor: &Accessor, count: usize) -> Parsed<Vec<[f64; N]>> {
-        // Elements without a buffer view take no bytes in the file, so their number must be
-        // limited.
-        let held: usize = self.buffers.iter().map(|bytes| bytes.len()).sum();
-        if count > held.max(1 << 16) {
+        if count > self.most {
             return Err(format!("{} elements without data: more than raycl accepts", accessor.count.0));
         }
         Ok(vec![[0.0; N]; count])
@@ -191,8 +203,8 @@ fn components(accessor: &Accessor) -> Parsed<usize> {
 mod tests {
     use super::*;
 
-    /// An accessor without data may have at most 65,536 elements or, if the file's buffers have more bytes than this,
-    /// one element per byte.
+    /// An accessor without data may have at most 65,536 elements or, if the file's largest buffer has more bytes than
+    /// this, one element per byte.
     #[test]
     fn elements_without_data_are_zeros_and_a_small_file_has_not_too_many() {
         let zeros = |count: usize, held: usize| {
@@ -201,7 +213,8 @@ mod tests {
 "accessors": [{{"componentType": 5126, "count": {count}, "type": "SCALAR"}}]}}"#
             );
             let root: Root = serde_json::from_str(&text).unwrap();
-            let numbers = Numbers { root: &root, buffers: &[vec![7; held].into()] };
+            let buffers = [Bytes::new(vec![7; held].into())];
+            let numbers = Numbers::of_file(&root, &buffers);
             numbers
                 .of::<1>(Index::new(0))
                 .map(|values| values.iter().filter(|value| **value == [0.0]).count())

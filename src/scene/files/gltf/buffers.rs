@@ -1,6 +1,7 @@
 //! The buffers of a glTF file: embedded as base64, in separate files, or at the end of a binary file.
 
 use super::Parsed;
+use crate::memory::Available;
 use crate::reader::{self, Kind};
 use crate::scene::obj::{Reach, quoted};
 use base64::Engine as _;
@@ -9,20 +10,27 @@ use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use gltf::json::Root;
 use gltf::json::buffer::Buffer;
 use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+/// The bytes of a buffer. Buffers that name the same file share its bytes.
+pub(super) type Bytes<'a> = Rc<Cow<'a, [u8]>>;
 
 /// Returns all buffers in the file's order.
 pub(super) fn load<'a>(
     root: &Root,
     reach: Reach<'_>,
     binary: Option<Cow<'a, [u8]>>,
-) -> Parsed<Vec<Cow<'a, [u8]>>> {
+) -> Parsed<Vec<Bytes<'a>>> {
     let mut binary = binary;
+    let mut files = HashMap::new();
     root.buffers
         .iter()
         .enumerate()
         .map(|(number, buffer)| {
-            let bytes =
-                read(buffer, reach, binary.take()).map_err(|what| format!("buffer {number}: {what}"))?;
+            let bytes = read(buffer, reach, binary.take(), &mut files)
+                .map_err(|what| format!("buffer {number}: {what}"))?;
             let expected = buffer.byte_length.0;
             match bytes.len() as u64 {
                 // An empty buffer is refused here. The checks of accessors might not find it, since
@@ -34,21 +42,46 @@ pub(super) fn load<'a>(
         .collect()
 }
 
-fn read<'a>(buffer: &Buffer, reach: Reach<'_>, binary: Option<Cow<'a, [u8]>>) -> Parsed<Cow<'a, [u8]>> {
+fn read<'a>(
+    buffer: &Buffer,
+    reach: Reach<'_>,
+    binary: Option<Cow<'a, [u8]>>,
+    files: &mut HashMap<PathBuf, Bytes<'a>>,
+) -> Parsed<Bytes<'a>> {
+    let quotes = reach.permitted.quotes;
     let Some(uri) = &buffer.uri else {
-        return binary.ok_or_else(|| "it has no uri, and the file has no binary part".to_owned());
+        return binary
+            .map(Rc::new)
+            .ok_or_else(|| "it has no uri, and the file has no binary part".to_owned());
     };
     if uri.starts_with("data:") {
-        return decoded(uri).map(Cow::Owned);
+        let bytes = decoded(uri).map(|bytes| Rc::new(Cow::Owned(bytes)));
+        return bytes.map_err(|why| if quotes { why } else { "its data: uri is damaged".to_owned() });
     }
+    let told = |name: &str| if quotes { quoted(name.as_bytes()) } else { "its uri".to_owned() };
     if uri.contains("://") {
-        return Err(format!("{} is not a file; nothing is downloaded", quoted(uri.as_bytes())));
+        return Err(format!("{} is not a file; nothing is downloaded", told(uri)));
     }
     let name = unescaped(uri);
-    let bytes = reach
-        .locate(&name)
-        .and_then(|path| reader::bytes(&path, Kind::Mesh).map_err(|error| error.to_string()));
-    bytes.map(Cow::Owned).map_err(|why| format!("{} {why}", quoted(name.as_bytes())))
+    let bytes = reach.locate(&name).and_then(|path| match files.get(&path) {
+        Some(bytes) => Ok(Rc::clone(bytes)),
+        None => {
+            let bytes = Rc::new(Cow::Owned(file(&path)?));
+            files.insert(path, Rc::clone(&bytes));
+            Ok(bytes)
+        }
+    });
+    bytes.map_err(|why| format!("{} {why}", told(&name)))
+}
+
+/// Reads a file, unless it is too large for the host's memory.
+fn file(path: &Path) -> Parsed<Vec<u8>> {
+    let unreadable = |error: std::io::Error| format!("cannot be read ({error})");
+    let length = path.metadata().map_err(unreadable)?.len();
+    Available::read()
+        .hold(length, "reading it", "its length")
+        .map_err(|error| format!("is too large ({error})"))?;
+    reader::bytes(path, Kind::Mesh).map_err(unreadable)
 }
 
 /// Decodes a `data:` URI: any type, `;base64,` and the data.
@@ -77,6 +110,20 @@ pub(super) fn unescaped(uri: &str) -> String {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::scene::obj::Permitted;
+
+    #[test]
+    fn a_file_that_several_buffers_name_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.bin"), "1234").unwrap();
+        let text = r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin", "byteLength": 4},
+{"uri": "data:;base64,AQID", "byteLength": 3}, {"uri": "./a.bin", "byteLength": 4}]}"#;
+        let root: Root = serde_json::from_str(text).unwrap();
+        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+        let buffers = load(&root, Reach { folder: folder.path(), permitted }, None).unwrap();
+        assert_eq!(buffers.iter().map(|bytes| bytes.len()).collect::<Vec<_>>(), [4, 3, 4]);
+        assert!(Rc::ptr_eq(&buffers[0], &buffers[2]));
+    }
 
     #[test]
     fn names_are_unescaped_and_data_is_decoded() {

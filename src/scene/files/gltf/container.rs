@@ -1,6 +1,7 @@
 //! The parts of a glTF file: JSON and, in a binary file (GLB), the bytes of its first buffer.
 
-use super::{Error, Result, mistake};
+use super::{Named, Result};
+use crate::error::Error;
 use std::borrow::Cow;
 
 /// The first bytes of a binary file.
@@ -15,16 +16,16 @@ pub(super) type Halves<'a> = (&'a [u8], Option<Cow<'a, [u8]>>);
 
 /// Separates the JSON from the first buffer. Chunks of other types are skipped, as glTF 2.0, 4.4.3 requires. The length
 /// in the header is not used: each chunk has its own length, and must end within the file.
-pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
+pub(super) fn split<'a>(named: Named<'_>, bytes: &'a [u8]) -> Result<Halves<'a>> {
     if !bytes.starts_with(MAGIC) {
         return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
     }
     match number(bytes, MAGIC.len()) {
         Some(2) => {}
-        Some(version) => return Err(other_version(name, version)),
-        None => return Err(mistake(name, "the header of this binary glTF file is cut off")),
+        Some(version) => return Err(other_version(named, version)),
+        None => return Err(named.error("the header of this binary glTF file is cut off")),
     }
-    let what = |what| mistake(name, what);
+    let what = |what: String| named.error(what);
     let (json, rest) = chunk(bytes, HEADER_BYTES).map_err(what)?;
     if json.kind != b"JSON" {
         return Err(what("the first chunk of this binary glTF file is not JSON".to_owned()));
@@ -32,8 +33,9 @@ pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
     Ok((json.contents, buffer(bytes, rest).map_err(what)?.map(Cow::Borrowed)))
 }
 
-fn other_version(name: &str, version: u32) -> Error {
-    Error::input(format!("{name}: raycl does not read binary glTF of version {version}; expected version 2"))
+fn other_version(named: Named<'_>, version: u32) -> Error {
+    named
+        .error(format!("raycl does not read binary glTF of version {version}; expected version 2"))
         .with_help("export the file as glTF 2.0")
 }
 
@@ -75,6 +77,10 @@ fn number(bytes: &[u8], at: usize) -> Option<u32> {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+
+    fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Halves<'a>> {
+        super::split(Named { name, quotes: true }, bytes)
+    }
 
     /// Returns a binary file of version 2 with these chunks, and with `length` in its header.
     fn file(length: u32, chunks: &[(&[u8], &[u8])]) -> Vec<u8> {

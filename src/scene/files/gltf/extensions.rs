@@ -1,7 +1,7 @@
 //! The extensions that a glTF file uses: which are supported, which are noted, and which are refused.
 
 use super::accessors::is_empty;
-use super::{Error, Result, quoted};
+use super::{Flaw, Named, Result, quoted};
 use gltf::json::Root;
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -34,7 +34,7 @@ fn is_compression(extension: &str) -> bool {
 }
 
 /// Refuses a file whose vertices are compressed, and names the extensions.
-pub(super) fn refuse(name: &str, root: &Root) -> Result<()> {
+pub(super) fn refuse(named: Named<'_>, root: &Root) -> Result<()> {
     let mut lacking = list(root.extensions_required.iter().filter(|extension| is_compression(extension)));
     let mut primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     if lacking.is_empty() && primitives.any(|primitive| is_compressed(root, primitive)) {
@@ -45,7 +45,10 @@ pub(super) fn refuse(name: &str, root: &Root) -> Result<()> {
         1 => "the extension",
         _ => "the extensions",
     };
-    Err(Error::input(format!("{name} requires {what} {}, which raycl does not support", lacking.join(", ")))
+    let told = |what: &str| format!("the file requires {what}, which raycl does not support");
+    let quoting = told(&format!("{what} {}", lacking.join(", ")));
+    Err(named
+        .error(Flaw::quoting(quoting, told("an extension that compresses its vertices")))
         .with_help("export the file without compression, for example with `gltf-transform copy` or Blender"))
 }
 
@@ -57,16 +60,19 @@ fn is_compressed(root: &Root, primitive: &Primitive) -> bool {
     compressed && positions.is_none_or(|index| is_empty(root, *index))
 }
 
-/// Returns notes on unsupported extensions that no other note mentions.
-pub(super) fn notes(root: &Root) -> impl Iterator<Item = String> {
+/// Returns notes on unsupported extensions that no other note mentions. The notes contain the names of the extensions
+/// only if `quotes` is true.
+pub(super) fn notes(root: &Root, quotes: bool) -> impl Iterator<Item = String> {
     let required = |extension: &String| root.extensions_required.contains(extension);
     let unknown = root.extensions_required.iter().filter(|extension| !is_known(extension));
     let needed = list(unknown);
     let unknown =
         root.extensions_used.iter().filter(|extension| !is_known(extension) && !required(extension));
     let ignored = list(unknown);
-    let told =
-        |what: &str, names: Vec<String>| (!names.is_empty()).then(|| format!("{what}: {}", names.join(", ")));
+    let told = |what: &str, names: Vec<String>| {
+        let listed = || if quotes { format!(": {}", names.join(", ")) } else { String::new() };
+        (!names.is_empty()).then(|| what.to_owned() + &listed())
+    };
     let needed = told(
         "the file requires extensions that are not supported, without which the picture may be wrong",
         needed,

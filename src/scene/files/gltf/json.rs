@@ -1,6 +1,7 @@
 //! The JSON of a glTF file. Parts that do not affect the picture may have any form.
 
-use super::{Error, Result, mistake, quoted};
+use super::{Flaw, Named, Result, quoted};
+use crate::error::Error;
 use gltf::json::Root;
 use serde_json::{Map, Value, json};
 
@@ -13,10 +14,10 @@ pub(super) struct Read {
 /// Reads JSON. If `gltf-json` refuses the JSON, the JSON is read again without the parts that raycl does not use.
 /// `gltf-json` refuses some valid files: those that have animations without a node (`KHR_animation_pointer`), scenes
 /// without nodes, or extras such as a number.
-pub(super) fn read(name: &str, json: &[u8]) -> Result<Read> {
+pub(super) fn read(named: Named<'_>, json: &[u8]) -> Result<Read> {
     match serde_json::from_slice::<Root>(json) {
         Ok(root) => Ok(Read { animations: root.animations.len(), root }),
-        Err(error) => tidied(json).ok_or_else(|| misread(name, json, &error)),
+        Err(error) => tidied(json).ok_or_else(|| misread(named, json, &error)),
     }
 }
 
@@ -69,7 +70,7 @@ fn strip(value: &mut Value) {
 }
 
 /// Returns the error for JSON that is not glTF 2.0.
-fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
+fn misread(named: Named<'_>, json: &[u8], error: &serde_json::Error) -> Error {
     let value = serde_json::from_slice::<Value>(json).ok();
     let version = value.and_then(|value| match &value["asset"]["version"] {
         Value::String(text) => Some(text.clone()),
@@ -77,16 +78,17 @@ fn misread(name: &str, json: &[u8], error: &serde_json::Error) -> Error {
         _ => None,
     });
     match version {
-        Some(version) if !version.starts_with('2') => Error::input(format!(
-            "{name}: raycl does not read glTF of version {}; expected version 2.0",
-            quoted(version.as_bytes())
-        ))
-        .with_help("export the file as glTF 2.0"),
+        Some(version) if !version.starts_with('2') => {
+            let told = |version: &str| format!("raycl does not read glTF of {version}; expected version 2.0");
+            let quoting = told(&format!("version {}", quoted(version.as_bytes())));
+            named.error(Flaw::quoting(quoting, told("this version"))).with_help("export the file as glTF 2.0")
+        }
         _ => {
             let message = error.to_string();
             // The message's own line number is removed, since the location before the message has it.
             let what = message.rsplit_once(" at line ").map_or(message.as_str(), |(what, _)| what);
-            mistake(&format!("{name}:{}", error.line()), format!("not valid glTF 2.0: {what}"))
+            let invalid = "not valid glTF 2.0";
+            named.error(Flaw::quoting(format!("{invalid}: {what}"), invalid).at(error.line()))
         }
     }
 }
@@ -100,7 +102,7 @@ mod tests {
     fn animations_are_counted_in_either_way_of_reading() {
         let count = |animations: &str| {
             let json = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"animations\": {animations}}}");
-            read("a.gltf", json.as_bytes()).unwrap().animations
+            read(Named { name: "a.gltf", quotes: true }, json.as_bytes()).unwrap().animations
         };
         let valid = "{\"channels\": [], \"samplers\": []}";
         // `gltf-json` refuses animations without channels, so the third file is read without the contents of its

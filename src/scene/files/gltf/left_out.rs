@@ -11,12 +11,15 @@ pub(super) struct LeftOut {
     pub orthographic: usize,
     pub spots: usize,
     pub ranges: usize,
+    /// The number of lights that illuminate nothing.
+    pub dark: usize,
     pub skins: usize,
     pub targets: usize,
     pub clear_colours: usize,
     pub lines_and_points: usize,
     pub empty: usize,
     pub dangling: usize,
+    pub odd_coordinates: usize,
     /// The number of triangles that have a texture but no texture coordinates.
     pub unmapped: usize,
     /// The number of the file's meshes, if the file's scene contains none of them.
@@ -24,8 +27,10 @@ pub(super) struct LeftOut {
 }
 
 impl LeftOut {
-    /// Counts a primitive's empty accessors, and its triangles that name a position that does not exist.
+    /// Counts a primitive's empty accessors, its triangles that name a position that does not exist, and its texture
+    /// coordinates that are not finite.
     pub fn add(&mut self, part: &Part) {
+        self.odd_coordinates += part.odd_coordinates;
         self.empty += part.empty;
         self.dangling += part.dangling;
     }
@@ -45,12 +50,14 @@ impl LeftOut {
             (self.orthographic, "orthographic camera", "not used: all views are in perspective"),
             (self.spots, "spot light", "shown as shining in all directions"),
             (self.ranges, "light with a range", "shown without it"),
+            (self.dark, "light of intensity 0", "left out"),
             (self.skins, "skinned mesh", "shown as stored, without joints"),
             (self.targets, "primitive with morph targets", "shown without them"),
             (self.clear_colours, "primitive with alpha in its COLOR_0", "shown without this alpha"),
             (self.lines_and_points, "primitive of lines or points", "left out"),
             (self.empty, "accessor without data", "read as zeros"),
             (self.dangling, "triangle with a position that does not exist", "left out"),
+            (self.odd_coordinates, "texture coordinate that is not finite", "ignored"),
         ];
         notes
             .into_iter()

@@ -5,10 +5,12 @@ use crate::scene::material::Material;
 use crate::scene::obj::{Asked, Wish};
 use glam::Vec3;
 use gltf::json::material::{AlphaMode, Material as Wire};
+use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
 use gltf::json::{Root, extensions::material::Material as Extensions};
 
-/// Materials and their unsupported features; number 0 is for primitives without a material.
+/// Materials and their unsupported features. Number 0 is for primitives without a material; if such a primitive has
+/// colours, its number is [`white`].
 pub(super) struct Materials {
     pub list: Vec<Material>,
     pub asked: Vec<Asked>,
@@ -22,7 +24,22 @@ pub(super) fn read(root: &Root) -> Materials {
         materials.list.push(Material::lambertian(base_colour(wire)));
         materials.asked.push(asked(wire));
     }
+    let is_white = |primitive: &Primitive| primitive.material.is_none() && has_colours(primitive);
+    if root.meshes.iter().flat_map(|mesh| &mesh.primitives).any(is_white) {
+        // Colours are multiplied by the material's colour, which is white in glTF.
+        materials.list.push(Material::lambertian(Vec3::ONE));
+        materials.asked.push(Asked::default());
+    }
     materials
+}
+
+/// Returns the number of the material of primitives that have colours but no material.
+pub(super) fn white(root: &Root) -> u32 {
+    root.materials.len() as u32 + 1
+}
+
+fn has_colours(primitive: &Primitive) -> bool {
+    primitive.attributes.contains_key(&Checked::Valid(Semantic::Colors(0)))
 }
 
 /// raycl does not blend a surface with what lies behind it. Where the file asks for blending, points with at least this

@@ -8,37 +8,46 @@ mod extensions;
 mod json;
 mod left_out;
 mod materials;
+mod memory;
 mod nodes;
 mod primitives;
 mod textures;
 
-use super::{MeshFile, Pictures, mistake};
-use crate::error::{Error, Result};
+use super::flaw::{Flaw, Named};
+use super::{MeshFile, Pictures};
+use crate::error::Result;
 use crate::scene::obj::{self, Reach, quoted};
 use crate::words::counted_are;
+use accessors::Numbers;
 use nodes::Walk;
 use textures::Files;
 
-/// A result whose error is a message about a mistake in the file.
+/// A result whose error is a message about a mistake in the file. The message quotes no text of a file that must not be
+/// quoted.
 type Parsed<T> = std::result::Result<T, String>;
 
 /// Reads a file named `name`, and the files that it names; `reach` says which files may be read.
 pub(super) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Result<MeshFile> {
-    let (json, binary) = container::split(name, bytes)?;
-    let json::Read { root, animations } = json::read(name, json)?;
-    extensions::refuse(name, &root)?;
-    let buffers =
-        buffers::load(&root, reach, binary).map_err(|what| mistake(name, what).with_help(BUFFERS))?;
+    let quotes = reach.permitted.quotes;
+    let named = Named { name, quotes };
+    let (json, binary) = container::split(named, bytes)?;
+    let json::Read { root, animations } = json::read(named, json)?;
+    extensions::refuse(named, &root)?;
+    let buffers = buffers::load(&root, reach, binary).map_err(|what| named.error(what).with_help(BUFFERS))?;
     let materials = materials::read(&root);
     let (mut pictures, mut notes) = (Pictures::default(), Vec::new());
     let maps = Files { root: &root, buffers: &buffers, reach }.colour_maps(&mut pictures, &mut notes);
-    let walk = Walk::of(&root, &buffers, &maps).map_err(|what| mistake(name, what))?;
-    let mut file = walk.settled(name, (materials.list, pictures.list), &mut |mesh, all| {
+    let numbers = Numbers::of_file(&root, &buffers);
+    let placed = nodes::placed(&root).map_err(|what| named.error(what))?;
+    memory::hold(name, numbers, &placed, &maps)?;
+    let walk = Walk::of(numbers, &placed, &maps).map_err(|what| named.error(what))?;
+    let settled = walk.settled((materials.list, pictures.list), &mut |mesh, all| {
         all.append(&mut notes);
-        obj::note_materials(&materials.asked, mesh, reach.permitted.quotes, all);
-    })?;
+        obj::note_materials(&materials.asked, mesh, quotes, all);
+    });
+    let mut file = settled.map_err(|flaw| named.error(flaw))?;
     file.notes.extend(note_animations(animations));
-    file.notes.extend(extensions::notes(&root));
+    file.notes.extend(extensions::notes(&root, quotes));
     Ok(file)
 }
 

@@ -5,13 +5,12 @@ use super::left_out::{self, LeftOut};
 use super::materials::uses_alpha;
 use super::primitives::{Part, Shape};
 use super::textures::ColourMap;
-use super::{MeshFile, Parsed};
-use crate::error::Result;
+use super::{Flaw, MeshFile, Parsed};
 use crate::scene::files::{FileLight, Placement, colours, origin};
 use crate::scene::material::Material;
 use crate::scene::mesh::{Mesh, Triangle};
 use crate::scene::normals::MISSING;
-use crate::scene::obj::unmapped;
+use crate::scene::obj::{finite, unmapped};
 use crate::scene::shapes::MAX_TRIANGLES;
 use crate::scene::{Camera, Mapped, Texture, Textures, validate};
 use glam::{DMat3, DMat4, DQuat, DVec3, Vec3};
@@ -21,12 +20,13 @@ use gltf::json::mesh::Mesh as GltfMesh;
 use gltf::json::scene::Node;
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
-use std::borrow::Cow;
+
+/// A node of the scene, with its transform to the scene's coordinates.
+pub(super) type Placed = (Index<Node>, DMat4);
 
 /// The results of traversing the nodes; positions are in the scene's coordinates, in double precision.
 pub(super) struct Walk<'a> {
     numbers: Numbers<'a>,
-    visited: Vec<bool>,
     positions: Vec<DVec3>,
     normals: Vec<Vec3>,
     /// Linear colours, one per position.
@@ -47,11 +47,10 @@ pub(super) struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Traverses the file's scene or, if the file has none, all nodes without a parent.
-    pub fn of(root: &'a Root, buffers: &'a [Cow<'a, [u8]>], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
+    /// Reads the meshes, cameras and lights of all nodes of the scene.
+    pub fn of(numbers: Numbers<'a>, placed: &[Placed], maps: &'a [Option<ColourMap>]) -> Parsed<Self> {
         let mut walk = Self {
-            numbers: Numbers { root, buffers },
-            visited: vec![false; root.nodes.len()],
+            numbers,
             positions: Vec::new(),
             normals: Vec::new(),
             colours: Vec::new(),
@@ -64,25 +63,9 @@ impl<'a> Walk<'a> {
             lights: Vec::new(),
             left_out: LeftOut::default(),
         };
-        let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
-        let mut next: Vec<(Index<Node>, DMat4)> = match scene {
-            Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
-            None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
-        };
-        next.reverse();
-        // The stack is explicit, since nodes may be nested arbitrarily deep.
-        while let Some((index, parent)) = next.pop() {
-            let number = index.value();
-            let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
-            if std::mem::replace(&mut walk.visited[number], true) {
-                return Err(format!("node {number} occurs twice in the scene; expected once"));
-            }
-            let place = parent * local(node);
-            if !place.is_finite() {
-                return Err(format!("node {number} has a transform that is not finite"));
-            }
-            walk.visit(node, place).map_err(|what| format!("node {number}: {what}"))?;
-            next.extend(node.children.iter().flatten().rev().map(|child| (*child, place)));
+        for (index, place) in placed {
+            let Some(node) = numbers.root.get(*index) else { continue };
+            walk.visit(node, *place).map_err(|what| format!("node {}: {what}", index.value()))?;
         }
         if walk.starts.is_empty() {
             walk.add_unplaced()?;
@@ -93,10 +76,10 @@ impl<'a> Walk<'a> {
 
     /// Adds all meshes of a file whose scene has none, such as a library of meshes.
     fn add_unplaced(&mut self) -> Parsed<()> {
-        let meshes = self.numbers.root.meshes.len();
-        self.left_out.unplaced = meshes;
-        (0..meshes as u32).try_for_each(|mesh| {
-            self.add_mesh(Index::new(mesh), DMat4::IDENTITY).map_err(|what| format!("mesh {mesh}: {what}"))
+        let meshes = meshes_of(self.numbers.root, &[]);
+        self.left_out.unplaced = meshes.len();
+        meshes.into_iter().try_for_each(|mesh| {
+            self.add_mesh(mesh, DMat4::IDENTITY).map_err(|what| format!("mesh {}: {what}", mesh.value()))
         })
     }
 
@@ -163,13 +146,18 @@ impl<'a> Walk<'a> {
     /// Adds the texture coordinates of a part's triangles. If the part is mirrored, the order of the corners
     /// is reversed.
     fn add_places(&mut self, part: &Part, map: Option<ColourMap>, mirrored: bool) {
-        let map = map.filter(|_| !part.coordinates.is_empty()).ok_or(map.is_some());
-        self.left_out.unmapped +=
-            if map.is_err_and(|has_texture| has_texture) { part.triangles.len() } else { 0 };
+        let unmapped = &mut self.left_out.unmapped;
         self.mapped.extend(part.triangles.iter().map(|corners| {
-            let Ok(map) = map else { return Mapped::NONE };
-            let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
-            map.place(if mirrored { [a, c, b] } else { [a, b, c] })
+            let Some(map) = map else { return Mapped::NONE };
+            let place = || {
+                let [a, b, c] = corners.map(|corner| part.coordinates[corner as usize]);
+                map.place(if mirrored { [a, c, b] } else { [a, b, c] })
+            };
+            let row = (!part.coordinates.is_empty()).then(place).and_then(finite);
+            row.unwrap_or_else(|| {
+                *unmapped += 1;
+                Mapped::NONE
+            })
         }));
     }
 
@@ -213,6 +201,11 @@ impl<'a> Walk<'a> {
                 index.value()
             ));
         }
+        // If all lights of the file are dark, the scene gets raycl's own lights.
+        if strength == DVec3::ZERO {
+            self.left_out.dark += 1;
+            return Ok(());
+        }
         self.left_out.ranges += usize::from(light.range.is_some());
         let position = place.transform_point3(DVec3::ZERO);
         self.lights.push(match light.type_ {
@@ -239,12 +232,11 @@ impl<'a> Walk<'a> {
     /// Returns the mesh in single precision, with the file's camera and lights.
     pub fn settled(
         self,
-        name: &str,
         (materials, pictures): (Vec<Material>, Vec<Texture>),
         note_materials: &mut dyn FnMut(&Mesh, &mut Vec<String>),
-    ) -> Result<MeshFile> {
+    ) -> Result<MeshFile, Flaw> {
         let (positions, placement) =
-            origin::settle_if(name, &self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
+            origin::settle_if(&self.positions, &self.triangles, |placed| self.seen_fits(placed))?;
         let textures = Textures::of(pictures, self.mapped);
         let mut mesh =
             Mesh { positions, normals: self.normals, triangles: self.triangles, materials, textures };
@@ -264,6 +256,39 @@ impl<'a> Walk<'a> {
         let more_starts = self.starts.into_iter().skip(1).collect();
         Ok(MeshFile { mesh, placement, more_starts, camera, camera_note, lights, notes })
     }
+}
+
+/// Returns the nodes of the file's scene in order or, if the file has no scene, all nodes without a parent and their
+/// descendants.
+pub(super) fn placed(root: &Root) -> Parsed<Vec<Placed>> {
+    let scene = root.scene.and_then(|scene| root.get(scene)).or(root.scenes.first());
+    let mut next: Vec<Placed> = match scene {
+        Some(scene) => scene.nodes.iter().map(|node| (*node, DMat4::IDENTITY)).collect(),
+        None => roots(root).map(|node| (node, DMat4::IDENTITY)).collect(),
+    };
+    next.reverse();
+    let (mut placed, mut visited) = (Vec::new(), vec![false; root.nodes.len()]);
+    // The stack is explicit, since nodes may be nested arbitrarily deep.
+    while let Some((index, parent)) = next.pop() {
+        let number = index.value();
+        let node = root.get(index).ok_or_else(|| format!("node {number} does not exist"))?;
+        if std::mem::replace(&mut visited[number], true) {
+            return Err(format!("node {number} occurs twice in the scene; expected once"));
+        }
+        let place = parent * local(node);
+        if !place.is_finite() {
+            return Err(format!("node {number} has a transform that is not finite"));
+        }
+        placed.push((index, place));
+        next.extend(node.children.iter().flatten().rev().map(|child| (*child, place)));
+    }
+    Ok(placed)
+}
+
+/// Returns the mesh of each node that has one. If no node has a mesh, returns all meshes of the file.
+pub(super) fn meshes_of(root: &Root, placed: &[Placed]) -> Vec<Index<GltfMesh>> {
+    let of_nodes: Vec<_> = placed.iter().filter_map(|(node, _)| root.get(*node)?.mesh).collect();
+    if of_nodes.is_empty() { (0..root.meshes.len() as u32).map(Index::new).collect() } else { of_nodes }
 }
 
 fn roots(root: &Root) -> impl Iterator<Item = Index<Node>> {

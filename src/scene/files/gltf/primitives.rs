@@ -2,6 +2,7 @@
 
 use super::Parsed;
 use super::accessors::Numbers;
+use super::materials::white;
 use glam::{DVec3, Vec3};
 use gltf::json::Index;
 use gltf::json::accessor::Accessor;
@@ -20,12 +21,25 @@ pub(super) struct Part {
     /// Coordinates in the material's texture: one pair per position, or none at all.
     pub coordinates: Vec<[f32; 2]>,
     pub triangles: Vec<[u32; 3]>,
-    /// The number of the material: 0 if the part has none; the file's materials start at 1.
+    /// The number of the material; the file's materials start at 1. If the part has none, the number is 0 or, with
+    /// colours, [`white`].
     pub material: u32,
     /// Number of the part's accessors that store nothing.
     pub empty: usize,
     /// Number of triangles that were left out, since they name a position that does not exist.
     pub dangling: usize,
+    /// Number of texture coordinates that are not finite.
+    pub odd_coordinates: usize,
+}
+
+/// Upper limits of a part's sizes, from its accessors' numbers of elements.
+#[derive(Default)]
+pub(super) struct Sizes {
+    /// The elements of all accessors.
+    pub elements: u64,
+    pub triangles: u64,
+    /// The positions of the triangles. Positions that no triangle uses are not kept.
+    pub positions: u64,
 }
 
 /// The accessors of a primitive that raycl reads.
@@ -49,10 +63,13 @@ impl Used {
         }
     }
 
+    fn all(&self) -> impl Iterator<Item = Index<Accessor>> {
+        [self.positions, self.normals, self.colours, self.coordinates, self.indices].into_iter().flatten()
+    }
+
     /// Returns how many of these accessors store nothing.
     fn empty(&self, numbers: &Numbers<'_>) -> usize {
-        let all = [self.positions, self.normals, self.colours, self.coordinates, self.indices];
-        all.into_iter().flatten().filter(|index| numbers.is_empty(*index)).count()
+        self.all().filter(|index| numbers.is_empty(*index)).count()
     }
 }
 
@@ -67,15 +84,10 @@ impl Part {
     /// Reads a primitive. `set` is the index of the set of texture coordinates that the texture of the
     /// primitive's material uses.
     pub fn read(numbers: &Numbers<'_>, primitive: &Primitive, set: Option<u32>) -> Parsed<Shape> {
-        let Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) =
-            primitive.mode
-        else {
-            return Ok(Shape::Other);
-        };
         let used = Used::of(primitive, set);
         // A primitive without positions is left out. (An extension may provide positions, but extensions are
         // not read here.)
-        let Some(index) = used.positions else { return Ok(Shape::Other) };
+        let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Ok(Shape::Other) };
         let vectors = |index: Index<Accessor>| {
             Ok::<_, String>(numbers.of::<3>(index)?.into_iter().map(DVec3::from_array).collect())
         };
@@ -85,6 +97,8 @@ impl Part {
         let (colours, is_clear) = colours.unwrap_or_default();
         let coordinates = used.coordinates.map(|index| coordinates(numbers, index)).transpose()?;
         let coordinates = coordinates.unwrap_or_default();
+        let odd_coordinates =
+            coordinates.iter().filter(|pair| !pair.iter().all(|value| value.is_finite())).count();
         let counts = [
             ("normals", normals.len()),
             ("colours", colours.len()),
@@ -96,7 +110,8 @@ impl Part {
             }
         }
         let indices = corners(numbers, used.indices, positions.len())?;
-        let material = primitive.material.map_or(Ok(0), |index| {
+        let without = if colours.is_empty() { 0 } else { white(numbers.root) };
+        let material = primitive.material.map_or(Ok(without), |index| {
             let known = numbers.root.get(index).is_some();
             known
                 .then(|| index.value() as u32 + 1)
@@ -104,9 +119,57 @@ impl Part {
         })?;
         let (triangles, dangling) = existing(triangles(mode, &indices), positions.len());
         let empty = used.empty(numbers);
-        let part =
-            Self { triangles, positions, normals, colours, is_clear, coordinates, material, empty, dangling };
-        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part }))
+        let part = Self {
+            triangles,
+            positions,
+            normals,
+            colours,
+            is_clear,
+            coordinates,
+            material,
+            empty,
+            dangling,
+            odd_coordinates,
+        };
+        Ok(Shape::Triangles(if part.normals.is_empty() { part.flat() } else { part.compact() }))
+    }
+
+    /// Returns upper limits of the sizes of a primitive that is not read yet.
+    pub fn largest(numbers: &Numbers<'_>, primitive: &Primitive) -> Sizes {
+        let used = Used::of(primitive, Some(0));
+        let (Some(mode), Some(index)) = (mode_of(primitive), used.positions) else { return Sizes::default() };
+        let vertices = numbers.count(index);
+        let corners = used.indices.map_or(vertices, |index| numbers.count(index));
+        let triangles = if mode == Mode::Triangles { corners / 3 } else { corners };
+        // Without normals, each triangle has its own positions.
+        let positions = if used.normals.is_some() { vertices.min(3 * triangles) } else { 3 * triangles };
+        Sizes { elements: used.all().map(|index| numbers.count(index)).sum(), triangles, positions }
+    }
+
+    /// Removes positions that no triangle uses. Several primitives may share one list of positions, of which each uses a
+    /// part.
+    fn compact(self) -> Self {
+        let mut is_used = vec![false; self.positions.len()];
+        self.triangles.as_flattened().iter().for_each(|corner| is_used[*corner as usize] = true);
+        if is_used.iter().all(|is_used| *is_used) {
+            return self;
+        }
+        let mut next = 0;
+        let number = |is_used: &bool| {
+            let number = next;
+            next += u32::from(*is_used);
+            number
+        };
+        let numbers: Vec<u32> = is_used.iter().map(number).collect();
+        let triangles = self.triangles.iter().map(|corners| corners.map(|corner| numbers[corner as usize]));
+        Self {
+            triangles: triangles.collect(),
+            positions: only(self.positions, &is_used),
+            normals: only(self.normals, &is_used),
+            colours: only(self.colours, &is_used),
+            coordinates: only(self.coordinates, &is_used),
+            ..self
+        }
     }
 
     /// Makes separate corners for every triangle, since a mesh without normals has flat faces (glTF 2.0,
@@ -130,14 +193,22 @@ impl Part {
     }
 }
 
+/// Returns the mode of a primitive of triangles.
+fn mode_of(primitive: &Primitive) -> Option<Mode> {
+    match primitive.mode {
+        Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => Some(mode),
+        _ => None,
+    }
+}
+
+/// Returns the elements of a list that are used.
+fn only<T>(list: Vec<T>, is_used: &[bool]) -> Vec<T> {
+    list.into_iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(element, _)| element).collect()
+}
+
 /// Reads texture coordinates, which are measured from the texture's upper left corner.
 fn coordinates(numbers: &Numbers<'_>, index: Index<Accessor>) -> Parsed<Vec<[f32; 2]>> {
-    let coordinates = numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32));
-    let coordinates: Vec<[f32; 2]> = coordinates.collect();
-    match coordinates.as_flattened().iter().all(|value| value.is_finite()) {
-        true => Ok(coordinates),
-        false => Err("texture coordinates that are not finite".to_owned()),
-    }
+    Ok(numbers.of::<2>(index)?.into_iter().map(|pair| pair.map(|value| value as f32)).collect())
 }
 
 /// Reads linear colours, with or without alpha; also returns whether any alpha is below 1.
@@ -182,6 +253,7 @@ fn triangles(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::buffers::Bytes;
     use super::*;
     use gltf::json::Root;
 
@@ -205,7 +277,8 @@ mod tests {
         let root: Root = serde_json::from_str(text).unwrap();
         for (alpha, expected) in [(255, false), (254, true), (128, true), (0, true)] {
             let bytes = [255, 0, 0, 255, 0, 255, 0, alpha];
-            let numbers = Numbers { root: &root, buffers: &[bytes[..].into()] };
+            let buffers = [Bytes::new(bytes[..].into())];
+            let numbers = Numbers::of_file(&root, &buffers);
             let (colours, is_clear) = colours(&numbers, Index::new(0)).unwrap();
             assert_eq!((&colours[..], is_clear), (&[Vec3::X, Vec3::Y][..], expected), "{alpha}");
         }

@@ -187,9 +187,99 @@ fn colours_of_corners_make_one_of_the_triangle() {
     );
     let file = read(&text).unwrap();
     // The positions are used as colours: black, red and green.
-    let colour = file.mesh.material(&file.mesh.triangles[0]).lambertian / 0.8;
-    assert!((colour - Vec3::new(1.0, 1.0, 0.0) / 3.0).abs().max_element() < 5e-3, "{colour}");
+    let mean = Vec3::new(1.0, 1.0, 0.0) / 3.0;
+    let colour = |mesh: &Mesh, at: usize| mesh.material(&mesh.triangles[at]).lambertian;
+    let found = colour(&file.mesh, 0);
+    assert!((found - mean).abs().max_element() < 5e-3, "{found}");
     assert!(file.notes.iter().any(|note| note.contains("colours of 3 vertices")), "{:?}", file.notes);
+    // A second primitive has neither a material nor colours, and a third one has both.
+    let others = r#""primitives": [{"attributes": {"POSITION": 0}},
+{"attributes": {"POSITION": 0, "COLOR_0": 2}, "material": 0}, "#;
+    let materials = r#"{"materials": [{"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1]}}], "#;
+    let mixed = text.replace(r#""primitives": ["#, others).replacen('{', materials, 1);
+    let mesh = read(&mixed).unwrap().mesh;
+    for (at, expected) in [(0, Vec3::splat(0.8)), (1, 0.5 * mean), (2, mean)] {
+        let found = colour(&mesh, at);
+        assert!((found - expected).abs().max_element() < 5e-3, "{at}: {found}");
+    }
+}
+
+#[test]
+fn lights_of_intensity_0_are_left_out_and_noted() {
+    let lights = r#"{"extensions": {"KHR_lights_punctual": {"lights": [
+{"type": "point", "intensity": 0, "range": 1}, {"type": "spot", "color": [0, 0, 0], "spot": {}}]}},
+"scenes": [{"nodes": [0, 1]}], "#;
+    let dark = r#"{"extensions": {"KHR_lights_punctual": {"light": 1}}}, {"mesh": 0,
+"extensions": {"KHR_lights_punctual": {"light": 0}},"#;
+    let text = triangle().replacen("{", lights, 1).replace(r#""scenes": [{"nodes": [0]}],"#, "");
+    let file = read(&text.replace(r#"{"mesh": 0,"#, dark)).unwrap();
+    assert_eq!((file.lights.len(), file.notes), (0, vec!["2 lights of intensity 0 are left out".to_owned()]));
+}
+
+#[test]
+fn positions_that_no_triangle_uses_are_left_out() {
+    // Two of the three positions of the first primitive are used, and the positions serve as normals.
+    let text = triangle()
+        .replace(r#"{"POSITION": 0}"#, r#"{"POSITION": 0, "NORMAL": 0}"#)
+        .replace(&STANDARD.encode(bytes()), &STANDARD.encode([&bytes()[..36], &[1, 0, 2, 0, 1, 0]].concat()));
+    let mesh = read(&text).unwrap().mesh;
+    assert_eq!(mesh.positions, [Vec3::new(1.0, 0.0, 5.0), Vec3::new(0.0, 1.0, 5.0)]);
+    assert_eq!(corners(&mesh), [mesh.positions[0], mesh.positions[1], mesh.positions[0]]);
+    assert_eq!(mesh.corner_normals(&mesh.triangles[0]), [Vec3::X, Vec3::Y, Vec3::X]);
+}
+
+/// A file of 3 MB, whose mesh would take about 900 GB.
+#[test]
+fn a_mesh_that_too_many_nodes_place_is_refused_before_it_is_made() {
+    let nodes = vec![r#"{"mesh": 0}"#; 200_000].join(",");
+    let numbers = (0..200_000).map(|node| node.to_string()).collect::<Vec<_>>().join(",");
+    let text = triangle()
+        .replace(r#""nodes": [0]"#, &format!(r#""nodes": [{numbers}]"#))
+        .replace(r#"{"mesh": 0, "translation": [0, 0, 5]}"#, &nodes)
+        .replace(r#", "indices": 1"#, "")
+        .replace(
+            r#"{"bufferView": 0, "componentType": 5126, "count": 3"#,
+            r#"{"componentType": 5126, "count": 65536"#,
+        );
+    let error = read(&text).err().unwrap().to_string();
+    assert!(error.starts_with("reading a.gltf needs about") && error.contains("B for all nodes"), "{error}");
+}
+
+/// A file outside the folder of the file that names it may belong to somebody else.
+#[test]
+fn words_of_a_file_of_others_are_in_no_error_and_no_note() {
+    let permitted = Permitted { quotes: false, ..PERMITTED };
+    let reach = Reach { folder: Path::new("/nowhere"), permitted };
+    let told = |from: &str, to: &str| parse("a.gltf", reach, triangle().replacen(from, to, 1).as_bytes());
+    let data = format!("data:application/octet-stream;base64,{}", STANDARD.encode(bytes()));
+    for (from, to, message) in [
+        (
+            "{",
+            r#"{"extensionsRequired": ["secret_compression"], "#,
+            "an extension that compresses its vertices, which",
+        ),
+        (&data, "secret.bin", "a.gltf: buffer 0: its uri cannot be read ("),
+        (&data, "https://secret", "a.gltf: buffer 0: its uri is not a file; nothing is downloaded"),
+        (&data, "data:;base64,secret?", "a.gltf: buffer 0: its data: uri is damaged"),
+        (
+            "\"2.0\"},\n\"scenes\": [",
+            "\"secret\"},\n\"scenes\": [7, ",
+            "glTF of this version; expected version 2.0",
+        ),
+        (r#""mesh": 0"#, r#""mesh": "secret""#, "a.gltf:3: not valid glTF 2.0"),
+        (r#""mesh": 0"#, r#""mesh": 7"#, "a.gltf: node 0: mesh 7 does not exist"),
+    ] {
+        let error = told(from, to).err().unwrap().to_string();
+        assert!(error.contains(message) && !error.contains("secret"), "{error}");
+    }
+    let extensions = r#"{"extensionsUsed": ["secret", "EXT_x"], "extensionsRequired": ["secret"],
+"animations": [{"channels": [], "samplers": []}], "#;
+    let notes = told("{", extensions).unwrap().notes.join("\n");
+    for note in
+        ["1 animation is left out", "requires extensions that are not supported", "extensions are ignored"]
+    {
+        assert!(notes.contains(note) && !notes.contains("secret"), "{notes}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Base-colour textures. Their pictures are stored in a buffer, in a separate file, or as base64.
 
 use super::Parsed;
-use super::buffers::{decoded, unescaped};
+use super::buffers::{Bytes, decoded, unescaped};
 use super::materials::{extension, least_alpha};
 use crate::scene::files::{Pictures, Usage};
 use crate::scene::obj::{Reach, quoted};
@@ -11,7 +11,6 @@ use gltf::json::material::Material as Wire;
 use gltf::json::texture::{Info, Texture, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root, image::Image};
-use std::borrow::Cow;
 
 /// The texture of a material's colour.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +37,7 @@ impl ColourMap {
 #[derive(Clone, Copy)]
 pub(super) struct Files<'a> {
     pub root: &'a Root,
-    pub buffers: &'a [Cow<'a, [u8]>],
+    pub buffers: &'a [Bytes<'a>],
     pub reach: Reach<'a>,
 }
 

@@ -1,67 +1,154 @@
-//! The header of a PLY file, and lines in it that PLY does not define.
+//! The header of a PLY file. The crate `ply-rs-bw` reads headers as PLY defines them; variants that some programs write
+//! are brought into this form first.
 
 use std::borrow::Cow;
+use std::collections::HashSet;
 
 /// The first words of the lines that PLY defines for a header.
-const WORDS: [&[u8]; 7] =
-    [b"ply", b"format", b"comment", b"obj_info", b"element", b"property", b"end_header"];
-/// The word that is put before a line that begins with none of `WORDS`.
-const COMMENT: &[u8] = b"comment ";
-/// The longest header that is searched for lines that PLY does not define, in bytes. Such lines are refused in a longer
-/// header.
+const WORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
+/// The longest header that is read, in bytes.
 const MAX_BYTES: usize = 1 << 20;
 
-/// Turns lines that PLY does not define into comments, and counts them: some exporters write their
-/// name without `comment`. Lines keep their numbers.
-pub(super) fn tidied(bytes: &[u8]) -> (Cow<'_, [u8]>, usize) {
-    let Some(length) = length(bytes) else { return (Cow::Borrowed(bytes), 0) };
-    let mut header = Vec::new();
-    let mut strange = 0;
-    for line in bytes[..length].split_inclusive(|&byte| byte == b'\n') {
-        if !is_ply(line) {
-            header.extend_from_slice(COMMENT);
-            strange += 1;
-        }
-        header.extend_from_slice(line);
-    }
-    if strange == 0 {
-        return (Cow::Borrowed(bytes), 0);
-    }
-    header.extend_from_slice(&bytes[length..]);
-    (Cow::Owned(header), strange)
+/// A file whose header is in the form that PLY defines.
+pub(super) struct Tidied<'a> {
+    /// The lines of the header. Each line has its number in the file.
+    pub header: String,
+    /// The bytes after the header.
+    pub payload: &'a [u8],
+    /// The number of lines that PLY does not define: some exporters write their name without `comment`. These lines
+    /// have become comments.
+    pub strange: usize,
 }
 
-/// Returns the number of bytes up to the end of the header; `None` if the end is not found.
-fn length(bytes: &[u8]) -> Option<usize> {
-    let mut end = 0;
-    for line in bytes[..bytes.len().min(MAX_BYTES)].split_inclusive(|&byte| byte == b'\n') {
-        end += line.len();
+/// Brings a file's header into the form that PLY defines: in UTF-8, without a byte order mark, with line feeds as its
+/// only line ends, without blanks before a line, and with a different name for each property.
+pub(super) fn tidied(bytes: &[u8]) -> Tidied<'_> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut tidied = Tidied { header: String::new(), payload: &[], strange: 0 };
+    let mut names = Names::default();
+    let (head, mut rest) = (&bytes[..bytes.len().min(MAX_BYTES)], bytes);
+    let end = line_end(head);
+    for line in head.split(|&byte| byte == end) {
+        rest = &rest[(line.len() + 1).min(rest.len())..];
+        let text = String::from_utf8_lossy(line);
+        let words: Vec<Cow<str>> = text.split_ascii_whitespace().map(Cow::Borrowed).collect();
+        let is_known = words.first().is_some_and(|word| WORDS.contains(&&**word));
+        if !is_known {
+            tidied.header += "comment ";
+            tidied.strange += 1;
+        }
+        tidied.header += &names.replaced(words).join(" ");
+        tidied.header.push('\n');
         if line.trim_ascii() == b"end_header" {
-            return Some(end);
+            tidied.payload = rest;
+            break;
         }
     }
-    None
+    tidied
 }
 
-fn is_ply(line: &[u8]) -> bool {
-    let first = line.split(u8::is_ascii_whitespace).next().unwrap_or_default();
-    WORDS.contains(&first)
+/// Returns the byte that ends each line of a header. A CR counts as a line end only if no LF follows the first CR,
+/// since in a binary file, the byte after the last line may be equal to an LF.
+fn line_end(head: &[u8]) -> u8 {
+    match head.iter().position(|&byte| byte == b'\n' || byte == b'\r') {
+        Some(at) if head[at] == b'\r' && head.get(at + 1) != Some(&b'\n') => b'\r',
+        _ => b'\n',
+    }
+}
+
+/// The names that the header has used so far.
+#[derive(Default)]
+struct Names {
+    elements: HashSet<String>,
+    /// The properties of the last element.
+    properties: HashSet<String>,
+    line: usize,
+}
+
+impl Names {
+    /// Returns the words of the next line, with another name for an element or a property if `ply-rs-bw` would not read
+    /// its name. Such a name contains characters that PLY does not define, such as brackets, or occurs twice.
+    fn replaced<'a>(&mut self, mut words: Vec<Cow<'a, str>>) -> Vec<Cow<'a, str>> {
+        self.line += 1;
+        let (at, used) = match words.first().map(|word| &**word) {
+            Some("element") => {
+                self.properties.clear();
+                (1, &mut self.elements)
+            }
+            Some("property") => (words.len() - 1, &mut self.properties),
+            _ => return words,
+        };
+        if let Some(name) = words.get_mut(at.max(1)) {
+            let mut valid = valid(name);
+            while !used.insert(valid.clone()) {
+                valid = format!("{valid}_{}", self.line);
+            }
+            *name = Cow::Owned(valid);
+        }
+        words
+    }
+}
+
+/// Returns a name in which all characters are valid.
+fn valid(name: &str) -> String {
+    let is_valid = |char: char| char.is_ascii_alphanumeric() || char == '_' || char == '-';
+    let name: String = name.chars().map(|char| if is_valid(char) { char } else { '_' }).collect();
+    if name.starts_with(|char: char| char.is_ascii_alphabetic() || char == '_') {
+        name
+    } else {
+        "_".to_owned() + &name
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn of(bytes: &[u8]) -> (String, &[u8], usize) {
+        let Tidied { header, payload, strange } = tidied(bytes);
+        (header, payload, strange)
+    }
+
     #[test]
     fn strange_lines_become_comments_and_data_stays() {
         let plain = &b"ply\r\nformat ascii 1.0\r\ncomment a\r\nend_header\r\nBlender 1\r\n"[..];
-        assert!(matches!(tidied(plain), (Cow::Borrowed(same), 0) if same == plain));
-        let (tidy, strange) = tidied(b"ply\nformat ascii 1.0\nCreated by Blender\n\nend_header\nBlender\n");
-        let text = b"ply\nformat ascii 1.0\ncomment Created by Blender\ncomment \nend_header\nBlender\n";
-        assert_eq!((&tidy[..], strange), (&text[..], 2));
-        let (tidy, strange) = tidied(b"ply\r\nBlender\r\nend_header\r\nBlender\r\n");
-        let text = b"ply\r\ncomment Blender\r\nend_header\r\nBlender\r\n";
-        assert_eq!((&tidy[..], strange), (&text[..], 1));
-        assert!(matches!(tidied(b"ply\nBlender\n"), (Cow::Borrowed(_), 0)), "no header's end");
+        let header = "ply\nformat ascii 1.0\ncomment a\nend_header\n";
+        assert_eq!(of(plain), (header.to_owned(), &b"Blender 1\r\n"[..], 0));
+        let strange = b"ply\nformat ascii 1.0\nCreated by Blender\n\nend_header\nBlender\n";
+        let header = "ply\nformat ascii 1.0\ncomment Created by Blender\ncomment \nend_header\n";
+        assert_eq!(of(strange), (header.to_owned(), &b"Blender\n"[..], 2));
+        let header = "ply\ncomment Blender\nend_header\n".to_owned();
+        assert_eq!(of(b"ply\r\nBlender\r\nend_header\r\nBlender\r\n"), (header, &b"Blender\r\n"[..], 1));
+        assert_eq!(of(b"ply\nBlender").0, "ply\ncomment Blender\n", "no header's end");
+    }
+
+    #[test]
+    fn a_header_ends_with_its_own_line_end_and_the_data_begin_with_any_byte() {
+        for (end, data) in [("\n", "\nabc"), ("\r\n", "\nabc"), ("\r", "\nabc"), ("\n", ""), ("\r", "")] {
+            let text = format!("ply{end}format ascii 1.0{end}end_header{end}{data}");
+            let header = "ply\nformat ascii 1.0\nend_header\n".to_owned();
+            assert_eq!(of(text.as_bytes()), (header, data.as_bytes(), 0), "{end:?}");
+        }
+    }
+
+    #[test]
+    fn a_header_of_other_programs_is_tidied() {
+        let text =
+            b"\xef\xbb\xbfply\n comment G\xe4nse\n\telement vertex 1 \n property  float\tx\nend_header\n";
+        let header = "ply\ncomment G\u{fffd}nse\nelement vertex 1\nproperty float x\nend_header\n";
+        assert_eq!(of(text), (header.to_owned(), &b""[..], 0));
+    }
+
+    #[test]
+    fn names_that_are_not_valid_or_occur_twice_are_replaced() {
+        let lines = |text: &str| of(text.as_bytes()).0.lines().map(str::to_owned).collect::<Vec<_>>();
+        let text = "element vertex 1\nproperty float x\nproperty float scalar_R_(0.1)\nproperty float scalar_R_[0.1]\n\
+            property float 8\nproperty float x\nelement face 1\nproperty list uchar int x\nelement vertex 2\nproperty";
+        let names: Vec<_> =
+            lines(text).iter().map(|line| line.rsplit(' ').next().unwrap().to_owned()).collect();
+        let expected =
+            ["1", "x", "scalar_R__0_1_", "scalar_R__0_1__4", "_8", "x_6", "1", "x", "2", "property"];
+        assert_eq!(names, expected);
+        assert_eq!(lines(text)[8], "element vertex_9 2");
     }
 }

@@ -2,6 +2,10 @@
 
 use super::*;
 
+fn parse(name: &str, bytes: &[u8]) -> Result<MeshFile> {
+    super::parse(Named { name, quotes: true }, bytes)
+}
+
 const SQUARE: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty double x\nproperty double y\n\
     property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
     property list uchar int vertex_indices\nelement edge 1\nproperty int vertex1\nproperty int vertex2\nend_header\n\
@@ -65,14 +69,113 @@ fn binary_files_of_both_orders_and_strips() {
 #[test]
 fn mistakes_are_told_without_the_files_text() {
     for (from, to, message) in [
-        ("4 0 1 2 3", "4 0 1 2 9", "face 0: vertex 9 does not exist"),
+        ("4 0 1 2 3", "4 0 1 2 9", "a.ply: face 0 has a vertex that does not exist"),
         ("4 0 1 2 3\n0 1\n", "", "a.ply"),
         ("500000 5400000 0 255 0 0\n", "500000 secret 0 255 0 0\n", "a.ply:17"),
+        ("500000 5400000 0 255 0 0\n", "500000 5400000 0 255 0\n", "a.ply:17: the line has fewer numbers"),
         ("element vertex 4", "element vertex many", "a.ply:4"),
+        ("comment made by hand", "property int secret", "a.ply:3"),
+        ("element edge 1", "element secret 99", "a.ply: the file has fewer bytes"),
+        ("element edge 1", "element secret 2", "a.ply"),
+        ("4 0 1 2 3\n0 1\n", "4 0 1 2 3\n0 secret\n", "a.ply:22: a value is not valid; expected a whole"),
     ] {
         let text = SQUARE.replacen(from, to, 1);
-        let error = parse("a.ply", text.as_bytes()).err().unwrap().to_string();
+        let told = |quotes| super::parse(Named { name: "a.ply", quotes }, text.as_bytes()).err().unwrap();
+        let [shown, error] = [true, false].map(|quotes| told(quotes).to_string());
         assert!(error.contains(message) && !error.contains("secret") && !error.contains('\n'), "{error}");
+        assert!(!shown.contains('\n'), "{shown}");
+    }
+}
+
+#[test]
+fn a_value_that_is_not_valid_is_named() {
+    for (from, to, message) in [
+        ("500000 5400000 0 255 0 0\n", "500000 secret 0 255 0 0\n", "a.ply:17: `secret`; expected a decimal"),
+        ("4 0 1 2 3", "4 0 1 2 1.5", "a.ply:21: `1.5`; expected a whole number"),
+        ("0 255 0 0\n", "0 256 0 0\n", "a.ply:17: `256`; expected a whole number in the range of its type"),
+        ("element face 1", "element face 3", "a.ply: the file ends after 2 of 3 elements `face`"),
+    ] {
+        let error = parse("a.ply", SQUARE.replacen(from, to, 1).as_bytes()).err().unwrap().to_string();
+        assert!(error.starts_with(message), "{error}");
+    }
+}
+
+#[test]
+fn an_ascii_file_may_have_numbers_of_every_form_and_any_line_ends() {
+    let mesh = parse("a.ply", SQUARE.as_bytes()).unwrap().mesh;
+    let forms =
+        SQUARE.replace("500000 5400000 0 255", "+500000. 54e5 .0 255.0").replace("4 0 1", "\n 4.0 +0\t1");
+    for text in [forms.clone(), forms.replace('\n', "\r"), forms.replace('\n', "\r\n")] {
+        assert_eq!(parse("a.ply", text.as_bytes()).unwrap().mesh, mesh, "{text:?}");
+    }
+    // A point that was not measured, in a file whose face does not use it.
+    let points = SQUARE.replace("element vertex 4", "element vertex 5");
+    for point in ["nan NaN -nan", "inf -inf 0", "Infinity 1e400 0"] {
+        let text = points.replacen("4 0 1 2 3", &format!("{point} 0 0 0\n4 0 1 2 3"), 1);
+        assert_eq!(parse("a.ply", text.as_bytes()).unwrap().mesh.triangles.len(), 2, "{point}");
+    }
+}
+
+#[test]
+fn headers_of_other_programs_are_read() {
+    let mesh = parse("a.ply", SQUARE.as_bytes()).unwrap().mesh;
+    let header = SQUARE
+        .replace("comment made by hand", " comment by G\u{e4}nse")
+        .replace("property uchar blue", "property uchar blue\n property float scalar_Roughness_(0.1)")
+        .replace("255 0 0\n", "255 0 0 0.5\n");
+    let latin1: Vec<u8> = header.chars().map(|char| char as u8).collect();
+    for bytes in [latin1.clone(), [&b"\xef\xbb\xbf"[..], &latin1].concat()] {
+        let file = parse("a.ply", &bytes).unwrap();
+        assert_eq!(file.mesh, mesh);
+        assert!(!file.notes.iter().any(|note| note.contains("in the header")), "{:?}", file.notes);
+    }
+}
+
+/// Without a check, the first of these files would take all memory, and the second would never end.
+#[test]
+fn a_header_that_states_more_elements_than_the_file_can_hold_is_refused() {
+    let told = |format: &str, elements: &str, data: &str| {
+        let text = format!("ply\nformat {format} 1.0\n{elements}\nend_header\n{data}");
+        parse("a.ply", text.as_bytes()).err().unwrap().to_string()
+    };
+    for format in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        for elements in ["element vertex 100000000000", "element odd 18446744073709551615"] {
+            let message = told(format, elements, "");
+            assert!(message.starts_with("a.ply: the header has elements without properties (`"), "{message}");
+        }
+        for (property, data) in [
+            ("uchar x", "1 2 3 4"),
+            ("list uchar int vertex_indices", "0 0 0 0"),
+            ("double x", "12345678901234567890"),
+        ] {
+            for count in ["11", "100000000000", "18446744073709551615"] {
+                let message = told(format, &format!("element vertex {count}\nproperty {property}"), data);
+                assert!(
+                    message.starts_with(&format!("a.ply: the header states {count} elements `vertex`")),
+                    "{message}"
+                );
+            }
+        }
+    }
+    let two =
+        "element vertex 2\nproperty double x\nelement face 3\nproperty list ushort short a\nproperty float b";
+    let message = told("binary_little_endian", two, &"x".repeat(33));
+    let expected = "the header states 3 elements `face` of at least 6 bytes, but 17 bytes are left for them";
+    assert_eq!(message, format!("a.ply: {expected}"));
+}
+
+#[test]
+fn what_a_header_needs_is_held_against_the_memory() {
+    let header = |vertices: usize, faces: usize| {
+        let text =
+            format!("ply\nformat ascii 1.0\nelement vertex {vertices}\nelement face {faces}\nend_header\n");
+        Parser::<Skipped>::new().read_header(&mut Reader::new(text.as_bytes())).unwrap()
+    };
+    assert!(hold("a.ply", &header(1000, 1000)).is_ok());
+    for (vertices, faces) in [(1 << 50, 0), (0, 1 << 50)] {
+        let message = hold("a.ply", &header(vertices, faces)).unwrap_err().to_string();
+        let sum = format!("({VERTEX_BYTES} B x {vertices} vertices + {FACE_BYTES} B x {faces} faces = ");
+        assert!(message.starts_with("reading a.ply needs about") && message.contains(&sum), "{message}");
     }
 }
 

@@ -122,6 +122,101 @@ fn each_corner_has_the_texture_coordinates_that_its_face_names() {
 }
 
 #[test]
+fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::new(1, 1).save(folder.path().join("dot.png")).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd dot.png\n").unwrap();
+    let read = |lines: &str, quotes: bool| {
+        let permitted = Permitted { beyond: false, quotes, scaled: false };
+        let text = format!("mtllib m.mtl\nusemtl a\n{CORNERS}{lines}");
+        parse("test.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap()
+    };
+    let text = "vt 0 1\nvt nan 0\nvt 0 x\nf 1/1 2/1 3/1\nf 1/1 2/2 3/1\nf 1/3 2/1 3/-1\n";
+    let MeshFile { mesh, notes, .. } = read(text, true);
+    let is_mapped: Vec<_> = mesh.textures.mapped.iter().map(|row| row.texture.is_some()).collect();
+    assert_eq!(is_mapped, [true, false, false]);
+    let ignored = "2 such texture coordinates are ignored";
+    let expected = "in a texture coordinate (vt); expected a finite decimal number";
+    let unmapped =
+        "2 triangles have a texture but no texture coordinates: their materials' own colour is used";
+    assert_eq!(notes, [format!("line 7: `nan` {expected}: {ignored}"), unmapped.to_owned()]);
+    let withheld = "line 7: the line is not valid; expected `vt u v`: two finite numbers";
+    assert_eq!(read(text, false).notes, [format!("{withheld}: {ignored}"), unmapped.to_owned()]);
+    // Nothing needs these coordinates.
+    assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
+}
+
+#[test]
+fn a_comment_may_follow_a_name() {
+    let red = |mtl: &str, obj: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["my paints.mtl", "#1.mtl"] {
+            std::fs::write(folder.path().join(name), mtl).unwrap();
+        }
+        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+        let text = format!("{obj}\n{CORNERS}f 1 2 3\n");
+        let file = parse("test.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap();
+        (file.mesh.material(&file.mesh.triangles[0]).lambertian.x, file.notes)
+    };
+    let mtl = "newmtl red # paint\nKd 0.25 0 0 # dark\nnewmtl Material #25\nKd 0.5 0 0\nnewmtl Material #26\nKd 0.75 0 0\n";
+    for (obj, expected) in [
+        ("mtllib my paints.mtl\nusemtl red", 0.25),
+        ("mtllib my paints.mtl # lib\nusemtl red # walls", 0.25),
+        ("mtllib my paints.mtl\nusemtl red # paint", 0.25),
+        ("mtllib #1.mtl\nusemtl Material #25", 0.5),
+        ("mtllib #1.mtl\nusemtl Material #26", 0.75),
+    ] {
+        assert_eq!(red(mtl, obj), (expected, Vec::new()), "{obj}");
+    }
+    // A name without a comment counts before one with a comment, wherever it is defined.
+    let both = format!("newmtl red\nKd 1 0 0\n{mtl}");
+    assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # walls").0, 1.0);
+    assert_eq!(red(&both, "mtllib my paints.mtl\nusemtl red # paint").0, 0.25);
+    let (grey, notes) = red(mtl, "mtllib none.mtl # lib\nusemtl red # walls");
+    assert_eq!(grey, 0.8);
+    assert!(
+        notes[0].starts_with("material file `none.mtl` cannot be read (") && notes.len() == 2,
+        "{notes:?}"
+    );
+    assert!(notes[1].contains("(material `red`)"), "{notes:?}");
+}
+
+#[test]
+fn a_material_file_is_read_once_however_often_it_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.mtl"), "newmtl x\nKd nan\n").unwrap();
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    let text = format!("mtllib a.mtl\nmtllib a.mtl\nmtllib ./a.mtl a.mtl\nusemtl x\n{CORNERS}f 1 2 3\n");
+    let file = parse("test.obj", reach, text.as_bytes()).unwrap();
+    assert_eq!((file.mesh.materials.len(), file.notes.len()), (2, 1), "{:?}", file.notes);
+}
+
+#[test]
+fn of_several_material_files_the_last_line_counts_and_its_first_file() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, colour) in [("a", 0.25), ("b", 0.5)] {
+        std::fs::write(folder.path().join(format!("{name}.mtl")), format!("newmtl x\nKd {colour}\n"))
+            .unwrap();
+    }
+    std::fs::write(folder.path().join("c.mtl"), "newmtl x\nKd 0.75\nnewmtl x\nKd 1\n").unwrap();
+    let reach =
+        Reach { folder: folder.path(), permitted: Permitted { beyond: false, quotes: true, scaled: false } };
+    for (lines, expected) in [
+        ("mtllib a.mtl b.mtl", 0.25),
+        ("mtllib b.mtl a.mtl", 0.5),
+        ("mtllib a.mtl\nmtllib b.mtl", 0.5),
+        ("mtllib a.mtl\nmtllib b.mtl\nmtllib a.mtl", 0.25),
+        ("mtllib b.mtl\nmtllib none.mtl a.mtl b.mtl", 0.25),
+        ("mtllib c.mtl a.mtl", 1.0),
+    ] {
+        let text = format!("{lines}\nusemtl x\n{CORNERS}f 1 2 3\n");
+        let mesh = parse("test.obj", reach, text.as_bytes()).unwrap().mesh;
+        assert_eq!(mesh.material(&mesh.triangles[0]).lambertian.x, expected, "{lines}");
+    }
+}
+
+#[test]
 fn a_material_has_its_three_channels_or_the_default() {
     let folder = tempfile::tempdir().unwrap();
     let reach = || Reach {

@@ -55,6 +55,37 @@ fn corners_of_a_mirrored_triangle_keep_their_texture_coordinates() {
 }
 
 #[test]
+fn a_texture_coordinate_that_is_not_finite_counts_as_missing() {
+    let text = textured(r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#);
+    let with = |first: f32| {
+        let floats = [first, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_le_bytes).concat();
+        let data = [&bytes()[..], &[0, 0], &floats].concat();
+        let view = r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}, {"buffer": 0, "byteOffset": 44, "byteLength": 24}"#;
+        let text = text
+            .replace(&STANDARD.encode(bytes()), &STANDARD.encode(data))
+            .replace(r#"{"buffer": 0, "byteOffset": 36, "byteLength": 6}"#, view)
+            .replace(r#""count": 3, "type": "VEC2""#, r#""count": 3, "type": "VEC2", "byteOffset": 0"#)
+            .replace(
+                r#"{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2""#,
+                r#"{"bufferView": 2, "componentType": 5126, "count": 3, "type": "VEC2""#,
+            );
+        read(&text).unwrap()
+    };
+    let whole = with(0.5);
+    assert_eq!(whole.mesh.textures.mapped[0].corners, [[0.5, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+    for odd in [f32::NAN, f32::INFINITY] {
+        let file = with(odd);
+        assert_eq!(file.mesh.textures.mapped, []);
+        let notes = file.notes.join("\n");
+        for note in
+            ["1 texture coordinate that is not finite is ignored", "1 triangle has a texture but no texture"]
+        {
+            assert!(notes.contains(note), "{notes}");
+        }
+    }
+}
+
+#[test]
 fn a_sampler_says_how_a_texture_goes_on_in_each_direction() {
     use crate::scene::Wrap;
     let material = r#"{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}"#;

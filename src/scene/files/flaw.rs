@@ -1,0 +1,76 @@
+//! Mistakes in mesh files, and the errors that report them. A file outside the folder of the file that names it may
+//! belong to somebody else, so errors must not quote such a file.
+
+use crate::error::Error;
+
+/// The remedy for a file that is wrong.
+const EXPORT: &str = "the file may be cut off or damaged; export it again, or convert it to OBJ";
+/// The remedy if the error may not quote the file.
+const OUTSIDE: &str = "the file's text is not shown, since the file is outside the folder of the file that names it; \
+     `raycl render FILE` shows the mistake";
+
+/// A mistake in a mesh file.
+#[derive(Clone, Debug)]
+pub(super) struct Flaw {
+    /// The number of the line, if it is known.
+    line: Option<usize>,
+    /// What is wrong.
+    what: String,
+    /// What is wrong, without text of the file; `None` if `what` quotes nothing from the file.
+    unquoted: Option<String>,
+}
+
+impl Flaw {
+    /// A mistake whose description quotes the file. `unquoted` describes the mistake without text of the file.
+    pub fn quoting(what: impl Into<String>, unquoted: impl Into<String>) -> Self {
+        Self { line: None, what: what.into(), unquoted: Some(unquoted.into()) }
+    }
+
+    /// Sets the number of the line.
+    pub fn at(self, line: usize) -> Self {
+        Self { line: Some(line), ..self }
+    }
+}
+
+/// A mistake whose description quotes nothing from the file. Numbers of elements and bytes are no quotations.
+impl<T: Into<String>> From<T> for Flaw {
+    fn from(what: T) -> Self {
+        Self { line: None, what: what.into(), unquoted: None }
+    }
+}
+
+/// A mesh file as errors name it.
+#[derive(Clone, Copy)]
+pub(super) struct Named<'a> {
+    pub name: &'a str,
+    /// True if errors and notes may quote the file.
+    pub quotes: bool,
+}
+
+impl Named<'_> {
+    /// Returns the error that reports a mistake, without an excerpt of the file.
+    pub fn error(&self, flaw: impl Into<Flaw>) -> Error {
+        let Flaw { line, what, unquoted } = flaw.into();
+        let place = line.map_or_else(|| self.name.to_owned(), |line| format!("{}:{line}", self.name));
+        match unquoted.filter(|_| !self.quotes) {
+            Some(unquoted) => Error::input(format!("{place}: {unquoted}")).with_help(OUTSIDE),
+            None => Error::input(format!("{place}: {what}")).with_help(EXPORT),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mistake_is_quoted_only_where_that_is_permitted_and_told_in_any_case() {
+        let told = |flaw: Flaw| [true, false].map(|quotes| Named { name: "a", quotes }.error(flaw.clone()));
+        let [shown, withheld] = told(Flaw::quoting("`x` is wrong", "a word is wrong").at(7));
+        assert_eq!([shown.to_string(), withheld.to_string()], ["a:7: `x` is wrong", "a:7: a word is wrong"]);
+        assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT, OUTSIDE]);
+        let [shown, withheld] = told(Flaw::from("it is too large"));
+        assert_eq!([shown.to_string(), withheld.to_string()], ["a: it is too large"; 2]);
+        assert_eq!([shown.remedy(), withheld.remedy()], [EXPORT; 2]);
+    }
+}

@@ -1,0 +1,136 @@
+//! The elements of an ASCII file, one per line. They are not read by the crate `ply-rs-bw`, because `ply-rs-bw` refuses
+//! numbers such as `nan`, `.5` and `5.`, which other programs write.
+
+use crate::scene::files::flaw::Flaw;
+use crate::scene::obj::{quoted, split_lines};
+use ply_rs_bw::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
+use std::str::FromStr;
+
+/// The lines after the header that are not empty, and their numbers.
+pub(super) struct Lines<'a>(Box<dyn Iterator<Item = (usize, &'a [u8])> + 'a>);
+
+impl<'a> Lines<'a> {
+    /// Returns the lines of the text that begins with the line number `first`.
+    pub fn of(text: &'a [u8], first: usize) -> Self {
+        let lines = (first..).zip(split_lines(text));
+        Self(Box::new(lines.filter(|(_, line)| !line.trim_ascii().is_empty())))
+    }
+
+    /// Reads all elements of one type.
+    pub fn elements<E: PropertyAccess>(&mut self, of: &ElementDef) -> Result<Vec<E>, Flaw> {
+        let ends = |read: usize| {
+            let (name, count) = (quoted(of.name.as_bytes()), of.count);
+            let counts = format!("the file ends after {read} of {count} elements");
+            Flaw::quoting(format!("{counts} {name}"), format!("{counts} of a type"))
+        };
+        let element = |read| {
+            let (number, line) = self.0.next().ok_or_else(|| ends(read))?;
+            element(of, line).map_err(|flaw| flaw.at(number))
+        };
+        (0..of.count).map(element).collect()
+    }
+}
+
+/// Reads an element. Further numbers in the line are ignored.
+fn element<E: PropertyAccess>(of: &ElementDef, line: &[u8]) -> Result<E, Flaw> {
+    let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let mut element = E::new();
+    for (name, property) in &of.properties {
+        let value = match &property.data_type {
+            PropertyType::Scalar(kind) => scalar(kind, &mut words)?,
+            PropertyType::List(_, kind) => {
+                let count = next(&mut words, whole, WHOLE)?;
+                list(kind, count, &mut words)?
+            }
+        };
+        element.set_property(name, value);
+    }
+    Ok(element)
+}
+
+/// The expected form of a number of a whole type.
+const WHOLE: &str = "a whole number in the range of its type";
+/// The expected form of a number of a floating-point type.
+const DECIMAL: &str = "a decimal number";
+
+fn scalar<'a>(kind: &ScalarType, words: &mut impl Iterator<Item = &'a [u8]>) -> Result<Property, Flaw> {
+    Ok(match kind {
+        ScalarType::Char => Property::Char(next(words, whole, WHOLE)?),
+        ScalarType::UChar => Property::UChar(next(words, whole, WHOLE)?),
+        ScalarType::Short => Property::Short(next(words, whole, WHOLE)?),
+        ScalarType::UShort => Property::UShort(next(words, whole, WHOLE)?),
+        ScalarType::Int => Property::Int(next(words, whole, WHOLE)?),
+        ScalarType::UInt => Property::UInt(next(words, whole, WHOLE)?),
+        ScalarType::Float => Property::Float(next(words, parsed, DECIMAL)?),
+        ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
+    })
+}
+
+fn list<'a>(
+    kind: &ScalarType,
+    count: usize,
+    words: &mut impl Iterator<Item = &'a [u8]>,
+) -> Result<Property, Flaw> {
+    Ok(match kind {
+        ScalarType::Char => Property::ListChar(several(count, words, whole, WHOLE)?),
+        ScalarType::UChar => Property::ListUChar(several(count, words, whole, WHOLE)?),
+        ScalarType::Short => Property::ListShort(several(count, words, whole, WHOLE)?),
+        ScalarType::UShort => Property::ListUShort(several(count, words, whole, WHOLE)?),
+        ScalarType::Int => Property::ListInt(several(count, words, whole, WHOLE)?),
+        ScalarType::UInt => Property::ListUInt(several(count, words, whole, WHOLE)?),
+        ScalarType::Float => Property::ListFloat(several(count, words, parsed, DECIMAL)?),
+        ScalarType::Double => Property::ListDouble(several(count, words, parsed, DECIMAL)?),
+    })
+}
+
+/// Reads as many numbers as the list says that it has.
+fn several<'a, T>(
+    count: usize,
+    words: &mut impl Iterator<Item = &'a [u8]>,
+    read: fn(&[u8]) -> Option<T>,
+    expected: &str,
+) -> Result<Vec<T>, Flaw> {
+    (0..count).map(|_| next(words, read, expected)).collect()
+}
+
+/// Reads the next number.
+fn next<'a, T>(
+    words: &mut impl Iterator<Item = &'a [u8]>,
+    read: fn(&[u8]) -> Option<T>,
+    expected: &str,
+) -> Result<T, Flaw> {
+    let word = words.next().ok_or("the line has fewer numbers than its element needs")?;
+    read(word).ok_or_else(|| {
+        let unquoted = format!("a value is not valid; expected {expected}");
+        Flaw::quoting(format!("{}; expected {expected}", quoted(word)), unquoted)
+    })
+}
+
+/// Parses a number, which need not be finite: scanners write NaN for points that they did not measure.
+fn parsed<T: FromStr>(word: &[u8]) -> Option<T> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Parses a whole number. Some programs write it with a decimal point.
+fn whole<T: TryFrom<i64>>(word: &[u8]) -> Option<T> {
+    // All whole numbers up to this one are exact in double precision.
+    const MOST: f64 = (1_u64 << 53) as f64;
+    let is_whole = |value: &f64| value.fract() == 0.0 && value.abs() <= MOST;
+    let decimal = || parsed(word).filter(is_whole).map(|value| value as i64);
+    T::try_from(parsed(word).or_else(decimal)?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whole_numbers_are_read_in_every_form_and_only_within_their_range() {
+        let bytes = ["0", "255", "+7", "7.", "7.0", "2.55e2"].map(|text| whole::<u8>(text.as_bytes()));
+        assert_eq!(bytes, [Some(0), Some(255), Some(7), Some(7), Some(7), Some(255)]);
+        for text in ["256", "-1", "7.5", "nan", "inf", "", "x", "1e300", "9223372036854775808"] {
+            assert_eq!(whole::<u8>(text.as_bytes()), None, "{text}");
+        }
+        assert_eq!(whole::<u32>(b"4294967295"), Some(u32::MAX));
+    }
+}
