@@ -289,9 +289,14 @@ impl Tmux {
 
     /// Returns the colours of the upper and lower halves of the half blocks; `None` if any other character is shown.
     fn picture(&self) -> Option<RgbImage> {
-        let mut picture = RgbImage::new(80, 46);
+        self.picture_of([80, 46])
+    }
+
+    /// Returns the picture if it has this size, which must fill the terminal except for the last line.
+    fn picture_of(&self, [width, height]: [u32; 2]) -> Option<RgbImage> {
+        let mut picture = RgbImage::new(width, height);
         let mut colours = [image::Rgb([0; 3]); 2];
-        for (row, line) in (0_u32..23).zip(self.text().lines()) {
+        for (row, line) in (0..height / 2).zip(self.text().lines()) {
             let mut column = 0;
             for part in line.split('\x1b') {
                 // Each line of the terminal begins with the colours at the end of the previous line.
@@ -302,12 +307,13 @@ impl Tmux {
                     colours[usize::from(rgb[0] == 48)] = image::Rgb([rgb[2], rgb[3], rgb[4]]);
                 }
                 for _ in shown.chars().filter(|shown| *shown == '▀') {
+                    (column < width).then_some(())?;
                     picture.put_pixel(column, 2 * row, colours[0]);
                     picture.put_pixel(column, 2 * row + 1, colours[1]);
                     column += 1;
                 }
             }
-            (column == 80).then_some(())?;
+            (column == width).then_some(())?;
         }
         Some(picture)
     }
@@ -340,6 +346,73 @@ fn a_terminal_shows_the_picture_and_takes_keys() {
     tmux.run(&["send-keys", "q"]);
     until("it has ended", || tmux.text().is_empty());
     assert_eq!(place.text("report.txt"), "");
+}
+
+#[test]
+fn a_terminal_that_becomes_smaller_shows_the_upper_left_part_of_the_picture() {
+    let place = place();
+    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
+    let whole = rendered_in(&place, [80, 46], &[]);
+    let program = env!("CARGO_BIN_EXE_raycl");
+    let command = format!("'{program}' view '{scene}' --terminal --samples 1 --device '{device}'");
+    let tmux = Tmux::start(&place, &command);
+    let shows = |size, expected: &RgbImage| {
+        tmux.picture_of(size).is_some_and(|shown| differences(&shown, expected) == 0)
+    };
+    until("the terminal shows the picture", || shows([80, 46], &whole));
+    tmux.run(&["resize-window", "-x", "60", "-y", "20"]);
+    let part = image::imageops::crop_imm(&whole, 0, 0, 60, 38).to_image();
+    until("the part is shown", || shows([60, 38], &part));
+    until("the new last line is text", || {
+        tmux.text().lines().nth(19).is_some_and(|line| line.contains("little | ") && !line.contains('▀'))
+    });
+    tmux.run(&["send-keys", "q"]);
+    until("it has ended", || tmux.text().is_empty());
+}
+
+#[test]
+fn a_view_ends_when_nobody_reads_its_pipe() {
+    let place = place();
+    let mut child = view(&place, &["--terminal", "--spin", "--json"]).spawn().expect("it starts");
+    let mut pipe = child.stdout.take().expect("a pipe");
+    pipe.read_exact(&mut [0; 100]).expect("a picture");
+    drop(pipe);
+    let output = finish(child);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
+    assert!(report["frames"].as_u64().is_some_and(|frames| frames > 0), "{report}");
+}
+
+/// Returns the largest memory in use, in kB, by a process whose arguments contain this text; 0 if there is none.
+#[cfg(target_os = "linux")]
+fn resident_kb(argument: &str) -> u64 {
+    let processes = std::fs::read_dir("/proc").expect("processes").flatten();
+    let of_process = |folder: std::path::PathBuf| {
+        let arguments = std::fs::read(folder.join("cmdline")).ok()?;
+        String::from_utf8_lossy(&arguments).contains(argument).then_some(())?;
+        let status = std::fs::read_to_string(folder.join("status")).ok()?;
+        let used = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+        used.split_whitespace().next()?.parse().ok()
+    };
+    processes.filter_map(|process| of_process(process.path())).max().unwrap_or(0)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn ctrl_c_ends_the_view_in_a_terminal_while_the_scene_is_loaded() {
+    let large = "[[object]]\nshape = \"terrain\"\ntriangles = 4_000_000\n";
+    let place = Place::with(&[("scene.toml", large)]);
+    let (device, scene) = (device(), place.path("scene.toml").display().to_string());
+    let (program, code) = (env!("CARGO_BIN_EXE_raycl"), place.path("code.txt").display().to_string());
+    let command =
+        format!("'{program}' view '{scene}' --terminal --device '{device}' --quiet; echo $? >'{code}'");
+    let tmux = Tmux::start(&place, &command);
+    // Only the terrain is as large as this.
+    until("it makes the terrain", || resident_kb(&scene) > 100_000);
+    tmux.run(&["send-keys", "C-c"]);
+    until("it has ended", || tmux.text().is_empty());
+    // Ctrl-C also ends the shell, which would otherwise have written the code.
+    assert!(!std::path::Path::new(&code).exists(), "{:?}", std::fs::read_to_string(&code));
 }
 
 #[test]

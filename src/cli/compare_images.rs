@@ -1,7 +1,9 @@
 //! `raycl compare-images`: compares two pictures.
 
 use crate::error::{Error, Result};
-use crate::image::{Radiance, check_png, difference_image, read_picture, relative_difference, save_rgb8};
+use crate::image::{
+    Radiance, alpha_difference, check_png, difference_image, read_picture, relative_difference, save_rgb8,
+};
 use crate::output::{Choice, Target};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -50,13 +52,13 @@ struct Report {
     equal: bool,
     different_pixels: usize,
     pixels: usize,
-    /// The largest absolute difference between the two pictures in a channel. The values of 8-bit pictures are first
-    /// divided by 255 (white). Null if this difference is not finite.
+    /// The largest absolute difference between the two pictures in a channel, which may be alpha. The values of 8-bit
+    /// pictures are first divided by 255 (white). Null if this difference is not finite.
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
-    /// The largest difference of a channel, divided by the brightest channel of the expected pixel, but at least by
-    /// 1/255. Null if the result is not finite.
+    /// The largest difference of a colour channel, divided by the brightest colour channel of the expected pixel, but at
+    /// least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
 }
@@ -66,7 +68,7 @@ pub fn run(args: Args) -> Result<()> {
     let choice = Choice { force: args.force, elsewhere: "--output FILE.png" };
     let target = args.output.as_ref().map(|path| Target::new(path, choice));
     target.iter().try_for_each(check_png)?;
-    let (found, expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
+    let (mut found, mut expected) = (read_picture(&args.found)?, read_picture(&args.expected)?);
     if (found.width, found.height) != (expected.width, expected.height) {
         return Err(Error::input(format!(
             "{} is {} x {} pixels and {} is {} x {}: only pictures of the same size can be compared",
@@ -79,6 +81,7 @@ pub fn run(args: Args) -> Result<()> {
         ))
         .with_help("render both pictures with the same --width and --height"));
     }
+    share_alpha(&mut found, &mut expected);
     if let Some(target) = &target {
         save_rgb8(&difference_image(&found, &expected), target)?;
     }
@@ -97,17 +100,31 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
+/// If only one of two pictures has alpha, the other one becomes opaque.
+fn share_alpha(a: &mut Radiance, b: &mut Radiance) {
+    if a.coverage.len() != b.coverage.len() {
+        for picture in [a, b] {
+            picture.coverage.resize(picture.pixels.len(), 1.0);
+        }
+    }
+}
+
+/// Compares two pictures of the same size, of which both or none have alpha.
 fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> Report {
     let mut largest = (0.0, None);
     let (mut squares, mut different, mut relative, mut peak) = (0.0, 0, 0.0f64, 0.0f64);
+    let channels = if found.coverage.is_empty() { 3.0 } else { 4.0 };
     for (place, (a, b)) in found.pixels.iter().zip(&expected.pixels).enumerate() {
-        let errors = [0, 1, 2].map(|channel| (f64::from(a[channel]) - f64::from(b[channel])).abs());
+        let alpha = alpha_difference(found.coverage.get(place), expected.coverage.get(place));
+        let [red, green, blue] =
+            [0, 1, 2].map(|channel| (f64::from(a[channel]) - f64::from(b[channel])).abs());
+        let errors = [red, green, blue, alpha];
         let worst = errors
             .into_iter()
             .fold(0.0, |worst, error| if error.is_nan() { f64::INFINITY } else { error.max(worst) });
         squares += errors.iter().map(|error| error * error).sum::<f64>();
         peak = b.iter().fold(peak, |peak, channel| peak.max(f64::from(*channel)));
-        relative = relative.max(relative_difference(*a, *b, 1.0 / 255.0));
+        relative = relative.max(relative_difference(*a, *b, 1.0 / 255.0)).max(alpha);
         if worst > 0.0 {
             different += 1;
         }
@@ -118,7 +135,7 @@ fn compare(found: &Radiance, expected: &Radiance, output: Option<&PathBuf>) -> R
     // The peak of the signal-to-noise ratio is white (1) for 8-bit pictures. For radiance, the peak is the brightest
     // channel of the expected picture, but at least 1.
     let peak = peak.max(1.0);
-    let mean = squares / (3.0 * found.pixels.len().max(1) as f64);
+    let mean = squares / (channels * found.pixels.len().max(1) as f64);
     let equal = different == 0;
     Report {
         psnr_db: (!equal).then(|| 10.0 * (peak * peak / mean).log10()),
@@ -173,6 +190,26 @@ mod tests {
         // One of 300 channel values is wrong by 1/255, so the signal-to-noise ratio is 20 log10(255) + 10 log10(300)
         // decibels.
         assert!((report.psnr_db.unwrap_or_default() - 72.90).abs() < 0.01, "{report:?}");
+    }
+
+    #[test]
+    fn alpha_is_a_fourth_channel_and_a_picture_without_it_is_opaque() {
+        let opaque = Radiance::new(10, 10);
+        let mut found = Radiance { coverage: vec![1.0; 100], ..opaque.clone() };
+        found.coverage[37] = 0.75;
+        let compared = |mut a: Radiance, mut b: Radiance| {
+            share_alpha(&mut a, &mut b);
+            compare(&a, &b, None)
+        };
+        for report in [compared(found.clone(), opaque.clone()), compared(opaque.clone(), found.clone())] {
+            assert_eq!((report.equal, report.different_pixels), (false, 1));
+            assert_eq!((report.largest_error, report.largest_error_at), (0.25, Some([7, 3])));
+            assert_eq!(report.largest_relative_difference, 0.25);
+            // One of 400 channel values is wrong by 1/4.
+            let psnr = 10.0 * 6400_f64.log10();
+            assert!((report.psnr_db.unwrap_or_default() - psnr).abs() < 1e-9, "{report:?}");
+        }
+        assert!(compared(found.clone(), found).equal && compared(opaque.clone(), opaque).equal);
     }
 
     #[test]

@@ -32,6 +32,14 @@ pub fn relative_difference(found: [f32; 3], expected: [f32; 3], floor: f64) -> f
     if largest.is_nan() { f64::INFINITY } else { largest / brightness(expected).max(floor) }
 }
 
+/// Returns the difference between the alphas of two pixels; infinite if an alpha is not a number. Returns 0 unless both
+/// pixels have alpha.
+pub fn alpha_difference(found: Option<&f32>, expected: Option<&f32>) -> f64 {
+    let (Some(found), Some(expected)) = (found, expected) else { return 0.0 };
+    let apart = (f64::from(*found) - f64::from(*expected)).abs();
+    if apart.is_nan() { f64::INFINITY } else { apart }
+}
+
 fn brightness(pixel: [f32; 3]) -> f64 {
     pixel.into_iter().map(|channel| f64::from(channel.abs())).fold(0.0, f64::max)
 }
@@ -51,16 +59,20 @@ pub fn psnr_db(a: &RgbImage, b: &RgbImage) -> f64 {
 }
 
 /// Returns a picture of the differences between `found` and `expected`, in false colours with a scale below. The colour
-/// follows the logarithm of [`relative_difference`], from 1e-6 (dark) to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels
-/// with a difference below 1e-6 are black. Pixels are red if a value is not finite, or if they are outside one of the
-/// two pictures.
+/// follows the logarithm of [`relative_difference`], or of the difference of alpha if that is larger, from 1e-6 (dark)
+/// to 1 (bright); 1e-3 is [`RELATIVE_LIMIT`]. Pixels with a difference below 1e-6 are black. Pixels are red if a value
+/// is not finite, or if they are outside one of the two pictures. Alpha counts only if both pictures have it.
 pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     let floor = floor_below(brightest(expected));
     let (width, height) = (found.width.max(expected.width), found.height.max(expected.height));
     let mut picture = RgbImage::new(width, height + colour::SCALE_HEIGHT);
     for (x, y, out) in picture.enumerate_pixels_mut().filter(|(_, y, _)| *y < height) {
-        *out = match (at(found, x, y), at(expected, x, y)) {
-            (Some(a), Some(b)) => colour::of_difference(relative_difference(a, b, floor)),
+        *out = match (place(found, x, y), place(expected, x, y)) {
+            (Some(a), Some(b)) => {
+                let alpha = alpha_difference(found.coverage.get(a), expected.coverage.get(b));
+                let colours = relative_difference(found.pixels[a], expected.pixels[b], floor);
+                colour::of_difference(colours.max(alpha))
+            }
             _ => Rgb(colour::WRONG),
         };
     }
@@ -68,10 +80,11 @@ pub fn difference_image(found: &Radiance, expected: &Radiance) -> RgbImage {
     picture
 }
 
-fn at(image: &Radiance, x: u32, y: u32) -> Option<[f32; 3]> {
+/// Returns the index of a pixel; `None` if it is outside the image.
+fn place(image: &Radiance, x: u32, y: u32) -> Option<usize> {
     let inside = x < image.width && y < image.height;
     let place = y as usize * image.width as usize + x as usize;
-    inside.then(|| image.pixels.get(place).copied()).flatten()
+    (inside && place < image.pixels.len()).then_some(place)
 }
 
 #[cfg(test)]
@@ -119,6 +132,19 @@ mod tests {
         assert!(light(0) < light(1) && light(1) < light(2));
         assert_eq!(picture.get_pixel(3, 0).0, colour::WRONG);
         assert_eq!(picture.height(), 3 + colour::SCALE_HEIGHT);
+    }
+
+    #[test]
+    fn a_difference_of_alpha_counts_where_both_pictures_have_alpha() {
+        let with = |alpha: f32| Radiance { coverage: vec![alpha; 12], ..flat(0.0) };
+        let first =
+            |found: &Radiance, expected: &Radiance| *difference_image(found, expected).get_pixel(0, 0);
+        assert_eq!(first(&with(0.25), &with(0.5)), colour::of_difference(0.25));
+        assert_eq!(first(&with(f32::NAN), &with(0.5)).0, colour::WRONG);
+        assert_eq!(
+            [first(&with(0.5), &with(0.5)), first(&with(0.5), &flat(0.0))].map(|pixel| pixel.0),
+            [[0; 3]; 2]
+        );
     }
 
     #[test]

@@ -3,10 +3,11 @@
 use super::encode::{exr, hdr, jpeg, png, shown_png};
 use super::{Radiance, to_rgb8};
 use crate::error::{Error, Result, nearest};
+use crate::memory::Available;
 use crate::output::{Target, mark};
 use crate::reader;
 use crate::scene::Display;
-use image::RgbImage;
+use image::{DynamicImage, ImageDecoder, RgbImage};
 use std::path::Path;
 
 /// A file format, recognised by its extension.
@@ -26,6 +27,9 @@ const EXTENSIONS: [(&str, Format); 5] = [
     ("exr", Format::Exr),
     ("hdr", Format::Hdr),
 ];
+
+/// Bytes per pixel that reading needs in addition to the decoded picture: two copies of at most four floats.
+const CONVERTING_BYTES: u64 = 32;
 
 /// The largest width or height of a JPEG in pixels, which the format stores in 16 bits.
 const MOST_OF_JPEG: u32 = u16::MAX as u32;
@@ -79,9 +83,11 @@ fn format_of(target: &Target) -> Result<Format> {
     if target.is_standard_output() { Ok(Format::Png) } else { format(target.path()) }
 }
 
-/// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance.
+/// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance. The coverage is the
+/// picture's alpha channel; it is empty if the picture is opaque. The colours are those of the file, so the colours of a
+/// transparent PNG are not multiplied by alpha.
 ///
-/// A missing file, or a file that is not a picture, is a user error.
+/// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
@@ -92,11 +98,34 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     if let Ok(format) = image::ImageFormat::from_path(path) {
         picture.set_format(format);
     }
-    let picture = picture.with_guessed_format().map_err(|error| unreadable(&error))?;
-    let picture = picture.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
-    let (width, height) = picture.dimensions();
-    let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-    Ok(Radiance { width, height, pixels, coverage: Vec::new() })
+    let mut picture = picture.with_guessed_format().map_err(|error| unreadable(&error))?;
+    // The crate's usual limit, 512 MiB, has nothing to do with the memory of this machine.
+    picture.no_limits();
+    let decoder = picture.into_decoder().map_err(|error| unreadable(&error))?;
+    room_for(&decoder, path, &Available::read())?;
+    Ok(radiance(DynamicImage::from_decoder(decoder).map_err(|error| unreadable(&error))?))
+}
+
+/// Refuses a picture that does not fit into memory.
+fn room_for(decoder: &impl ImageDecoder, path: &Path, available: &Available) -> Result<()> {
+    let (width, height) = decoder.dimensions();
+    let per_pixel = u64::from(decoder.color_type().bytes_per_pixel()) + CONVERTING_BYTES;
+    let needed = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(per_pixel);
+    let sum = format!("{per_pixel} B x {width} x {height} pixels");
+    available.hold(needed, &format!("the picture '{}'", path.display()), &sum)
+}
+
+fn radiance(picture: DynamicImage) -> Radiance {
+    let (width, height) = (picture.width(), picture.height());
+    if !picture.color().has_alpha() {
+        let pixels = picture.into_rgb32f().pixels().map(|pixel| pixel.0).collect();
+        return Radiance { width, height, pixels, coverage: Vec::new() };
+    }
+    let picture = picture.into_rgba32f();
+    let pixels = picture.pixels().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    let is_opaque = picture.pixels().all(|pixel| pixel[3] == 1.0);
+    let coverage = if is_opaque { Vec::new() } else { picture.pixels().map(|pixel| pixel[3]).collect() };
+    Radiance { width, height, pixels, coverage }
 }
 
 /// Writes one of several frames as PNG, with a key that identifies the frame.
@@ -390,6 +419,70 @@ mod tests {
                 "{error}"
             );
         }
+    }
+
+    #[test]
+    fn the_alpha_of_a_picture_comes_back_unless_the_picture_is_opaque() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |name: &str, alpha: [u8; 2]| {
+            let path = folder.path().join(name);
+            let pixel = |x: u32, _| image::Rgba([255, 51, 0, alpha[x as usize]]);
+            let picture = DynamicImage::from(image::RgbaImage::from_fn(2, 1, pixel));
+            // The values of an EXR are floats.
+            let picture = if name == "a.exr" { picture.into_rgba32f().into() } else { picture };
+            picture.save(&path).unwrap();
+            let Radiance { pixels, coverage, .. } = read_picture(&path).unwrap();
+            assert_eq!(pixels, [[1.0, 0.2, 0.0]; 2], "{name}");
+            coverage
+        };
+        for name in ["a.png", "a.exr"] {
+            assert_eq!(read(name, [51, 255]), [0.2, 1.0], "{name}");
+            assert!(read(name, [255, 255]).is_empty(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_picture_is_not_refused_because_it_has_more_than_512_mib() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        image::DynamicImage::new_rgba16(1, 1).save(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        // The header is made to promise 70,000 x 1000 pixels of 8 bytes, so the file seems to be cut off.
+        bytes[16..24].copy_from_slice(&[70_000_u32.to_be_bytes(), 1000_u32.to_be_bytes()].concat());
+        let mut check = flate2::Crc::new();
+        check.update(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&check.sum().to_be_bytes());
+        std::fs::write(&path, bytes).unwrap();
+        let refused = read_picture(&path).unwrap_err().to_string();
+        assert!(!refused.contains("limit"), "{refused}");
+    }
+
+    #[test]
+    fn only_a_picture_that_does_not_fit_into_memory_is_refused() {
+        /// A picture of 20,000 x 10,000 pixels, of 16 bytes each, whose pixels are never decoded.
+        struct Large;
+        impl ImageDecoder for Large {
+            fn dimensions(&self) -> (u32, u32) {
+                (20_000, 10_000)
+            }
+            fn color_type(&self) -> image::ColorType {
+                image::ColorType::Rgba32F
+            }
+            fn read_image(self, _: &mut [u8]) -> image::ImageResult<()> {
+                Ok(())
+            }
+            fn read_image_boxed(self: Box<Self>, _: &mut [u8]) -> image::ImageResult<()> {
+                Ok(())
+            }
+        }
+        let told = |bytes| {
+            let available = Available { bytes, source: "a test".to_owned() };
+            room_for(&Large, Path::new("a.exr"), &available).map_err(|error| error.to_string())
+        };
+        assert_eq!(told(9_600_000_000), Ok(()));
+        let refused = told(9_599_999_999).unwrap_err();
+        assert!(refused.starts_with("the picture 'a.exr' needs about 9.6 GB"), "{refused}");
+        assert!(refused.contains("(48 B x 20000 x 10000 pixels = 9600000000 B)"), "{refused}");
     }
 
     #[test]

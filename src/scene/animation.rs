@@ -233,6 +233,16 @@ mod tests {
     }
 
     #[test]
+    fn an_animation_of_one_frame_shows_the_first_of_several_values() {
+        let tracks = "[[animation.track]]\npath = \"light.0.power\"\nvalues = [6, 8, 9]\n";
+        let (folder, ..) = animated(tracks);
+        let path = folder.path().join("a.toml");
+        let text = std::fs::read_to_string(&path).unwrap().replace("frames = 3", "frames = 1");
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(load_scene(&path).unwrap().scene.lights[0].power, Vec3::splat(6.0));
+    }
+
+    #[test]
     fn a_background_that_is_transparent_at_times_is_refused() {
         let track =
             "[[animation.track]]\npath = \"background\"\nat = [1, 3]\nvalues = [\"transparent\", 0]\n";

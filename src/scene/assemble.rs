@@ -8,7 +8,7 @@ mod sky;
 mod tests;
 
 use super::document::Document;
-use super::files::{self, FileLight};
+use super::files::{self, FileLight, Placement};
 use super::kept::Kept;
 use super::studio::Studio;
 use super::validate::{Brightness, check_camera, check_light, check_positions};
@@ -65,11 +65,14 @@ pub(super) fn assemble(
         true => normals::turn_towards(Arc::make_mut(&mut mesh), camera.position),
         false => {}
     }
-    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(kept.bounds(&mesh)), |bias| bias.0);
+    let bounds = kept.bounds(&mesh);
+    notes.extend(too_small(document, bounds));
+    let shadow_bias = wire.shadow_bias.map_or_else(|| default_bias(bounds), |bias| bias.0);
     let has_light = wire.light.is_some() || wire.sky.is_some() || !seen.lights.is_empty();
     let orbit = Orbit {
         centre: around.map_or(DVec3::ZERO, |ball| ball.centre),
         up: wire.camera.upright(),
+        radius: around.map_or(1.0, |ball| ball.place().1),
         with_lights: document.bare && !has_light,
     };
     let around = ball.filter(|_| document.bare && shot.dressed && !has_light);
@@ -215,6 +218,21 @@ fn check_lights(
             .map_err(|error| document.place(wire.power.span(), error, "too much for single precision"))?;
     }
     Ok(())
+}
+
+/// Returns a note if a scene with these bounds is so small that the kernels may miss its triangles. A mesh without a
+/// scene file is scaled when it is read, so it is not as small.
+fn too_small(document: &Document, (low, high): (Vec3, Vec3)) -> Option<String> {
+    let (low, high) = (low.as_dvec3(), high.as_dvec3());
+    let note = || {
+        let radius = (high - low).length() / 2.0;
+        format!(
+            "{}: the scene's radius is only {radius:.1e}; products of such small lengths round to 0, so triangles may \
+             be missing: give the objects a larger `scale`",
+            document.name
+        )
+    };
+    (Placement::of(low, high).scale > 1.0).then(note)
 }
 
 /// Returns the default shadow bias of surfaces within these bounds.

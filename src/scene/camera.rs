@@ -78,7 +78,20 @@ impl Camera {
         fov_degrees: f32,
         fov_is_vertical: bool,
     ) -> Option<Self> {
-        let forward = (target.as_dvec3() - position.as_dvec3()).try_normalize()?;
+        let direction = target.as_dvec3() - position.as_dvec3();
+        Self::looking_along(position, direction, up, fov_degrees, fov_is_vertical)
+    }
+
+    /// Returns a camera like [`Camera::looking_at`] that looks in a direction of any length. Returns `None` if this
+    /// direction is zero, or if `up` is zero or parallel to it.
+    pub(super) fn looking_along(
+        position: Vec3,
+        direction: DVec3,
+        up: Vec3,
+        fov_degrees: f32,
+        fov_is_vertical: bool,
+    ) -> Option<Self> {
+        let forward = direction.try_normalize()?;
         let up = up.as_dvec3().try_normalize()?;
         let right = forward.cross(up);
         if right.length() < 1e-5 {

@@ -16,6 +16,9 @@ const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
+/// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the origin:
+/// eight to sixteen times the smallest difference between two numbers of type f32.
+const LEAST_RADIUS: f64 = 1e-6;
 /// Distance of the lights from the centre of the mesh's ball, in radii of this ball: close enough that the shading
 /// shows the mesh's shape, far enough to light it evenly.
 const LIGHT_RADII: f64 = 10.0;
@@ -32,12 +35,13 @@ pub(super) struct Ball {
 
 impl Ball {
     /// Returns the ball that represents a mesh whose upward direction is `up`. The ball's radius is always positive,
-    /// even if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners.
+    /// even if the mesh is a point, or is so far from the origin that f32 cannot distinguish its corners. The radius is
+    /// then so large that f32 can distinguish the centre from an eye that is `NEAREST_RADII` away.
     pub fn around(mesh: &Mesh, up: DVec3) -> Self {
         let (low, high) = mesh.bounds().unwrap_or((Vec3::NEG_ONE, Vec3::ONE));
         let (low, high) = (low.as_dvec3(), high.as_dvec3());
         let centre = (low + high) / 2.0;
-        let radius = ((high - low).length() / 2.0).max(1e-4 * centre.length()).max(1e-9);
+        let radius = ((high - low).length() / 2.0).max(LEAST_RADIUS * centre.length()).max(1e-9);
         Self { centre, radius, opening: opening(mesh, up) }
     }
 

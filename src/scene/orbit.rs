@@ -10,6 +10,8 @@ pub struct Orbit {
     pub centre: DVec3,
     /// The direction of the axis, of length 1.
     pub up: DVec3,
+    /// The radius of the scene.
+    pub radius: f64,
     /// True if lights move with the camera. Lights move if they were added to a mesh without a scene file; lights of a
     /// scene file stay in place.
     pub with_lights: bool,
@@ -47,7 +49,7 @@ mod tests {
     fn a_quarter_turn_takes_the_front_to_the_right_and_a_whole_one_back() {
         let mut scene = fixtures::single_triangle();
         scene.camera = Camera { position: Vec3::new(1.0, 0.5, 7.0), ..scene.camera };
-        let orbit = Orbit { centre: DVec3::X, up: DVec3::Y, with_lights: false };
+        let orbit = Orbit { centre: DVec3::X, up: DVec3::Y, radius: 1.0, with_lights: false };
         let (camera, lights) = orbit.at(&scene, 0.25);
         assert!(camera.position.distance(Vec3::new(8.0, 0.5, 0.0)) < 1e-5);
         assert!(camera.forward.distance(Vec3::NEG_X) < 1e-6 && camera.right.distance(Vec3::NEG_Z) < 1e-6);

@@ -27,22 +27,24 @@ pub(super) fn apply(document: &mut Table, settings: &[Setting]) -> Result<()> {
     Ok(())
 }
 
-/// Removes the camera's position, direction and field of view, and the tracks that animate them.
+/// Removes the camera's position, direction and field of view, and the tracks that animate them or replace the whole
+/// camera.
 fn unplace_camera(document: &mut Table) {
     if let Some(Value::Table(camera)) = document.get_mut("camera") {
         PLACE_OF_CAMERA.iter().for_each(|key| drop(camera.remove(*key)));
     }
     let tracks = document.get_mut("animation").and_then(|animation| animation.get_mut("track"));
     if let Some(tracks) = tracks.and_then(Value::as_array_mut) {
-        let path = |track: &Value| track.get("path")?.as_str()?.strip_prefix("camera.").map(str::to_owned);
-        tracks.retain(|track| path(track).is_none_or(|key| !moves_camera(&key)));
+        tracks.retain(|track| !track.get("path").and_then(Value::as_str).is_some_and(moves_camera));
     }
 }
 
-/// Returns whether a track of this key, such as `look_at.1`, changes the camera's position, direction or field of view.
-fn moves_camera(key: &str) -> bool {
-    let name = key.split('.').next().unwrap_or(key);
-    PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name)
+/// Returns whether a track of this path, such as `camera.look_at.1` or `camera`, changes the camera's position,
+/// direction or field of view.
+fn moves_camera(path: &str) -> bool {
+    let mut names = path.split('.');
+    let moves = |name: &str| PLACE_OF_CAMERA.contains(&name) || ANGLES.contains(&name);
+    names.next() == Some("camera") && names.next().is_none_or(moves)
 }
 
 /// Sets the value at one dotted path. An error states the reason, without the path.
@@ -158,7 +160,7 @@ mod tests {
     fn an_angle_removes_what_moves_the_camera() {
         let text = "[[animation.track]]\npath = 'camera.position'\n[[animation.track]]\npath = 'camera.look_at.1'\n\
             [[animation.track]]\npath = 'camera.azimuth_degrees'\n\
-            [[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
+            [[animation.track]]\npath = 'camera'\n[[animation.track]]\npath = 'camera.z_near'\n[[animation.track]]\npath = 'light.0.power'\n";
         let mut document: Table = text.parse().unwrap();
         apply(&mut document, &[Setting::new("camera.azimuth_degrees", Value::Integer(90))]).unwrap();
         let tracks = document["animation"]["track"].as_array().unwrap();

@@ -4,6 +4,10 @@ use super::mesh::{Mesh, PARALLEL_TRIANGLES};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
+/// A normal counts as a unit vector if its length differs from 1 by at most this. Rounding to single precision changes
+/// the length of a unit vector by less.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
 /// A scale along the object's axes, then rotations about x, y and z (in this order), then a translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Transform {
@@ -34,11 +38,12 @@ impl Transform {
             |p: &mut Vec3| *p = (rotation * ((p.as_dvec3() + origin) * scale) + translation).as_vec3();
         mesh.positions.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(place);
         // Normals are transformed by the inverse transpose, times a factor that keeps its elements within -1 and 1. The
-        // factor does not change the normalised result.
+        // factor does not change the normalised result. The result gets the normal's own length: a normal that is
+        // longer than its neighbours has more weight in the interpolation.
         let inverse = scale.abs().min_element() / scale;
         let turn = |n: &mut Vec3| {
             let turned: DVec3 = rotation * (n.as_dvec3() * inverse);
-            *n = turned.normalize_or(DVec3::Z).as_vec3();
+            *n = (turned.normalize_or(DVec3::Z) * weight(*n)).as_vec3();
         };
         mesh.normals.par_iter_mut().with_min_len(PARALLEL_TRIANGLES).for_each(turn);
         if scale.x * scale.y * scale.z < 0.0 {
@@ -52,10 +57,39 @@ impl Transform {
     }
 }
 
+/// Returns a normal's length, but exactly 1 for a unit vector that was rounded to single precision.
+fn weight(normal: Vec3) -> f64 {
+    let length = normal.as_dvec3().length();
+    if (length - 1.0).abs() <= UNIT_TOLERANCE { 1.0 } else { length }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::{Shape, generate};
+
+    #[test]
+    fn normals_keep_their_lengths_and_unit_normals_their_exact_direction() {
+        let mut mesh = generate(&Shape::Ground);
+        let unit = DVec3::new(1.0, 2.0, 3.0).normalize().as_vec3();
+        let given = [unit, Vec3::Y * 3.0, Vec3::new(0.3, 0.0, 0.4)];
+        mesh.normals = given.to_vec();
+        Transform { translation: Vec3::X * 1e-6, ..Transform::IDENTITY }.apply(&mut mesh, DVec3::ZERO);
+        assert_eq!(mesh.normals[0], unit.as_dvec3().normalize().as_vec3());
+        assert!(
+            mesh.normals.iter().zip(given).all(|(n, given)| n.distance(given) < 1e-6),
+            "{:?}",
+            mesh.normals
+        );
+        let turned = Vec3::new(0.0, 0.0, 90.0);
+        let transform =
+            Transform { scale: Vec3::splat(5.0), rotation_degrees: turned, ..Transform::IDENTITY };
+        transform.apply(&mut mesh, DVec3::ZERO);
+        assert!(mesh.normals[1].distance(Vec3::NEG_X * 3.0) < 1e-6, "{:?}", mesh.normals);
+        assert!(
+            (mesh.normals[0].length() - 1.0).abs() < 1e-7 && (mesh.normals[2].length() - 0.5).abs() < 1e-7
+        );
+    }
 
     #[test]
     fn rotation_is_about_x_then_y_then_z() {

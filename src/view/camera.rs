@@ -11,6 +11,8 @@ const POLE: f64 = 0.02;
 /// The least and the greatest distance of the eye from the point around which it orbits, as factors of the distance of
 /// the scene's own camera.
 const DISTANCES: [f64; 2] = [1e-3, 1e3];
+/// An eye that is nearer to the centre of its orbit than this part of the scene's radius counts as being in the centre.
+const CENTRAL: f64 = 1e-3;
 
 /// A position of the eye relative to the scene's own camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +21,11 @@ pub struct Pose {
     pub turn: f64,
     /// The angle upwards, in radians.
     pub tilt: f64,
-    /// The distance from the point around which the eye orbits, as a factor of the distance of the scene's own camera.
+    /// The distance from the pivot (the point around which the eye orbits; the function `pivot`), as a factor of the distance
+    /// of the scene's own camera.
     pub distance: f64,
     /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's distance from the
-    /// point around which it orbits.
+    /// pivot.
     pub aside: [f64; 2],
 }
 
@@ -55,24 +58,37 @@ impl Pose {
     /// and lights bit for bit.
     pub fn at(&self, scene: &Scene, orbit: &Orbit) -> (Camera, Vec<Light>) {
         let (mut camera, lights) = orbit.at(scene, self.turn / TAU);
-        let from_centre = |camera: &Camera| camera.position.as_dvec3() - orbit.centre;
         if self.tilt != 0.0 {
+            let from_centre = camera.position.as_dvec3() - orbit.centre;
             let turn = DQuat::from_axis_angle(camera.right.as_dvec3().normalize(), -self.tilt);
             let turned = |axis: Vec3| (turn * axis.as_dvec3()).as_vec3();
-            camera.position = (turn * from_centre(&camera) + orbit.centre).as_vec3();
+            camera.position = (turn * from_centre + orbit.centre).as_vec3();
             (camera.up, camera.forward) = (turned(camera.up), turned(camera.forward));
         }
+        let pivot = pivot(&camera, orbit);
+        let from_pivot = |camera: &Camera| camera.position.as_dvec3() - pivot;
         if self.distance != 1.0 {
-            camera.position = (from_centre(&camera) * self.distance + orbit.centre).as_vec3();
+            camera.position = (from_pivot(&camera) * self.distance + pivot).as_vec3();
         }
         if self.aside != [0.0; 2] {
             let [right, up] = self.aside;
             let aside = camera.right.as_dvec3() * right + camera.up.as_dvec3() * up;
-            let distance = from_centre(&camera).length();
+            let distance = from_pivot(&camera).length();
             camera.position = (camera.position.as_dvec3() + aside * distance).as_vec3();
         }
         (camera, lights)
     }
+}
+
+/// Returns the point to which the eye zooms, and whose distance determines how far it pans: the centre of its orbit. An
+/// eye that is in this centre, as in a panorama, only turns there. It zooms to the point that is one radius of the scene
+/// ahead of it.
+fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
+    let position = camera.position.as_dvec3();
+    if position.distance(orbit.centre) < CENTRAL * orbit.radius {
+        return position + camera.forward.as_dvec3() * orbit.radius;
+    }
+    orbit.centre
 }
 
 /// Returns how far the camera looks down, as an angle in radians: 0 is level.
@@ -86,7 +102,8 @@ mod tests {
     use super::*;
     use crate::reference::fixtures;
 
-    const ORBIT: Orbit = Orbit { centre: DVec3::new(0.0, 0.0, -3.0), up: DVec3::Y, with_lights: false };
+    const ORBIT: Orbit =
+        Orbit { centre: DVec3::new(0.0, 0.0, -3.0), up: DVec3::Y, radius: 1.0, with_lights: false };
 
     /// A scene whose camera is at the origin, three units in front of the centre of the orbit.
     fn scene() -> Scene {
@@ -163,6 +180,18 @@ mod tests {
         let (camera, _) = pose.at(&scene, &ORBIT);
         assert!(camera.position.distance(Vec3::new(1.5, -0.75, 0.0)) < 1e-5, "{camera:?}");
         assert_eq!(camera.forward, scene.camera.forward);
+    }
+
+    #[test]
+    fn an_eye_in_the_centre_turns_there_and_zooms_and_pans_by_the_scenes_radius() {
+        let (scene, orbit) = (scene(), Orbit { centre: DVec3::Z * 1e-3, radius: 4.0, ..ORBIT });
+        let eye = |pose: Pose| pose.at(&scene, &orbit).0.position;
+        let turned = Pose { turn: FRAC_PI_2, ..Pose::START };
+        assert!(eye(turned).length() < 2e-3);
+        assert!(eye(Pose { distance: 0.5, ..Pose::START }).distance(Vec3::NEG_Z * 2.0) < 1e-5);
+        // After a quarter turn to the right, the eye looks along -x.
+        assert!(eye(Pose { distance: 2.0, ..turned }).distance(Vec3::X * 4.0) < 2e-3);
+        assert!(eye(Pose { aside: [0.5, 0.25], ..Pose::START }).distance(Vec3::new(2.0, 1.0, 0.0)) < 1e-5);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::accel::WideBvh;
 use crate::error::Result;
 use crate::image::viridis;
 use crate::reference::cost::{self, Cost};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Light, Scene};
 use crate::strategy::Culling;
 use image::{Rgb, RgbImage};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ const BLOCKS: [u32; 3] = [8, 4, 2];
 /// The heat map of one scene, which becomes finer step by step.
 pub struct Heat {
     of: Arc<Scene>,
-    /// A copy of the scene `of`; each map sets this copy's camera.
+    /// A copy of the scene `of`; each map sets this copy's camera and lights.
     scene: Scene,
     tree: WideBvh,
     steps: usize,
@@ -50,12 +50,13 @@ impl Heat {
         self.steps = 0;
     }
 
-    /// Returns the next finer map; `None` if the finest map was returned before. If the strategy casts exhaustively,
-    /// the map counts the tests of an exhaustive search; otherwise it counts the tests in a tree.
-    pub fn next(&mut self, live: &Live, camera: Camera) -> Option<Map> {
+    /// Returns the next finer map, with this camera and these lights; `None` if the finest map was returned before. If
+    /// the strategy casts exhaustively, the map counts the tests of an exhaustive search; otherwise it counts the tests
+    /// in a tree.
+    pub fn next(&mut self, live: &Live, (camera, lights): (Camera, Vec<Light>)) -> Option<Map> {
         let block = *BLOCKS.get(self.steps)?;
         self.steps += 1;
-        self.scene.camera = camera;
+        (self.scene.camera, self.scene.lights) = (camera, lights);
         let size = live.size();
         let coarse = blocks(size, block);
         let costs = if live.strategy().tests_every_triangle() {
@@ -83,7 +84,22 @@ fn map(costs: &[Cost], across: u32, [width, height]: [u32; 2], block: u32) -> Ma
 
 #[cfg(test)]
 mod tests {
+    use super::super::Pose;
+    use super::super::tests::live_of;
     use super::*;
+
+    #[test]
+    fn lights_that_were_added_to_a_mesh_move_with_the_eye_in_the_map_too() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("a file");
+        let live = live_of(&path, ["8", "8"], &["--plain"], 1);
+        let mut heat = Heat::new(live.scene()).expect("a small scene");
+        let view = live.view(&Pose { turn: 1.0, ..Pose::START });
+        assert_ne!(view.1, live.scene().lights);
+        heat.next(&live, view.clone()).expect("a map");
+        assert_eq!((heat.scene.camera, heat.scene.lights), view);
+    }
 
     #[test]
     fn a_count_is_a_block_and_the_most_is_the_lightest() {

@@ -11,8 +11,8 @@ use crate::device::{Device, DeviceInfo, discover};
 use crate::error::{Error, Result};
 use crate::image::to_rgb8;
 use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
-use crate::program::{Kept, Sources};
-use crate::scene::{Camera, Loaded, Sample, Sampling, Scene};
+use crate::program::{BuildError, Kept, Sources};
+use crate::scene::{Camera, Light, Loaded, Sample, Sampling, Scene};
 use crate::strategy::Strategy;
 use image::RgbImage;
 use std::sync::Arc;
@@ -60,7 +60,7 @@ impl Live {
         let device = one_device(subject.device.as_deref(), &sources)?;
         let scene = Arc::new(loaded.scene.clone());
         let queue = Queue::open(&device)?;
-        let show = show(&queue, &sources, &device.info);
+        let show = show(&queue, &sources, &device.info)?;
         let mut session = session(&queue, &device, &sources, &scene, samples);
         let way = usual(&subject, &device, &scene)?;
         let ready = ready(&subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
@@ -122,7 +122,12 @@ impl Live {
 
     /// Returns the camera at a position of the eye.
     pub fn camera(&self, pose: &Pose) -> Camera {
-        pose.at(&self.scene, &self.loaded.orbit).0
+        self.view(pose).0
+    }
+
+    /// Returns the camera and the lights for a position of the eye: lights that raycl added to a mesh move with it.
+    pub fn view(&self, pose: &Pose) -> (Camera, Vec<Light>) {
+        pose.at(&self.scene, &self.loaded.orbit)
     }
 
     /// Returns half the height of the image plane at distance 1.
@@ -145,7 +150,7 @@ impl Live {
 
     fn frame(&mut self, pose: &Pose, sample: &Sample) -> std::result::Result<Frame, Refused> {
         let reading = Refused::at("reading the image");
-        let (camera, lights) = pose.at(&self.scene, &self.loaded.orbit);
+        let (camera, lights) = self.view(pose);
         if self.loaded.orbit.with_lights {
             self.prepared.move_lights(&lights).map_err(Refused::at("moving the lights"))?;
         }
@@ -238,7 +243,7 @@ impl Live {
         let mut session = session(&queue, &device, &self.sources, &self.scene, self.samples);
         let way = usual(&self.subject, &device, &self.scene)?;
         let ready = ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&device.info))?;
-        self.show = show(&queue, &self.sources, &device.info);
+        self.show = show(&queue, &self.sources, &device.info)?;
         (self.queue, self.device, self.session) = (queue, device, session);
         (self.strategies, self.local_sizes) = way;
         (self.prepared, self.caster) = ready;
@@ -256,6 +261,7 @@ impl Live {
         let way = (self.strategies.clone(), self.local_sizes.clone());
         let ready =
             ready(&self.subject, &mut session, &way).map_err(|no| no.into_error(&self.device.info))?;
+        self.show = show(&self.queue, &sources, &self.device.info)?;
         (self.sources, self.loaded, self.scene, self.session) = (sources, loaded, scene, session);
         (self.prepared, self.caster) = ready;
         self.sum.restart();
@@ -277,14 +283,26 @@ fn session(queue: &Queue, device: &Device, sources: &Sources, scene: &Arc<Scene>
 }
 
 /// Returns the program with which a device with its own memory applies the display transform (exposure, gamma and
-/// truncation to 8 bits). Returns `None` if the device uses the host's memory, or if the program cannot be built; the
-/// host then applies the transform.
-fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Option<ShowProgram> {
+/// truncation to 8 bits). Returns `None` if the device uses the host's memory, or if its compiler refuses raycl's own
+/// program; the host then applies the transform.
+///
+/// # Errors
+///
+/// Fails if the program is a file of the user that does not compile.
+fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<ShowProgram>> {
     if queue.shares_memory {
-        return None;
+        return Ok(None);
     }
-    let kept = Kept::of(Cache::of_user(), device);
-    ShowProgram::build(queue, &ShowProgram::spec(sources).ok()?, &kept).ok()
+    let spec = ShowProgram::spec(sources)?;
+    let is_own = sources.own_files()?.iter().any(|file| spec.files.contains(file));
+    match ShowProgram::build(queue, &spec, &Kept::of(Cache::of_user(), device)) {
+        Ok(program) => Ok(Some(program)),
+        // The compiler does not know the file's name, so its messages do not say that the mistake is the user's.
+        Err(error) if is_own => {
+            Err(Refused::Build(BuildError { in_own_file: true, ..error }).into_error(device))
+        }
+        Err(_) => Ok(None),
+    }
 }
 
 /// Returns the choices of the strategy and of the local size. Each list begins with the user's choice or, if the user
@@ -428,5 +446,34 @@ mod tests {
         live.cast(&Pose::START).expect("it casts");
         live.reload().expect("it can be read");
         assert_eq!(((live.strategy(), live.local_size()), live.progress()), (chosen, [0, 2]));
+    }
+
+    #[test]
+    fn the_users_display_kernel_is_read_again_too_and_its_mistakes_are_told() {
+        let own = Sources::Embedded.read("display/show.cl").expect("a kernel file");
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("display")).expect("a folder");
+        let write = |text: &str| {
+            std::fs::write(folder.path().join("display/show.cl"), text).expect("a file");
+        };
+        write(&own);
+        let mut live = live(&["--cl-dir", folder.path().to_str().expect("UTF-8")], 2);
+        // Only a device with memory of its own uses this kernel.
+        live.queue = live.queue.clone().apart(1 << 20);
+        let reds = |live: &mut Live| {
+            let picture = live.cast(&Pose::START).expect("it casts").expect("a frame").picture;
+            picture.pixels().filter(|pixel| pixel[0] == 77).count()
+        };
+        assert!(reds(&mut live) < 800);
+        let red = "bytes[3 * i] = shown(pixel.x, smallest, at_least);";
+        assert_eq!(own.matches(red).count(), 1);
+        write(&own.replace(red, "bytes[3 * i] = 77;"));
+        live.reload().expect("it can be read");
+        assert_eq!(reds(&mut live), 800, "all pixels");
+        write(&own.replace(red, "bytes[3 * i] = ;"));
+        let error = live.reload().expect_err("it does not compile").to_string();
+        assert!(error.starts_with("a kernel file does not compile: "), "{error}");
+        live.moved();
+        assert_eq!(reds(&mut live), 800, "it is shown as before");
     }
 }

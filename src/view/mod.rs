@@ -65,7 +65,8 @@ pub struct Viewer<S: Screen> {
     picked: Option<Picked>,
     /// A note for the user, such as why a key had no effect.
     note: Option<String>,
-    /// True if the list of keys over the picture was shown or hidden after the picture was drawn.
+    /// True if the picture must be shown again, because the list of keys over it was shown or hidden, or because the
+    /// screen was cleared.
     redraws: bool,
     /// True if the line of text beside the picture must be written again, because something that the line states (such
     /// as the strategy or the number of samples) has changed.
@@ -103,6 +104,8 @@ impl<S: Screen> Viewer<S> {
             if input.closed || self.obey(&input) {
                 break;
             }
+            self.redraws |= input.redraws;
+            self.stale |= input.redraws;
             if changed() {
                 self.tried(Live::reload);
             }
@@ -139,8 +142,8 @@ impl<S: Screen> Viewer<S> {
     /// something changes.
     fn next_picture(&mut self) -> Result<Option<RgbImage>> {
         if let Some(heat) = &mut self.heat {
-            let camera = self.live.camera(&self.pose);
-            let Some(map) = heat.next(&self.live, camera) else { return Ok(None) };
+            let view = self.live.view(&self.pose);
+            let Some(map) = heat.next(&self.live, view) else { return Ok(None) };
             self.most_tests = map.most;
             self.stale = true;
             return Ok(Some(map.picture));
@@ -164,7 +167,7 @@ impl<S: Screen> Viewer<S> {
         Ok(())
     }
 
-    /// Shows the last picture again if the list of keys over it was shown or hidden.
+    /// Shows the last picture again if that is necessary.
     fn redraw(&mut self) -> Result<()> {
         match self.shown.take() {
             Some(picture) if std::mem::take(&mut self.redraws) => self.show(picture),

@@ -26,7 +26,9 @@ pub struct Input {
     pub wheel: f64,
     /// The pixel at the pointer; `None` if the pointer is not over the picture, or if its position is not known.
     pub pointer: Option<[u32; 2]>,
-    /// True if the window was closed.
+    /// True if the last picture and the line of text must be shown again, because the screen was cleared.
+    pub redraws: bool,
+    /// True if the window was closed, or if nobody sees the screen any more.
     pub closed: bool,
 }
 

@@ -5,6 +5,7 @@ use crate::cli::subject::Subject;
 use clap::Parser as _;
 use keys::Key;
 use std::collections::VecDeque;
+use std::path::Path;
 
 #[derive(clap::Parser)]
 struct Command {
@@ -17,8 +18,14 @@ pub(super) fn live(options: &[&str], samples: u32) -> Live {
     live_in(["40", "20"], options, samples)
 }
 
-fn live_in([width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/triangle.toml");
+fn live_in(size: [&str; 2], options: &[&str], samples: u32) -> Live {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/triangle.toml");
+    live_of(&scene, size, options, samples)
+}
+
+/// Returns a scene in a picture of this size, cast by PoCL.
+pub(super) fn live_of(scene: &Path, [width, height]: [&str; 2], options: &[&str], samples: u32) -> Live {
+    let scene = scene.to_str().expect("UTF-8");
     let usual =
         ["view", scene, "--device", "cpu", "--strategy", "naive", "--width", width, "--height", height];
     let command = Command::parse_from([&usual[..], options].concat());
@@ -169,6 +176,18 @@ fn the_keys_are_drawn_over_the_picture_or_told_beside_a_small_one() {
     );
     viewer.act(Action::Help);
     assert_eq!(viewer.note, None);
+}
+
+#[test]
+fn what_a_cleared_screen_showed_is_shown_again() {
+    let mut screen = Script::default();
+    screen.inputs.extend([Input::default(), Input { redraws: true, ..Input::default() }]);
+    let quits = Input { keys: vec![Key::Escape], ..Input::default() };
+    screen.inputs.push_back(quits);
+    Viewer::new(live(&[], 1), &mut screen, false).run(Until::default(), || false).expect("it casts");
+    // The only sample is cast before the screen is cleared.
+    assert_eq!((screen.pictures.len(), screen.lines.len()), (2, 2));
+    assert!(screen.pictures[0] == screen.pictures[1]);
 }
 
 #[test]

@@ -43,8 +43,9 @@ impl Track {
             Some(at) => given(document, at, values.get_ref().len(), frames)?,
             None => evenly(values.get_ref().len(), frames),
         };
-        let values = values.into_inner();
+        let mut values = values.into_inner();
         let interpolation = checked(document, &values, interpolation)?;
+        values.truncate(at.len());
         Ok(Self { path, at, values, interpolation })
     }
 
@@ -135,8 +136,9 @@ fn given(
 }
 
 /// Returns the frames of `values` keyframes at equal distances, the first at frame 1 and the last at frame `frames`. A
-/// result need not be a whole number.
+/// result need not be a whole number. An animation of one frame has only the first keyframe.
 fn evenly(values: usize, frames: u32) -> Vec<f64> {
+    let values = if frames == 1 { 1 } else { values };
     let (length, steps) = (f64::from(frames - 1), (values.max(2) - 1) as f64);
     // The multiplication comes before the division, so that whole frames are exact.
     (0..values).map(|place| 1.0 + length * place as f64 / steps).collect()
@@ -180,7 +182,7 @@ mod tests {
         assert_eq!(evenly(3, 121), [1.0, 61.0, 121.0]);
         assert_eq!(evenly(4, 4), [1.0, 2.0, 3.0, 4.0]);
         assert_eq!((evenly(8, 30)[7], evenly(46, 100)[5]), (30.0, 12.0), "without rounding");
-        assert_eq!((evenly(1, 9), evenly(1, 1)), (vec![1.0], vec![1.0]));
+        assert_eq!([evenly(1, 9), evenly(1, 1), evenly(3, 1)], [[1.0], [1.0], [1.0]]);
     }
 
     #[test]

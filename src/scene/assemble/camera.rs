@@ -50,7 +50,7 @@ pub(super) fn base_camera(
 
 /// Returns the camera: the base camera with the values that the scene file sets. If the file sets `position` but not
 /// `look_at`, the camera looks at the centre of the `ball` or, without a `ball`, in the base camera's direction. If the
-/// file sets `position` or `look_at` but not `up`, the y axis points up.
+/// file sets `position` or `look_at` but not `up`, the y axis points up. An `up` of zeros is refused.
 pub(super) fn camera(
     document: &Document,
     wire: &CameraWire,
@@ -61,16 +61,20 @@ pub(super) fn camera(
     let fov = field_of_view(document, wire)?;
     let (tan_half_fov, fov_is_vertical) = fov.unwrap_or((base.tan_half_fov, base.fov_is_vertical));
     let lens = Camera { tan_half_fov, fov_is_vertical, z_near, ..base };
-    if wire.position.is_none() && wire.look_at.is_none() && (wire.up.is_none() || ball.is_some()) {
+    let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
+    let up = given(&wire.up);
+    // With a ball, `up` has already determined the base camera.
+    let up_is_used = up.is_none() || ball.is_some() && up != Some(Vec3::ZERO);
+    if wire.position.is_none() && wire.look_at.is_none() && up_is_used {
         return Ok(lens);
     }
-    let given = |v: &Option<toml::Spanned<Vector>>| v.as_ref().map(|v| Vec3::from_array(v.get_ref().0));
     let position = given(&wire.position).unwrap_or(base.position);
-    let ahead = ball.map_or(position + base.forward, |ball| ball.centre.as_vec3());
-    let target = given(&wire.look_at).unwrap_or(ahead);
-    let up = given(&wire.up).unwrap_or(Vec3::Y);
-    let looking = Camera::looking_at(position, target, up, 90.0, false)
-        .ok_or_else(|| no_direction(document, wire, position, target, up))?;
+    let target = given(&wire.look_at).or(ball.map(|ball| ball.centre.as_vec3()));
+    // Far from the origin, single precision would round the position plus the direction to the position.
+    let direction = target.map_or(base.forward.as_dvec3(), |target| target.as_dvec3() - position.as_dvec3());
+    let up = up.unwrap_or(Vec3::Y);
+    let looking = Camera::looking_along(position, direction, up, 90.0, false)
+        .ok_or_else(|| no_direction(document, wire, position, direction, up))?;
     Ok(Camera { tan_half_fov, fov_is_vertical, z_near, ..looking })
 }
 
@@ -88,19 +92,19 @@ fn field_of_view(document: &Document, wire: &CameraWire) -> Result<Option<(f32, 
     }
 }
 
-fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, target: Vec3, up: Vec3) -> Error {
+fn no_direction(document: &Document, wire: &CameraWire, position: Vec3, direction: DVec3, up: Vec3) -> Error {
     let place = [&wire.up, &wire.look_at, &wire.position];
     let at =
         |order: [usize; 3]| order.iter().find_map(|&i| place[i].as_ref()).map_or(0..0, toml::Spanned::span);
-    if position == target {
+    if direction == DVec3::ZERO {
         let message = format!("the camera is at {position} and looks at the same point");
         let error = document.error(at([1, 2, 0]), message, "no direction");
         return document.with_settings(error.with_help("move position or look_at"));
     }
-    let message =
-        format!("the camera's `up`, {up}, is zero or parallel to its view direction {}", target - position);
+    let direction = direction.as_vec3();
+    let message = format!("the camera's `up`, {up}, is zero or parallel to its view direction {direction}");
     // The help suggests y as the upward direction, or z if the camera looks mostly along y.
-    let direction = (target - position).abs();
+    let direction = direction.abs();
     let usable = if direction.y <= direction.x.max(direction.z) { "[0, 1, 0]" } else { "[0, 0, 1]" };
     document
         .error(at([0, 1, 2]), message, "no upward direction")

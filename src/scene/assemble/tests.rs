@@ -364,6 +364,40 @@ fn a_camera_without_a_direction_is_told_at_the_key_that_is_probably_wrong() {
 }
 
 #[test]
+fn an_upward_direction_of_zeros_is_refused_however_the_camera_is_placed() {
+    for (keys, line) in [("", 2), ("position = [0, 4, 5]\n", 3), ("azimuth_degrees = 30\n", 3)] {
+        let (message, at) = told(&format!("[camera]\n{keys}up = [0, 0, 0]\n"));
+        assert!(message.starts_with("the camera's `up`, [0, 0, 0], is zero or parallel"), "{message}");
+        assert_eq!(at, line, "{keys}");
+    }
+}
+
+#[test]
+fn a_camera_far_from_the_origin_looks_along_z_too() {
+    for z in [3.0, 33_554_432.0, -1e12] {
+        let camera = loaded(&format!("[camera]\nposition = [1, 2, {z}]\n")).unwrap().scene.camera;
+        assert_eq!(
+            (camera.position, camera.forward, camera.up),
+            (Vec3::new(1.0, 2.0, z), Vec3::NEG_Z, Vec3::Y)
+        );
+    }
+}
+
+#[test]
+fn a_scene_that_is_too_small_for_single_precision_is_noted() {
+    let is_noted = |notes: &[String]| notes.iter().any(|note| note.contains("the scene's radius is only"));
+    let sphere = |scale: &str| format!("[[object]]\nshape = \"sphere\"\ntriangles = 80\nscale = {scale}\n");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    for (scale, is_small) in [("1e-20", true), ("1e-8", true), ("1e-5", false), ("1", false)] {
+        std::fs::write(&path, sphere(scale)).unwrap();
+        assert_eq!(is_noted(&load_scene_with(&path, &[]).unwrap().notes), is_small, "{scale}");
+    }
+    let with_triangle = loaded(&sphere("1e-20")).unwrap();
+    assert!(!is_noted(&with_triangle.notes), "the scene is as large as its largest object");
+}
+
+#[test]
 fn a_sky_is_either_a_picture_or_colours() {
     for (sky, message) in [
         ("picture = \"a.hdr\"\nzenith = 1", "a sky is a picture, or has a zenith and a horizon"),

@@ -151,6 +151,20 @@ fn a_point_is_framed_too() {
 }
 
 #[test]
+fn a_small_mesh_far_from_the_origin_fills_the_picture() {
+    for far in [1e3, 1e5, 1e6] {
+        let mesh = block(Vec3::splat(2.0), Vec3::new(far, 0.0, 0.0));
+        let ball = Ball::around(&mesh, DVec3::Y);
+        assert!((ball.radius - 3.0_f64.sqrt()).abs() < 1e-9, "{}", ball.radius);
+        let camera = camera(&mesh, ball, &three_quarter(1.0));
+        let [left, right, bottom, top] = extent(&camera, &mesh, 1.0);
+        let larger = (right - left).max(top - bottom);
+        // At 1e6, the eye's position is rounded to sixteenths.
+        assert!((1.75..1.95).contains(&larger), "{larger} at {far}");
+    }
+}
+
+#[test]
 fn the_key_light_is_to_the_viewers_upper_left_and_the_fill_light_to_the_right() {
     let mesh = block(Vec3::ONE, Vec3::new(3.0, 4.0, 5.0));
     let ball = Ball::around(&mesh, DVec3::Y);

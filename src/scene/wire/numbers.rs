@@ -60,7 +60,7 @@ ranges! {
     /// For fields of view. Angles near 0 and 180 degrees are refused, since the tangent of half such an angle is almost
     /// 0 or very large.
     Angle: "an angle between 0.001 and 179.99 degrees", |value| value > 1e-3 && value < 179.99,
-        { "exclusiveMinimum": 0, "exclusiveMaximum": 180 };
+        { "exclusiveMinimum": 0.001, "exclusiveMaximum": 179.99 };
 }
 
 /// A number in a range.

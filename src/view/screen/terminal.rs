@@ -7,7 +7,8 @@ use crossterm::event::{
     self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, MouseButton, MouseEventKind,
 };
 use crossterm::{cursor, execute, terminal};
-use image::RgbImage;
+use image::{GenericImageView as _, RgbImage};
+use std::borrow::Cow;
 use std::io::{ErrorKind, IsTerminal as _, Stdout, Write as _};
 use std::time::Duration;
 
@@ -15,10 +16,17 @@ use std::time::Duration;
 const USUAL_CELLS: [u16; 2] = [80, 24];
 /// Size of a character in pixels if the terminal does not report it.
 const USUAL_CELL_PIXELS: [u32; 2] = [8, 16];
+/// Longest wait for the rest of the terminal's answer, after the part that says which graphics it can show. The
+/// terminal sends both parts at once.
+const REST_OF_ANSWER: Duration = Duration::from_millis(20);
+/// Clears the screen, in the usual colours.
+const CLEAR: &str = "\x1b[0m\x1b[2J";
 
 /// The terminal at standard output, or a file that will be shown on a terminal.
 pub struct Terminal {
     out: Stdout,
+    /// The size of pictures: pixels across and down. It stays the same if the terminal becomes larger or smaller.
+    size: [u32; 2],
     /// Characters across and down.
     cells: [u16; 2],
     /// Size of a character in pixels.
@@ -26,6 +34,10 @@ pub struct Terminal {
     graphics: Graphics,
     /// True if a user can press keys.
     is_interactive: bool,
+    /// True if the terminal is in raw mode and shows its alternate screen.
+    is_entered: bool,
+    /// True if nobody reads the output any more.
+    is_gone: bool,
     /// The button that is down, and the character at which the pointer was last; `None` if no button is down.
     dragged: Option<(MouseButton, [u16; 2])>,
     pointer: Option<[u32; 2]>,
@@ -33,49 +45,87 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// Uses the whole terminal until the returned value is dropped. If `graphics` is `None`, asks the terminal in which
-    /// form it can show pictures. Uses half blocks without asking if no user can press keys, or if the terminal does
-    /// not report the size of a character in pixels.
+    /// Returns the terminal. The whole terminal is used from the first picture, line or look for input until the
+    /// returned value is dropped. Until then, Ctrl-C ends raycl, which may take long to load a scene. If `graphics` is
+    /// `None`, asks the terminal in which form it can show pictures. Uses half blocks without asking if no user can
+    /// press keys, or if the terminal does not report the size of a character in pixels.
     pub fn open(graphics: Option<Graphics>) -> Result<Self> {
         let out = std::io::stdout();
         let is_interactive = out.is_terminal() && std::io::stdin().is_terminal();
         let (cells, cell_pixels) = if out.is_terminal() { sizes() } else { (USUAL_CELLS, None) };
-        let mut opened = Self {
+        let graphics = match graphics {
+            Some(graphics) => graphics,
+            None if is_interactive && cell_pixels.is_some() => asked()?,
+            None => Graphics::Blocks,
+        };
+        Ok(Self::new(out, graphics, (cells, cell_pixels.unwrap_or(USUAL_CELL_PIXELS)), is_interactive))
+    }
+
+    fn new(
+        out: Stdout,
+        graphics: Graphics,
+        (cells, cell_pixels): ([u16; 2], [u32; 2]),
+        is_interactive: bool,
+    ) -> Self {
+        Self {
             out,
+            size: room(graphics, cells, cell_pixels),
             cells,
-            cell_pixels: cell_pixels.unwrap_or(USUAL_CELL_PIXELS),
-            graphics: graphics.unwrap_or(Graphics::Blocks),
+            cell_pixels,
+            graphics,
             is_interactive,
+            is_entered: false,
+            is_gone: false,
             dragged: None,
             pointer: None,
             line: String::new(),
-        };
-        if is_interactive {
-            terminal::enable_raw_mode().map_err(failed)?;
-            let screen = (terminal::EnterAlternateScreen, cursor::Hide, event::EnableMouseCapture);
-            execute!(opened.out, screen.0, screen.1, screen.2).map_err(failed)?;
-            if graphics.is_none() && cell_pixels.is_some() {
-                opened.graphics = Graphics::of_terminal();
-            }
         }
-        Ok(opened)
     }
 
-    /// Returns the pixels across and down; one line is left for text.
+    /// Returns the size of pictures: pixels across and down.
     pub fn size(&self) -> [u32; 2] {
-        let [across, down] = self.cells.map(u32::from);
-        self.graphics.size([across.max(1), down.saturating_sub(1).max(1)], self.cell_pixels)
+        self.size
+    }
+
+    /// Returns the part of the picture, from its upper left corner, for which the terminal has room.
+    fn visible(&self) -> [u32; 2] {
+        let room = room(self.graphics, self.cells, self.cell_pixels);
+        [0, 1].map(|axis| self.size[axis].min(room[axis]))
+    }
+
+    /// Begins to use the whole terminal, if a user can press keys.
+    fn enter(&mut self) -> Result<()> {
+        if !self.is_interactive || self.is_entered {
+            return Ok(());
+        }
+        // While the scene was loaded, nobody looked for changes of the size.
+        let (cells, cell_pixels) = sizes();
+        self.resized(cells, cell_pixels);
+        // Even if a step fails, all steps are undone when the terminal is dropped.
+        self.is_entered = true;
+        terminal::enable_raw_mode().map_err(failed)?;
+        let screen = (terminal::EnterAlternateScreen, cursor::Hide, event::EnableMouseCapture);
+        execute!(self.out, screen.0, screen.1, screen.2).map_err(failed)
+    }
+
+    /// Takes the new size of a terminal that has become larger or smaller.
+    fn resized(&mut self, cells: [u16; 2], cell_pixels: Option<[u32; 2]>) {
+        self.cells = cells;
+        self.cell_pixels = cell_pixels.unwrap_or(self.cell_pixels);
+        // The line of text is written again, on the new last line.
+        self.line.clear();
     }
 
     fn write(&mut self, text: &str) -> Result<()> {
         match self.out.write_all(text.as_bytes()).and_then(|()| self.out.flush()) {
-            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(failed(error)),
-            _ => Ok(()),
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.is_gone = true,
+            written => written.map_err(failed)?,
         }
+        Ok(())
     }
 
     fn mouse(&mut self, input: &mut Input, kind: MouseEventKind, at: [u16; 2]) {
-        let [width, height] = self.size();
+        let [width, height] = self.visible();
         let pixels = self.graphics.pixels_of(self.cell_pixels);
         match kind {
             MouseEventKind::Down(button) => self.dragged = Some((button, at)),
@@ -83,7 +133,8 @@ impl Terminal {
             MouseEventKind::Drag(button) => {
                 if let Some((_, from)) = self.dragged.replace((button, at)) {
                     let cells = |axis: usize| f64::from(at[axis]) - f64::from(from[axis]);
-                    let by = [0, 1].map(|axis| cells(axis) * f64::from(pixels[axis]) / f64::from(height));
+                    let by =
+                        [0, 1].map(|axis| cells(axis) * f64::from(pixels[axis]) / f64::from(self.size[1]));
                     let drag = if button == MouseButton::Left { &mut input.orbit } else { &mut input.pan };
                     *drag = [drag[0] + by[0], drag[1] + by[1]];
                 }
@@ -101,9 +152,17 @@ impl Terminal {
 
 impl Screen for Terminal {
     fn show(&mut self, picture: &RgbImage) -> Result<()> {
+        self.enter()?;
         let end = if self.is_interactive { "\r\n" } else { "\n" };
         let home = if self.is_interactive { "\x1b[H" } else { "" };
-        let shown = self.graphics.text(picture, end)?;
+        let visible = self.visible();
+        let picture = if picture.dimensions() == (visible[0], visible[1]) {
+            Cow::Borrowed(picture)
+        } else {
+            // In a terminal that has become smaller, the ends of lines would be at the beginning of other lines.
+            Cow::Owned(picture.view(0, 0, visible[0], visible[1]).to_image())
+        };
+        let shown = self.graphics.text(&picture, end)?;
         self.write(&format!("{home}{shown}"))
     }
 
@@ -111,28 +170,37 @@ impl Screen for Terminal {
         if !self.is_interactive || line == self.line {
             return Ok(());
         }
+        self.enter()?;
         self.line = line.to_owned();
         let shown: String = line.chars().take(usize::from(self.cells[0])).collect();
         self.write(&format!("\x1b[{};1H\x1b[0m{shown}\x1b[K", self.cells[1]))
     }
 
     fn input(&mut self) -> Result<Input> {
+        self.enter()?;
         let mut input = Input::default();
         while self.is_interactive && event::poll(Duration::ZERO).map_err(failed)? {
             match event::read().map_err(failed)? {
                 Event::Key(key) => pressed(&mut input, key),
                 Event::Mouse(mouse) => self.mouse(&mut input, mouse.kind, [mouse.column, mouse.row]),
+                Event::Resize(..) => input.redraws = true,
                 _ => {}
             }
         }
+        if input.redraws {
+            let (cells, cell_pixels) = sizes();
+            self.resized(cells, cell_pixels);
+            self.write(CLEAR)?;
+        }
         input.pointer = self.pointer;
+        input.closed |= self.is_gone;
         Ok(input)
     }
 }
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        if self.is_interactive {
+        if self.is_entered {
             // A failure here cannot be shown to anybody.
             let _ = self.write(self.graphics.end());
             let _ =
@@ -142,15 +210,38 @@ impl Drop for Terminal {
     }
 }
 
+/// Returns the form in which the terminal can show pictures. Asking needs raw mode, which ends with the answer.
+fn asked() -> Result<Graphics> {
+    terminal::enable_raw_mode().map_err(failed)?;
+    let graphics = Graphics::of_terminal();
+    // Without raw mode, the terminal would show the rest of its own answer as text.
+    while event::poll(REST_OF_ANSWER).is_ok_and(|is_there| is_there) {
+        let _ = event::read();
+    }
+    terminal::disable_raw_mode().map_err(failed)?;
+    Ok(graphics)
+}
+
+/// Returns the size in pixels of a picture that fills a terminal; one line is left for text.
+fn room(graphics: Graphics, cells: [u16; 2], cell_pixels: [u32; 2]) -> [u32; 2] {
+    let [across, down] = cells.map(u32::from);
+    graphics.size([across.max(1), down.saturating_sub(1).max(1)], cell_pixels)
+}
+
 /// Returns the characters across and down, and the size of a character in pixels if the terminal reports it.
 fn sizes() -> ([u16; 2], Option<[u32; 2]>) {
     let Ok(window) = terminal::window_size() else {
-        return (terminal::size().map_or(USUAL_CELLS, <[u16; 2]>::from), None);
+        return (known(terminal::size().map_or(USUAL_CELLS, <[u16; 2]>::from)), None);
     };
     let cells = [window.columns, window.rows];
     let pixels = [window.width, window.height];
     let cell = [0, 1].map(|axis| u32::from(pixels[axis] / cells[axis].max(1)));
-    (cells, (cell[0] > 0 && cell[1] > 0).then_some(cell))
+    (known(cells), (cell[0] > 0 && cell[1] > 0).then_some(cell))
+}
+
+/// Returns the characters across and down. A terminal that does not know its size, such as a serial line, reports 0.
+fn known(cells: [u16; 2]) -> [u16; 2] {
+    [0, 1].map(|axis| if cells[axis] == 0 { USUAL_CELLS[axis] } else { cells[axis] })
 }
 
 fn failed(error: std::io::Error) -> Error {
@@ -216,16 +307,43 @@ mod tests {
 
     /// Returns a terminal of 80 x 24 characters, of 10 x 20 pixels each, in which no user presses keys.
     fn terminal(graphics: Graphics) -> Terminal {
-        Terminal {
-            out: std::io::stdout(),
-            cells: [80, 24],
-            cell_pixels: [10, 20],
-            graphics,
-            is_interactive: false,
-            dragged: None,
-            pointer: None,
-            line: String::new(),
-        }
+        Terminal::new(std::io::stdout(), graphics, ([80, 24], [10, 20]), false)
+    }
+
+    #[test]
+    fn a_terminal_that_does_not_know_its_size_has_the_usual_one() {
+        assert_eq!([[0, 0], [0, 30], [120, 0], [1, 2]].map(known), [[80, 24], [80, 30], [120, 24], [1, 2]]);
+    }
+
+    #[test]
+    fn the_view_is_closed_when_nobody_reads_it() {
+        let mut terminal = terminal(Graphics::Blocks);
+        assert!(!terminal.input().expect("no input").closed);
+        terminal.is_gone = true;
+        assert!(terminal.input().expect("no input").closed);
+    }
+
+    #[test]
+    fn a_smaller_terminal_shows_the_upper_left_part_of_the_picture() {
+        let mut terminal = terminal(Graphics::Kitty);
+        terminal.line = "told".to_owned();
+        terminal.resized([60, 11], None);
+        assert_eq!(
+            (terminal.size(), terminal.visible(), terminal.line.as_str()),
+            ([800, 460], [600, 200], "")
+        );
+        let mut input = Input::default();
+        let mut pointed = |at| {
+            terminal.mouse(&mut input, MouseEventKind::Moved, at);
+            terminal.pointer
+        };
+        assert_eq!((pointed([59, 9]), pointed([59, 10])), (Some([594, 189]), None));
+        // A larger terminal does not change the picture either.
+        terminal.resized([100, 40], Some([20, 40]));
+        assert_eq!(
+            (terminal.size(), terminal.visible(), terminal.cell_pixels),
+            ([800, 460], [800, 460], [20, 40])
+        );
     }
 
     #[test]

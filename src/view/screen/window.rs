@@ -108,6 +108,7 @@ impl Screen for Window {
             pan,
             wheel: self.window.get_scroll_wheel().map_or(0.0, |(_, steps)| f64::from(steps)),
             pointer: self.pointer(),
+            redraws: false,
             closed: !self.window.is_open(),
         })
     }

@@ -143,7 +143,8 @@ mod tests {
     #[test]
     fn the_frames_of_a_turntable_are_equal_parts_of_one_turn() {
         let scene = Arc::new(fixtures::single_triangle());
-        let orbit = Orbit { centre: DVec3::new(0.0, 0.0, -2.0), up: DVec3::Y, with_lights: false };
+        let orbit =
+            Orbit { centre: DVec3::new(0.0, 0.0, -2.0), up: DVec3::Y, radius: 1.0, with_lights: false };
         let mut film = Film::Turntable { scene: Arc::clone(&scene), orbit, count: 4 };
         for (number, part) in [(1, 0.0), (2, 0.25), (3, 0.5), (4, 0.75)] {
             assert_eq!(film.scene(number).unwrap().camera, orbit.at(&scene, part).0, "frame {number}");
@@ -159,7 +160,7 @@ mod tests {
 
     /// Returns a film of a triangle that turns once in `count` frames.
     fn turntable(count: u32) -> Film {
-        let orbit = Orbit { centre: DVec3::ZERO, up: DVec3::Y, with_lights: false };
+        let orbit = Orbit { centre: DVec3::ZERO, up: DVec3::Y, radius: 1.0, with_lights: false };
         Film::Turntable { scene: Arc::new(fixtures::single_triangle()), orbit, count }
     }
 
