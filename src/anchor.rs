@@ -1,7 +1,7 @@
 //! The anchor: a kernel that never changes; `--cl-dir` cannot replace this kernel. A run with several launches times
 //! the anchor on each device. In each launch, the anchor runs after the device's first frame, and then after every
-//! sixth further frame. Two runs can therefore be compared by the ratios of their times to the anchor's time, even if
-//! the machine's speed changed between the runs.
+//! sixth further frame, or once per round if a round has fewer than six frames. Two runs can therefore be compared by
+//! the ratios of their times to the anchor's time, even if the machine's speed changed between the runs.
 
 use crate::device::DeviceInfo;
 use crate::error::{Error, Result};

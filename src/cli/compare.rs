@@ -65,7 +65,11 @@ pub fn run(args: Args) -> Result<()> {
     let mut out = args.out.as_ref().map(|path| OutFolder::open(path, choice)).transpose()?;
     out.iter().try_for_each(|out| out.check(report::COMPARISON))?;
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
-    let comparison = Comparison::of(&before, &after, args.threshold / 100.0, args.times);
+    let mut comparison = Comparison::of(&before, &after, args.threshold / 100.0, args.times);
+    if args.fail_on_regression.is_some() {
+        let left_out = comparison.left_out_of_means();
+        comparison.notes.extend(left_out);
+    }
     if comparison.pairs.is_empty() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(

@@ -13,6 +13,7 @@ use crate::record::{
     AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
     own_folder, read_lines, renew_intervals, sync_folder,
 };
+use serde::de::DeserializeOwned;
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -51,12 +52,30 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// Reads journals. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
-fn past([records, samples, rounds]: [&Path; 3]) -> Result<Past> {
-    let (records, samples, rounds) = (read_lines(records)?, read_lines(samples)?, read_lines(rounds)?);
-    let damage = [records.damage(RECORDS), samples.damage(SAMPLES), rounds.damage(ROUNDS)];
-    damage.into_iter().flatten().for_each(printer::tell);
-    Ok(Past { rounds: rounds.lines, ..Past::of(records.lines, samples.lines) })
+/// Reads a folder's journals. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
+fn past(folder: &Path) -> Result<Past> {
+    let [records, controls] = [RECORDS, CONTROLS].map(|name| lines_of::<Record>(folder, name));
+    let (records, controls) = (records?, controls?);
+    let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
+    let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
+    // A launch's number is never used again, even if a journal was lost or damaged: records of equal launches are
+    // compared as if they were measured together.
+    let of_records = records.iter().chain(&controls).flat_map(|record| &record.sample_launches).copied();
+    let of_lines = rounds.iter().map(|line| line.launch).chain(anchors.iter().map(|line| line.launch));
+    let next = of_records.chain(of_lines).max().map_or(0, |last| last.saturating_add(1));
+    let past = Past::of(records, samples);
+    Ok(Past { rounds, next_launch: past.next_launch.max(next), ..past })
+}
+
+/// Reads a journal, and reports damaged lines. Returns no lines if the file is missing.
+fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
+    let path = folder.join(name);
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let read = read_lines(&path)?;
+    read.damage(name).into_iter().for_each(printer::tell);
+    Ok(read.lines)
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -123,7 +142,7 @@ impl Results {
             host: None,
             latencies_ns: Vec::new(),
             peak: Peak::kept_in(folder)?,
-            past: past([&records, &samples, &rounds])?,
+            past: past(folder)?,
             _lock: lock,
         };
         let latencies_ns = results.past.rounds.iter().filter_map(|line| line.core_to_core_ns);
@@ -308,5 +327,26 @@ mod tests {
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
+    }
+
+    #[test]
+    fn no_launch_of_any_journal_is_used_again() {
+        let next = |store: &dyn Fn(&mut Results)| {
+            let folder = tempfile::tempdir().unwrap();
+            store(&mut Results::create(folder.path(), &Environment::default()).unwrap());
+            Results::resume(folder.path(), &Environment::default()).unwrap().next_launch()
+        };
+        let of = |launch: u32| Record { sample_launches: vec![0, launch], ..record("a", Outcome::Measured) };
+        assert_eq!(next(&|_| ()), 0);
+        assert_eq!(next(&|results| results.record(&of(3)).unwrap()), 4);
+        assert_eq!(next(&|results| results.control(&of(4)).unwrap()), 5);
+        assert_eq!(
+            next(&|results| results.load(&RoundLoad { launch: 5, ..RoundLoad::default() }).unwrap()),
+            6
+        );
+        let anchor = AnchorSample { launch: 6, ..AnchorSample::default() };
+        assert_eq!(next(&|results| results.anchor(&anchor).unwrap()), 7);
+        let sample = Sample { launch: 7, ..Sample::default() };
+        assert_eq!(next(&|results| results.sample(&sample).unwrap()), 8);
     }
 }

@@ -6,6 +6,9 @@
 /// sixteenth.
 pub const MIN_SAMPLES: usize = 5;
 
+/// Says why a point has no interval although it has enough samples: some of its times are 0.
+pub const BELOW_RESOLUTION: &str = "times below the timer's resolution";
+
 /// Returns "not enough samples (n = 3)".
 pub fn not_enough(n: usize) -> String {
     format!("not enough samples (n = {n})")

@@ -16,14 +16,14 @@ mod summary;
 
 pub use batch::batch_size;
 pub use compare::Verdict;
-pub use enough::{MIN_SAMPLES, not_enough};
+pub use enough::{BELOW_RESOLUTION, MIN_SAMPLES, not_enough};
 pub use modes::Modes;
 pub use order::round_order;
-pub use paired::{BetweenRuns, Interval, Paired, PairedSample, Standing};
+pub use paired::{BetweenRuns, Interval, Paired, PairedSample, Relative, Standing};
 pub use ranking::Ranking;
 pub use stopping::{StopReason, StoppingRule};
 pub use summary::Summary;
-pub(crate) use summary::quantile;
+pub(crate) use summary::{median_of, quantile};
 
 /// Returns the mean and the sample standard deviation (n - 1); the deviation of fewer than two samples is 0.
 fn mean_and_sigma(samples: &[f64]) -> (f64, f64) {

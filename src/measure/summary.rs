@@ -48,7 +48,7 @@ impl Summary {
 }
 
 /// Returns the median of values in any order; `None` if there are none.
-pub(super) fn median_of(values: &[f64]) -> Option<f64> {
+pub(crate) fn median_of(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     (!sorted.is_empty()).then(|| quantile(&sorted, 0.5))

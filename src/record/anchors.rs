@@ -1,5 +1,6 @@
-//! `anchors.jsonl`: times of the anchor, a fixed kernel that each device runs once for every six samples of its points.
-//! These times make runs comparable even if the machine's speed changed between the runs.
+//! `anchors.jsonl`: times of the anchor, a fixed kernel that each device runs once for every six samples of its points,
+//! or once for every round of fewer samples. These times make runs comparable even if the machine's speed changed
+//! between the runs.
 
 use serde::{Deserialize, Serialize};
 

@@ -14,6 +14,8 @@ pub(super) struct Control {
     standing: Standing,
     /// The mean of the control point's level (the logarithm of its time) over all blocks.
     mean_level: f64,
+    /// Whether the record that has this control point is the control point itself.
+    is_itself: bool,
 }
 
 /// Assigns to each record of a block the block's control point, which was measured in the same
@@ -30,7 +32,8 @@ pub(super) fn find_controls(records: &mut [Record]) {
         let (Some(place), Some(key)) = (&mut record.place, &record.control) else { continue };
         let Some((standing, levels)) = blocks.get(&place.together).zip(levels.get(key)) else { continue };
         let mean_level = levels.iter().sum::<f64>() / levels.len() as f64;
-        place.control = Some(Control { key: key.clone(), standing: standing.clone(), mean_level });
+        let is_itself = record.key == *key;
+        place.control = Some(Control { key: key.clone(), standing: standing.clone(), mean_level, is_itself });
     }
 }
 
@@ -48,7 +51,10 @@ impl Place {
     /// point that their blocks share.
     pub(super) fn ratio_by_control(&self, other: &Self) -> Option<Interval> {
         let (own, others) = (self.control.as_ref()?, other.control.as_ref()?);
-        let to_control = |place: &Self, control: &Control| place.standing.ratio(&control.standing);
+        let to_control = |place: &Self, control: &Control| match control.is_itself {
+            true => Interval::ONE,
+            false => place.standing.ratio(&control.standing),
+        };
         (own.key == others.key).then(|| to_control(self, own).over(to_control(other, others)))
     }
 }
@@ -83,6 +89,27 @@ mod tests {
         assert!((found.middle - 1.25).abs() < 1e-9 && found.low > 1.2 && found.high < 1.3, "{found:?}");
         let ranking = ranking([&records[1], &records[3]]);
         assert_eq!(ranking.winners[0].name, "wide");
+    }
+
+    /// The quotient of the control point's ratio to itself, which is exactly 1, and another point's ratio to the control
+    /// point has only the error of this other ratio.
+    #[test]
+    fn the_control_point_is_exactly_as_fast_as_itself() {
+        let control = |ms, number| block("control", ms, number);
+        let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
+        let records = judged([
+            control(10.0, 0),
+            with(block("naive", 5.0, 0)),
+            Record { is_control: true, ..control(20.0, 1) },
+            with(block("wide", 8.0, 1)),
+        ]);
+        let within = ratio(&records[3], &records[2]).expect("enough samples");
+        let across = ratio(&records[3], &records[0]).expect("enough samples");
+        let values = |ratio: Interval| [ratio.middle, ratio.low, ratio.high, ratio.error];
+        let apart = values(across).into_iter().zip(values(within)).map(|(one, other)| (one - other).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-9 && within.error > 0.0, "{across:?} {within:?}");
+        let itself = ratio(&records[2], &records[0]).expect("enough samples");
+        assert_eq!(itself, Interval::ONE);
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::reader;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The file in which `raycl merge` describes the attempts that it merged into a folder.
@@ -31,7 +31,7 @@ pub struct Folder {
     /// Without a plan, the latest record of every point. Different scenes with the same name are
     /// renamed.
     pub records: Vec<Record>,
-    /// The records of control points that were measured only to compare blocks, if the plan is
+    /// The records of control points of the current plan that were measured only to compare blocks, if the plan is
     /// divided into blocks. They are not in `records`.
     pub controls: Vec<Record>,
     /// The contents of `environment.json`, unchanged, so that fields of a newer version of raycl are shown too; null if
@@ -64,11 +64,12 @@ impl Folder {
         let lines = read_lines::<Record>(&journal)?;
         let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
-        let Shown { mut records, notes } = Shown::of(lines.lines, CurrentPlan::read(folder)?);
+        let plan = CurrentPlan::read(folder)?;
+        let Shown { mut records, notes } = Shown::of(lines.lines, plan.as_ref());
         let count = records.len();
         let controls = lines_if_any::<Record>(&folder.join(CONTROLS))?;
         let lines_damage = lines_damage.into_iter().chain(controls.damage(CONTROLS));
-        records.extend(controls.lines);
+        records.extend(shown_controls(controls.lines, plan.as_ref()));
         judge(&mut records);
         let controls = records.split_off(count);
         let rounds = lines_if_any(&folder.join(ROUNDS))?;
@@ -159,7 +160,7 @@ struct Shown {
 }
 
 impl Shown {
-    fn of(lines: Vec<Record>, plan: Option<CurrentPlan>) -> Self {
+    fn of(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Self {
         let all = latest(lines, |record| record.key.clone());
         let count = all.len();
         let mut notes = Vec::new();
@@ -184,6 +185,18 @@ impl Shown {
         ));
         tell_scenes_apart(&mut records);
         Self { records, notes }
+    }
+}
+
+/// Returns the records of control points that belong to the plan, with the plan's names; all records without a plan. A
+/// control point has a record for each block, and the launches of blocks differ. Of several records of the same
+/// launches, the last one is used.
+fn shown_controls(lines: Vec<Record>, plan: Option<&CurrentPlan>) -> Vec<Record> {
+    let launches = |record: &Record| record.sample_launches.iter().copied().collect::<BTreeSet<_>>();
+    let each = latest(lines, |record| format!("{} {:?}", record.key, launches(record)));
+    match plan {
+        Some(plan) => each.into_iter().filter_map(|record| plan.named(record)).collect(),
+        None => each,
     }
 }
 
@@ -406,6 +419,29 @@ mod tests {
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
+    }
+
+    #[test]
+    fn control_points_are_those_of_the_plan_with_its_names_once_for_each_block() {
+        let of = |key: &str, launch: u32, ms| Record {
+            sample_launches: vec![launch; 5],
+            ..record(key, "of another run", ms)
+        };
+        let folder = folder(&[record("a", "bvh", 1.0)]);
+        let mut journal = JsonLines::append_to(&folder.path().join(CONTROLS)).unwrap();
+        for control in [of("a", 0, 1.0), of("a", 1, 2.0), of("a", 0, 3.0), of("b", 2, 4.0)] {
+            journal.append(&control).unwrap();
+        }
+        let controls = || -> Vec<(String, Option<f64>)> {
+            let read = Folder::read(folder.path()).unwrap().controls;
+            read.into_iter().map(|record| (record.name, record.median_ms)).collect()
+        };
+        let named = |name: &str, times: &[f64]| -> Vec<_> {
+            times.iter().map(|ms| (name.to_owned(), Some(*ms))).collect()
+        };
+        assert_eq!(controls(), named("of another run", &[3.0, 2.0, 4.0]));
+        CurrentPlan::of(&[record("a", "renamed", 0.0)]).write(folder.path()).unwrap();
+        assert_eq!(controls(), named("renamed", &[3.0, 2.0]));
     }
 
     #[test]

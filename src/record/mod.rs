@@ -62,8 +62,9 @@ pub use t4::t4_results;
 pub use terminal::summary_terminal;
 pub(crate) use terminal::{percent, word};
 pub(crate) use together::{
-    anchored, anchored_mean, are_together, fewest, interval, launches, median, ranking, ratio,
-    ratio_of_means, ratio_to_mean,
+    anchored, anchored_mean, are_together, fewest, interval, is_below_resolution, launches, mean_relative_to,
+    mean_relative_to_earlier, median, ranking, ratio, ratio_apart, ratio_of_means, ratio_of_passes,
+    ratio_to_mean,
 };
 pub use together::{judge, judge_beside_anchors};
 pub use types::{HOST, Outcome, Record, schema};

@@ -4,6 +4,7 @@ use super::rounds::{core_to_core_ns, mean_load};
 use super::together::{resolution, resolution_within};
 use super::types::{HOST, Record};
 use super::{Folder, interval};
+use crate::measure::median_of;
 use serde::Serialize;
 use std::collections::HashSet;
 
@@ -17,8 +18,8 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show. The value is the
-    /// median over all launches.
+    /// The smallest difference between two points that a single launch can show, by the same rule as `between_launches`.
+    /// The value is the median over all launches.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show. The value is the largest over
     /// all groups of points.
@@ -69,15 +70,14 @@ impl Noise {
         let own = |record: &&Record| record.device == device;
         let records: Vec<Record> = folder.records.iter().filter(own).cloned().collect();
         let half = |record: &Record| Some((interval(record)?[1] / record.median_ms?).ln().exp_m1());
-        let mut halves: Vec<f64> = records.iter().filter_map(half).collect();
-        halves.sort_by(f64::total_cmp);
+        let halves: Vec<f64> = records.iter().filter_map(half).collect();
         Self {
             device: device.to_owned(),
             launches: records.iter().map(super::launches).max().unwrap_or(0),
             samples: records.iter().map(|record| record.samples_ms.len()).sum(),
             within_launch: resolution_within(&records),
             between_launches: resolution(&records).map(|[_, most]| most),
-            own_time: halves.get(halves.len() / 2).copied(),
+            own_time: median_of(&halves),
             causes: Causes::of(folder, &records),
         }
     }
@@ -128,10 +128,49 @@ mod tests {
         assert!(gpu.between_launches.is_some_and(|part| part >= 0.01), "{gpu:?}");
         assert!(gpu.within_launch.is_some(), "{gpu:?}");
         // `half` returns the distance from a record's median to the upper end of its interval, as a fraction of the
-        // median. For two points, the median over points is the larger of their two distances.
-        let half = |record: &Record| interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0;
-        let widest = folder.records[1..].iter().map(half).fold(0.0, f64::max);
-        assert!(gpu.own_time.is_some_and(|part| (part - widest).abs() < 1e-12 && part > 0.0), "{gpu:?}");
+        // median. For two points, the median over points is the mean of their two distances.
+        let half = |place: usize| {
+            let record = &folder.records[place];
+            interval(record).unwrap()[1] / record.median_ms.unwrap() - 1.0
+        };
+        let middle = 0.5 * (half(1) + half(3));
+        assert!(gpu.own_time.is_some_and(|part| (part - middle).abs() < 1e-12 && part > 0.0), "{gpu:?}");
+    }
+
+    /// If a run has only one launch, this launch can show what the run can show.
+    #[test]
+    fn what_one_launch_can_show_has_the_terms_of_what_all_launches_can_show() {
+        let one_launch = |record: Record| Record { sample_launches: vec![0; 10], ..record };
+        let steady = [measured("gpu", "naive", 8, 10.0), measured("gpu", "wide", 1, 1.0)];
+        let folder = Folder { records: judged(steady.map(one_launch)), ..Folder::default() };
+        let [gpu] = &Noise::of(&folder)[..] else { panic!("one device") };
+        let expected = (1.96 * 0.004 * 2.0_f64.sqrt()).exp() * 1.01 - 1.0;
+        assert!(gpu.within_launch.is_some_and(|part| (part - expected).abs() < 1e-5), "{gpu:?}");
+        assert_eq!(gpu.within_launch, gpu.between_launches);
+    }
+
+    #[test]
+    fn of_an_even_number_of_launches_the_middle_two_count() {
+        // The times of the two points differ by a factor that varies in the second launch.
+        let varied = |name: &str, sign: f64| {
+            let ms = move |place: u32| 10.0 + if place < 15 { 0.0 } else { sign * f64::from(place % 15 / 3) };
+            sampled(name, (0..30).map(move |place| (place / 15, ms(place))))
+        };
+        let within = |launches: std::ops::Range<usize>| {
+            let part = |record: Record| Record {
+                sample_launches: record.sample_launches[launches.clone()].to_vec(),
+                samples_at_ms: record.samples_at_ms[launches.clone()].to_vec(),
+                samples_ms: record.samples_ms[launches.clone()].to_vec(),
+                ..record
+            };
+            let records = [varied("naive", 0.2), varied("wide", -0.2)].map(part);
+            resolution_within(&records).unwrap()
+        };
+        let [both, first, second] = [0..30, 0..15, 15..30].map(within);
+        assert!(
+            second > first + 0.005 && (both - 0.5 * (first + second)).abs() < 1e-12,
+            "{both} {first} {second}"
+        );
     }
 
     #[test]

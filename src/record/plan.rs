@@ -85,6 +85,12 @@ impl CurrentPlan {
         serde_json::from_slice(&text).map(Some).map_err(|error| unreadable(&error))
     }
 
+    /// Returns a record with the plan's names; `None` if its point does not belong to the plan.
+    pub fn named(&self, mut record: Record) -> Option<Record> {
+        self.points.iter().find(|point| point.key == record.key)?.name(&mut record);
+        Some(record)
+    }
+
     /// Returns the records that belong to the plan, in the plan's order and with the plan's names,
     /// and the number of points without a record. `records` maps keys to records.
     pub fn pick(&self, mut records: HashMap<String, Record>) -> (Vec<Record>, usize) {

@@ -1,8 +1,8 @@
 //! Divides records into groups and finds the winners of each group.
 
-use super::together::{fewest, interval, median, ranking};
+use super::together::{fewest, interval, is_below_resolution, median, ranking};
 use super::types::Record;
-use crate::measure::{Ranking, not_enough as not_enough_samples};
+use crate::measure::{BELOW_RESOLUTION, Ranking, not_enough as not_enough_samples};
 use crate::strategy::PRESETS;
 
 /// Records that are compared with each other: those of one scene, image size and device.
@@ -88,17 +88,23 @@ pub(crate) fn quartiles(record: &Record) -> Option<[f64; 2]> {
     Some([record.q1_ms?, record.q3_ms?])
 }
 
-/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch;
-/// `None` for all other records.
+/// Returns "not enough samples (n = 3)" for a measured record with too few samples in a launch, or
+/// [`BELOW_RESOLUTION`] for a record with times of 0; `None` for all other records.
 pub(crate) fn not_enough(record: &Record) -> Option<String> {
     median(record)?;
-    record.place.is_none().then(|| not_enough_samples(fewest(record)))
+    record.place.is_none().then(|| match is_below_resolution(record) {
+        true => BELOW_RESOLUTION.to_owned(),
+        false => not_enough_samples(fewest(record)),
+    })
 }
 
 /// Returns the names of up to four unranked points, and the number of further unranked points:
 /// "naive at 8 x 8 (n = 3), ... and 9 more".
 pub(crate) fn few_names(records: &[&Record], title: impl Fn(&Record) -> String) -> String {
-    let name = |record: &&Record| format!("{} (n = {})", title(record), fewest(record));
+    let name = |record: &&Record| match is_below_resolution(record) {
+        true => format!("{} ({BELOW_RESOLUTION})", title(record)),
+        false => format!("{} (n = {})", title(record), fewest(record)),
+    };
     let more = records.len().checked_sub(4).filter(|more| *more > 0).map(|more| format!("and {more} more"));
     records.iter().take(4).map(name).chain(more).collect::<Vec<_>>().join(", ")
 }
@@ -180,6 +186,32 @@ pub mod tests {
         assert!(interval(&of(5)).is_some() && quartiles(&of(5)).is_some());
         assert_eq!(not_enough(&of(1)).as_deref(), Some("not enough samples (n = 1)"));
         assert_eq!(not_enough(&infeasible("gpu", "naive", 8, "no")), None);
+    }
+
+    #[test]
+    fn times_of_zero_are_below_the_timers_resolution_and_not_too_few() {
+        let zero = few("gpu", "naive", 8, 0.0, 30);
+        let step = |place: u32| (place / 10, if place % 10 < 3 { 0.001 } else { 0.0 });
+        let sometimes = Record { key: "sometimes".into(), ..sampled("naive", (0..30).map(step)) };
+        let records =
+            judged([zero, sometimes, few("gpu", "wide", 1, 0.0, 3), measured("gpu", "wide", 2, 1.0)]);
+        let told = "times below the timer's resolution";
+        assert_eq!(
+            [0, 1].map(|place| not_enough(&records[place])),
+            [Some(told.to_owned()), Some(told.to_owned())]
+        );
+        assert_eq!(not_enough(&records[2]).as_deref(), Some("not enough samples (n = 0)"));
+        assert!(records[..3].iter().all(|record| record.place.is_none()) && records[3].place.is_some());
+        assert_eq!(few_names(&[&records[0]], |_| "naive".into()), format!("naive ({told})"));
+    }
+
+    /// The samples that are not 0 are enough for an interval, but the median is 0.
+    #[test]
+    fn a_median_of_zero_has_no_rank() {
+        let step = |place: u32| (place / 15, if place % 15 < 6 { 0.001 } else { 0.0 });
+        let records = judged([sampled("naive", (0..30).map(step)), measured("gpu", "wide", 1, 1.0)]);
+        assert!(records[0].place.is_none() && is_below_resolution(&records[0]));
+        assert_eq!(ranking(&records).ranked.len(), 1);
     }
 
     #[test]

@@ -5,8 +5,7 @@ use comfy_table::{Attribute, Cell, CellAlignment, Color, Table, presets};
 use super::modes::to_mind;
 use super::numbers::{by, duration, ms, significant};
 use super::summary::{Group, groups, not_enough, scene_notes};
-use super::together::fewest;
-use super::together::median;
+use super::together::{fewest, is_below_resolution, median};
 use super::types::{HOST, Outcome, Record};
 use crate::measure::Ranking;
 use crate::printer::{line, plain};
@@ -112,9 +111,12 @@ fn cell(record: &Record, wins: bool) -> Cell {
     }
 }
 
-/// Returns a mark for a time with too few samples: " n=3".
+/// Returns a mark for a time with too few samples: " n=3". The mark of times of 0 is " <timer".
 fn few(record: &Record) -> String {
-    not_enough(record).map_or(String::new(), |_| format!(" n={}", fewest(record)))
+    match is_below_resolution(record) {
+        true => " <timer".to_owned(),
+        false => not_enough(record).map_or(String::new(), |_| format!(" n={}", fewest(record))),
+    }
 }
 
 /// Returns a mark for a time with a warning.
@@ -145,7 +147,16 @@ fn legend(groups: &[Group<'_>]) -> String {
     if rankings.iter().any(|ranking| !ranking.winners.is_empty()) {
         text.push_str("* fastest; if several points are marked, they tie: the samples do not show that any of them takes more than 1% longer than the fastest\n");
     }
-    if rankings.iter().any(|ranking| !ranking.unranked.is_empty()) {
+    let (below, few): (Vec<&Record>, Vec<&Record>) = rankings
+        .iter()
+        .flat_map(|ranking| ranking.unranked.clone())
+        .partition(|record| is_below_resolution(record));
+    if !below.is_empty() {
+        text.push_str(
+            "<timer times below the timer's resolution: a frame takes less than a step of the timer, so the point has no rank; use larger images\n",
+        );
+    }
+    if !few.is_empty() {
         text.push_str(
             "n=... not enough samples: a point with fewer than five samples in a launch has no rank; `timing.max_samples` must be at least five\n",
         );
@@ -267,6 +278,16 @@ mod tests {
         assert!(text.contains("* fastest"), "the star is not explained in\n{text}");
         let none = summary_terminal(&records[..2], false);
         assert!(!none.contains('*'), "{none}");
+    }
+
+    #[test]
+    fn times_of_zero_have_a_mark_of_their_own() {
+        let records = judged([few("gpu", "naive", 8, 0.0, 30), measured("gpu", "wide", 1, 10.0)]);
+        let text = summary_terminal(&records, false);
+        for expected in ["0 <timer", "<timer times below the timer's resolution"] {
+            assert!(text.contains(expected), "{expected:?} is not in\n{text}");
+        }
+        assert!(!text.contains("n="), "{text}");
     }
 
     #[test]

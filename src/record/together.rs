@@ -7,7 +7,9 @@ use super::numbers::{by, significant};
 use super::place::Place;
 use super::types::{HOST, Outcome, Record};
 use crate::device::DeviceKind;
-use crate::measure::{BetweenRuns, Interval, Paired, PairedSample, Ranking, Standing};
+use crate::measure::{
+    BetweenRuns, Interval, MIN_SAMPLES, Paired, PairedSample, Ranking, Relative, Standing, median_of,
+};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
 /// A point ties with the fastest point unless the samples show that it takes longer by more than this fraction.
@@ -20,17 +22,25 @@ pub fn judge(records: &mut [Record]) {
     judge_beside_anchors(records, &[]);
 }
 
-/// Computes each record's position like [`judge`], and treats the anchors as further points.
+/// Computes each record's position like [`judge`], and treats the anchors as further points. A record whose median is 0
+/// has no position.
 pub fn judge_beside_anchors(records: &mut [Record], anchors: &[AnchorSample]) {
     let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-    for (place, record) in records.iter().enumerate().filter(|(_, record)| median(record).is_some()) {
+    let has_time = |record: &Record| median(record).is_some_and(|ms| ms > 0.0);
+    for (place, record) in records.iter().enumerate().filter(|(_, record)| has_time(record)) {
         groups.entry(measured_with(record)).or_default().push(place);
     }
-    let tables: Vec<Table> = groups.into_values().map(|places| Table::of(places, records, anchors)).collect();
-    let mut paired: Vec<Paired> = tables.iter().map(|table| table.paired.clone()).collect();
-    Paired::borrow_from_each_other(&mut paired);
-    for (table, paired) in tables.iter().zip(&paired) {
-        table.write_places(paired, records);
+    let mut machines: BTreeMap<_, Vec<Table>> = BTreeMap::new();
+    for places in groups.into_values() {
+        let table = Table::of(places, records, anchors);
+        machines.entry(table.machine(records)).or_default().push(table);
+    }
+    for tables in machines.into_values() {
+        let mut paired: Vec<Paired> = tables.iter().map(|table| table.paired.clone()).collect();
+        Paired::borrow_from_each_other(&mut paired);
+        for (table, paired) in tables.iter().zip(&paired) {
+            table.write_places(paired, records);
+        }
     }
     find_controls(records);
 }
@@ -62,6 +72,13 @@ impl Table {
         let paired = paired.over_runs(own().map(between_runs).chain(of_anchors).collect());
         let anchors = names.iter().map(|(name, device)| ((*name).to_owned(), (*device).to_owned())).collect();
         Self { together, places, anchors, paired }
+    }
+
+    /// Returns the machine and the devices that measured the records. Another machine, or another device of the same
+    /// machine, may differ from launch to launch by another amount.
+    fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String)> {
+        let of = |place: &usize| (records[*place].host.clone(), records[*place].device.clone());
+        self.places.iter().map(of).collect()
     }
 
     fn write_places(&self, paired: &Paired, records: &mut [Record]) {
@@ -149,10 +166,27 @@ pub(crate) fn launches(record: &Record) -> usize {
     numbers.len().max(usize::from(!record.samples_ms.is_empty()))
 }
 
-/// Returns the number of samples in the launch that has the fewest samples.
+/// Returns the number of samples in the launch that has the fewest samples. Samples with a time of 0 do not count.
 pub(crate) fn fewest(record: &Record) -> usize {
-    let of = |launch: &u32| record.sample_launches.iter().filter(|other| *other == launch).count();
-    record.sample_launches.iter().map(of).min().unwrap_or(record.samples_ms.len())
+    fewest_where(record, |ms| ms > 0.0)
+}
+
+/// Returns the number of those samples for which `counts` is true, in the launch that has the fewest of them.
+fn fewest_where(record: &Record, counts: impl Fn(f64) -> bool) -> usize {
+    let samples = || record.sample_launches.iter().zip(&record.samples_ms).filter(|(_, ms)| counts(**ms));
+    let of = |launch: &u32| samples().filter(|(other, _)| *other == launch).count();
+    let all = || record.samples_ms.iter().filter(|ms| counts(**ms)).count();
+    record.sample_launches.iter().map(of).min().unwrap_or_else(all)
+}
+
+/// Returns whether a measured record has enough samples, but no rank, because times of 0 are among them: its frames
+/// are shorter than a step of the device's timer.
+pub(crate) fn is_below_resolution(record: &Record) -> bool {
+    let has_zero = record.samples_ms.iter().any(|ms| *ms <= 0.0);
+    median(record).is_some()
+        && record.place.is_none()
+        && has_zero
+        && fewest_where(record, |_| true) >= MIN_SAMPLES
 }
 
 /// Returns the ratio of two records' times. If the records were measured together, the ratio compares samples that were
@@ -187,9 +221,21 @@ pub(crate) fn anchored(record: &Record) -> Option<(&str, Interval)> {
 
 /// Returns the ratio of the mean time of some records to the anchor's time. The records must have
 /// been measured together.
-pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Interval> {
+pub(crate) fn anchored_mean(records: &[&Record]) -> Option<Relative> {
     let (_, anchor) = records.first()?.place.as_ref()?.anchor.as_ref()?;
-    Some(mean(records)?.ratio(anchor))
+    Some(mean(records)?.relative_to(anchor))
+}
+
+/// Returns the ratio of the mean time of some records to the mean time of others, which are the reference. All records
+/// must have been measured together.
+pub(crate) fn mean_relative_to(records: &[&Record], reference: &[&Record]) -> Option<Relative> {
+    Some(mean(records)?.relative_to(&mean(reference)?))
+}
+
+/// Returns the ratio of the mean times of two sets of records as if they were measured at different times, like
+/// [`ratio_apart`]. The records of a set must have been measured together.
+pub(crate) fn mean_relative_to_earlier(records: &[&Record], earlier: &[&Record]) -> Option<Relative> {
+    Some(mean(records)?.relative_to_earlier(&mean(earlier)?))
 }
 
 /// Returns the ratio of a record's time to the mean time of records that were measured with it.
@@ -201,6 +247,16 @@ pub(crate) fn ratio_to_mean(record: &Record, others: &[&Record]) -> Option<Inter
 /// together.
 pub(crate) fn ratio_of_means(records: &[&Record], others: &[&Record]) -> Option<Interval> {
     Some(mean(records)?.ratio(&mean(others)?))
+}
+
+/// Returns the ratio of the times of two passes of the same frames of a record, from each sample's launch and ratio. A
+/// pass is treated like a point: from run to run, each of the two passes has a factor of its own, and the factor that
+/// all points share cancels. Returns `None` if there are too few samples.
+pub(crate) fn ratio_of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Interval> {
+    let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
+    let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
+    let of_both = BetweenRuns { shared: 0.0, own: between_runs(record).own * 2.0_f64.sqrt() };
+    Paired::of(&samples, 1).over_runs(vec![of_both]).median_ms(0)
 }
 
 fn mean(records: &[&Record]) -> Option<Standing> {
@@ -230,27 +286,32 @@ pub(crate) fn ranking<'a>(records: impl IntoIterator<Item = &'a Record>) -> Rank
 /// records that were measured together has its own value; the least and the greatest of these values are returned.
 pub(crate) fn resolution<'a>(records: impl IntoIterator<Item = &'a Record>) -> Option<[f64; 2]> {
     let own = |record: &Record| record.place.as_ref().and_then(|place| place.standing.resolution());
-    let parts = records.into_iter().filter_map(own).map(|part| (1.0 + part) * (1.0 + TIE) - 1.0);
+    let parts = records.into_iter().filter_map(own).map(beyond_a_tie);
     parts.fold(None, |range: Option<[f64; 2]>, part| {
         let [low, high] = range.unwrap_or([part; 2]);
         Some([low.min(part), high.max(part)])
     })
 }
 
-/// Returns the smallest difference between two of these records that a single launch can show, as a
-/// fraction. The result is the median over launches. Records with equal launch numbers must have been
-/// measured together.
+/// Returns the smallest difference that can be shown between two points if their times are known to differ above the
+/// fraction `part`. Two points tie if their times differ by less than 1%.
+fn beyond_a_tie(part: f64) -> f64 {
+    (1.0 + part) * (1.0 + TIE) - 1.0
+}
+
+/// Returns the smallest difference between two of these records that a single launch can show, as a fraction, by the
+/// rule of [`resolution`]. The result is the median over launches. Records with equal launch numbers must have been
+/// measured together, on one device.
 pub(crate) fn resolution_within(records: &[Record]) -> Option<f64> {
     let samples = in_order(records.iter(), &[]);
+    let between: Vec<BetweenRuns> = records.iter().map(between_runs).collect();
     let mut launches: Vec<u32> = samples.iter().map(|sample| sample.launch).collect();
     launches.dedup();
     let of = |launch: &u32| {
         let own: Vec<_> = samples.iter().filter(|sample| sample.launch == *launch).copied().collect();
-        Paired::of(&own, records.len()).resolution()
+        Paired::of(&own, records.len()).over_runs(between.clone()).resolution().map(beyond_a_tie)
     };
-    let mut parts: Vec<f64> = launches.iter().filter_map(of).collect();
-    parts.sort_by(f64::total_cmp);
-    parts.get(parts.len() / 2).copied()
+    median_of(&launches.iter().filter_map(of).collect::<Vec<_>>())
 }
 
 /// Returns notes on the certainty of results: which points were measured in a single launch only, and which differences

@@ -6,7 +6,7 @@ use super::plot::Plot;
 use super::plot::heat::{Cell, HeatMap};
 use super::plot::legend::shorten;
 use super::words::title;
-use crate::record::{Group, HOST, Record, median, significant};
+use crate::record::{Group, HOST, Record, ratio, significant};
 
 /// Number of characters of a device's name that fit into a column.
 const ROOM: usize = 12;
@@ -33,10 +33,10 @@ fn strategies(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     let row = |name: &&str| {
         let cell = |device: &&str| {
             let own = |group: &&Group<'_>| group.device == *device;
-            let slower = groups
-                .iter()
-                .filter(own)
-                .filter_map(|group| over_best(group, group.best_where(|record| record.name == **name)?));
+            let slower = groups.iter().filter(own).filter_map(|group| {
+                let ranked = group.ranking().ranked;
+                over_best(group, ranked.into_iter().find(|record| record.name == **name)?)
+            });
             cell(
                 slower.collect(),
                 &format!(
@@ -70,7 +70,7 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
                     other.device == *from
                         && (other.scene, other.image_size) == (group.scene, group.image_size)
                 };
-                let best = groups.iter().find(same)?.best_where(|_| true)?;
+                let best = *groups.iter().find(same)?.ranking().ranked.first()?;
                 let point = (&best.name, best.local_size);
                 let there = group.records.iter().find(|record| (&record.name, record.local_size) == point)?;
                 Some((over_best(group, there)?.0, format!("{}: {}", group.scene, title(best))))
@@ -92,11 +92,11 @@ fn losses(groups: &[Group<'_>], devices: &[&str]) -> Plot {
     )
 }
 
-/// Returns the ratio of a record's time to the best time of its group, and the names of the scene
-/// and the point.
+/// Returns the ratio of a record's time to the best time of its group, and the names of the scene and the point; `None`
+/// if the record has too few samples.
 fn over_best(group: &Group<'_>, record: &Record) -> Option<(f64, String)> {
-    let best = median(group.best_where(|_| true)?)?;
-    Some((median(record)? / best, format!("{}: {}", group.scene, title(record))))
+    let best = *group.ranking().ranked.first()?;
+    Some((ratio(record, best)?.middle, format!("{}: {}", group.scene, title(record))))
 }
 
 fn cell(slower: Vec<(f64, String)>, what: &str) -> Cell {
@@ -124,7 +124,43 @@ fn plot(name: &str, title: &str, devices: &[&str], rows: Vec<(String, Vec<Cell>)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{fixtures::judged, fixtures::measured, groups};
+    use crate::record::{fixtures::few, fixtures::judged, fixtures::measured, groups};
+
+    /// On each device, the point that seems to be the fastest has too few samples.
+    #[test]
+    fn a_point_with_too_few_samples_has_no_ratio_and_is_no_devices_best() {
+        let of = |device: &str| {
+            [
+                few(device, "private", 8, 0.01, 3),
+                measured(device, "naive", 8, 1.0),
+                measured(device, "wide", 1, 3.0),
+            ]
+        };
+        let records = judged([of("gpu"), of("cpu")].concat());
+        let [strategies, losses] = &side_by_side(&groups(&records))[..] else { panic!("two plots") };
+        assert_eq!(strategies.svg.matches(">3.00<").count(), 2, "{}", strategies.svg);
+        assert!(!strategies.svg.contains("private on"), "{}", strategies.svg);
+        assert_eq!(losses.svg.matches(">1.00<").count(), 4, "{}", losses.svg);
+        let none = judged([few("gpu", "naive", 8, 1.0, 3), few("cpu", "naive", 8, 1.0, 3)]);
+        assert!(side_by_side(&groups(&none)).iter().all(|plot| !plot.svg.contains("class=\"mark\"")));
+    }
+
+    /// In half of its launches, one point is slow. Times are compared launch by launch, not by their medians.
+    #[test]
+    fn ratios_are_those_of_all_other_views() {
+        let mut uneven = measured("gpu", "wide", 1, 2.0);
+        uneven.samples_ms[5..].fill(8.0);
+        let records = judged([
+            measured("gpu", "naive", 8, 1.0),
+            uneven,
+            measured("cpu", "naive", 8, 1.0),
+            measured("cpu", "wide", 1, 1.0),
+        ]);
+        let middle = ratio(&records[1], &records[0]).map(|ratio| significant(ratio.middle, 3)).unwrap();
+        assert_ne!(middle, "2.00");
+        let plots = side_by_side(&groups(&records));
+        assert!(plots[0].svg.contains(&format!(">{middle}<")), "{middle}: {}", plots[0].svg);
+    }
 
     #[test]
     fn one_devices_best_costs_what_it_costs_on_another() {

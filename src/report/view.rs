@@ -8,7 +8,8 @@ use super::plot::look::Look;
 use super::plot::scale::Kind;
 use super::plot::strip::{Row, Strip};
 use super::words::{Looks, group_title, size_name, tip, title};
-use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, word};
+use crate::measure::Ranking;
+use crate::record::{Group, Outcome, Record, duration, interval, median, ms, quartiles, ratio, word};
 
 /// The image size in the paper's figures; the paper's times are only shown at this size.
 pub const PAPER_SIZE: [u32; 2] = [800, 500];
@@ -104,12 +105,12 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Draws a heat map of strategies by local sizes, coloured by time. Cells without a time show the
-/// reason.
+/// Draws a heat map of strategies by local sizes, coloured by the ratio to the fastest point's time. Cells without a time
+/// show the reason. The time of a point with too few samples has no colour.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
-    let winners = group.ranking().winners;
-    let best = group.records.iter().filter_map(|record| median(record)).fold(f64::INFINITY, f64::min);
+    let Ranking { winners, ranked, .. } = group.ranking();
+    let slower = |record: &Record| Some(ratio(record, ranked.first()?)?.middle);
     let mut codes: Vec<(String, String)> = Vec::new();
     let mut rows = Vec::new();
     for strategy in names(group) {
@@ -119,7 +120,7 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
                 return Cell::Empty;
             };
             let wins = winners.iter().any(|winner| winner.key == record.key);
-            cell(record, best, wins)
+            cell(record, slower(record), wins)
         };
         rows.push((strategy.to_owned(), sizes.iter().map(cell).collect()));
     }
@@ -137,15 +138,18 @@ pub fn heat(group: &Group<'_>, name: &str) -> Plot {
         rows,
         codes,
     };
-    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells have no time. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
+    let caption = "Light is fast, dark is slow, on a logarithmic scale; hatched cells have no time, or not enough samples to be compared. Move the mouse pointer over a cell to see its interval, or the reason for the missing time."
         .to_owned();
     Plot { name: name.to_owned(), caption, svg: map.svg(), narrow: map.narrow_svg() }
 }
 
-fn cell(record: &Record, best: f64, wins: bool) -> Cell {
-    match median(record) {
-        Some(time) => Cell::Time { slower: time / best, text: ms(time), wins, tip: tip(record) },
-        None => Cell::Nothing { code: code(record), tip: tip(record) },
+/// Returns a record's cell; `slower` is the ratio of its time to the fastest point's time, if there are enough samples.
+fn cell(record: &Record, slower: Option<f64>, wins: bool) -> Cell {
+    let tip = tip(record);
+    match (median(record), slower) {
+        (Some(time), Some(slower)) => Cell::Time { slower, text: ms(time), wins, tip },
+        (Some(time), None) => Cell::Nothing { code: ms(time), tip },
+        (None, _) => Cell::Nothing { code: code(record), tip },
     }
 }
 
@@ -267,6 +271,27 @@ mod tests {
         }
         assert!(plot.svg.contains("3.0 times as slow"), "{}", plot.svg);
         assert!(plot.svg.contains("the image differs from the reference; naive at"), "{}", plot.svg);
+    }
+
+    #[test]
+    fn a_time_of_few_samples_or_of_zero_has_no_colour_and_does_not_set_the_scale() {
+        use crate::record::fixtures::few;
+        let records = judged([
+            few("gpu", "naive", 1, 0.01, 3),
+            few("gpu", "naive", 2, 0.0, 30),
+            measured("gpu", "naive", 4, 10.0),
+            measured("gpu", "naive", 8, 30.0),
+            few("gpu", "naive", 16, 9000.0, 3),
+        ]);
+        let groups = groups(&records);
+        let plot = heat(&groups[0], "heat");
+        assert!(plot.svg.contains("3.0 times as slow"), "{}", plot.svg);
+        assert_eq!(plot.svg.matches("class=\"ring\"").count(), 1);
+        for text in [">0.01000<", ">0<", ">9000<", "times below the timer", "not enough samples (n = 3)"] {
+            assert!(plot.svg.contains(text), "{text}: {}", plot.svg);
+        }
+        let few = judged([few("gpu", "naive", 1, 0.01, 3)]);
+        assert!(heat(&crate::record::groups(&few)[0], "heat").svg.contains(">0.01000<"));
     }
 
     #[test]

@@ -232,14 +232,14 @@ fn failed_points_are_measured_again_only_if_that_is_asked_for() {
 fn a_launch_of_an_earlier_session_counts_as_a_step_and_is_not_repeated() {
     let folder = tempfile::tempdir().unwrap();
     let lines = format!("local_sizes = [1]\n{TIMING}");
-    // The first launch consists of seven requests: the point is checked once and cast five times, and the anchor runs
-    // once. So the user interrupts the run in the second launch.
-    let first = Answering { interrupts_at: 8, ..Answering::default() };
+    // The first launch consists of eleven requests: the point is checked once and cast five times, and the anchor runs
+    // once in each of the five rounds. So the user interrupts the run in the second launch.
+    let first = Answering { interrupts_at: 12, ..Answering::default() };
     assert!(session(folder.path(), &lines, &first, plain).0.is_err());
     let second = Answering::default();
     let (records, heard) = session(folder.path(), &lines, &second, plain);
     let record = records.unwrap().remove(0);
-    assert_eq!((heard.steps, heard.finished, second.requests.load(Ordering::Relaxed)), (2, 1, 7));
+    assert_eq!((heard.steps, heard.finished, second.requests.load(Ordering::Relaxed)), (2, 1, 11));
     assert_eq!((record.samples_ms.len(), record.check_ms.is_some()), (10, true));
 }
 
@@ -387,29 +387,37 @@ fn the_order_of_groups_and_of_their_points_follows_from_the_seed() {
 
 #[test]
 fn every_sixth_frame_of_a_device_is_followed_by_its_anchor_if_there_are_several_launches() {
-    let anchors = |launches: u32| {
+    let anchors = |points: usize, launches: u32| {
         let folder = tempfile::tempdir().unwrap();
         let timing = TIMING.replace("launches = 2", &format!("launches = {launches}"));
-        let lines = format!("local_sizes = [1, 2, 4]\n{timing}");
+        let sizes = &[1, 2, 3, 4, 5, 6, 7][..points];
+        let lines = format!("local_sizes = {sizes:?}\n{timing}");
         let (records, heard) = session(folder.path(), &lines, &Answering::default(), plain);
-        assert_eq!(records.unwrap().len(), 3);
+        assert_eq!(records.unwrap().len(), points);
         let anchors: Vec<AnchorSample> = read_lines(&folder.path().join("anchors.jsonl")).unwrap().lines;
         let samples: Vec<Sample> = read_lines(&folder.path().join("samples.jsonl")).unwrap().lines;
         (anchors, samples, heard)
     };
-    let (found, samples, _) = anchors(2);
+    let (found, samples, _) = anchors(7, 2);
     let name = crate::anchor::name(&asleep::device(1.0)).unwrap();
-    // In each launch, each of three kernels is cast five times. The anchor is run after the first, seventh and
-    // thirteenth of these 15 frames.
+    // In each launch, each of seven kernels is cast five times. The anchor is run after the frames 1, 7, 13, 19, 25 and
+    // 31 of these 35 frames.
     let of: Vec<_> = found.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
-    assert_eq!(of, [(0, 0), (0, 2), (0, 4), (1, 0), (1, 2), (1, 4)]);
+    assert_eq!(of, [0, 1].map(|launch| [0, 0, 1, 2, 3, 4].map(|round| (launch, round))).concat());
     for anchor in &found {
         assert_eq!((&anchor.anchor, anchor.ms), (&name, 1.0));
         let of_round = samples.iter().filter(|one| (one.launch, one.round) == (anchor.launch, anchor.round));
         let first_ms = of_round.filter_map(|one| one.at_ms).fold(f64::INFINITY, f64::min);
         assert!(anchor.at_ms >= first_ms, "{anchor:?}");
     }
-    let (none, _, heard) = anchors(1);
+    // If a round has fewer than six frames, the anchor is run in each round, so that it has the five samples that an
+    // interval needs.
+    for points in [1, 3, 5] {
+        let of: Vec<_> = anchors(points, 2).0.iter().map(|anchor| (anchor.launch, anchor.round)).collect();
+        let expected = [0, 1].map(|launch| [0, 1, 2, 3, 4].map(|round| (launch, round))).concat();
+        assert_eq!(of, expected, "{points} points");
+    }
+    let (none, _, heard) = anchors(1, 1);
     assert!(none.is_empty());
     assert!(heard.works.iter().any(|work| work == "timing triangle 8x5 naive 1x1"), "{:?}", heard.works);
 }

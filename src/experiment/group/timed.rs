@@ -33,7 +33,8 @@ pub(super) struct Timed<'b, 's, K> {
     pub sink: &'b mut K,
     pub taken: Vec<Vec<Taken>>,
     pub failed: HashSet<usize>,
-    /// Number of samples taken on each device. This number determines when the device's anchor is run.
+    /// Number of samples taken on each device since the device's anchor was run; a device whose anchor has not been run
+    /// yet is missing. This number determines when the anchor is run again.
     pub casts: HashMap<usize, usize>,
     /// Measures the core-to-core latency around samples.
     pub latency: Latency,
@@ -87,8 +88,8 @@ impl Latency {
 /// What a run says while it waits for near processors.
 const WAITING: &str = "waiting until the host moves this virtual machine's processors back";
 
-/// A device's anchor is run once for this many samples of points. With this number, the anchor's time is known more
-/// precisely than a point's, yet the anchor takes little time compared with the samples.
+/// A device's anchor is run at least once for this many samples of points. With this number, the anchor's time is known
+/// more precisely than a point's, yet the anchor takes little time compared with the samples.
 const CASTS_PER_ANCHOR: usize = 6;
 
 impl<K: ResultSink> Timed<'_, '_, K> {
@@ -104,19 +105,25 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         self.latency.wait(near_ns, self.start.elapsed(), interrupted, || self.sink.works_on(WAITING));
     }
 
-    /// Runs the anchor of a point's device if it is due. Does nothing in a run with a single launch: such a run is
-    /// too short to need the anchor.
+    /// Runs the anchor of a point's device if it is due: after the device's first sample, and then once for every
+    /// [`CASTS_PER_ANCHOR`] samples, or once for every round if a round has fewer samples on the device. In the five
+    /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs. Does
+    /// nothing in a run with a single launch: such a run is too short to need the anchor.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
         else {
             return Ok(());
         };
-        let casts = self.casts.entry(pending.device).or_default();
-        *casts += 1;
-        if *casts % CASTS_PER_ANCHOR != 1 {
+        let is_beside = |(place, other): &(usize, &PendingPoint)| {
+            other.device == pending.device && !other.record.is_baseline() && !self.failed.contains(place)
+        };
+        let every = self.points.iter().enumerate().filter(is_beside).count().min(CASTS_PER_ANCHOR);
+        if let Some(casts) = self.casts.get_mut(&pending.device).filter(|casts| **casts + 1 < every) {
+            *casts += 1;
             return Ok(());
         }
+        self.casts.insert(pending.device, 0);
         let anchor = anchor::name(device)?;
         let Some(times) = self.supervisor.anchor(pending.task())? else { return Ok(()) };
         let (device, launch, at_ms) = (pending.record.device.clone(), self.launch, self.at_ms());

@@ -34,8 +34,23 @@ impl BetweenRuns {
     /// `points[1]` points.
     pub(super) fn of_ratio(self, other: Self, points: [usize; 2]) -> Error {
         let own = self.own_variance(points[0]) + other.own_variance(points[1]);
-        let shared = if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) };
-        known(own + shared)
+        known(own + self.shared_variance(other))
+    }
+
+    /// Returns the part of [`Self::of_ratio`] that belongs to the ratio alone: the factors of its own points.
+    pub(super) fn of_points(self, points: usize) -> Error {
+        known(self.own_variance(points))
+    }
+
+    /// Returns the variance that the differences between runs add to all ratios to the same reference: that of the
+    /// factors of the reference, which is the mean of `points` points.
+    pub(super) fn variance_of_reference(self, reference: Self, points: usize) -> f64 {
+        reference.own_variance(points) + self.shared_variance(reference)
+    }
+
+    /// Returns the variance of the quotient of the two kinds' shared factors.
+    fn shared_variance(self, other: Self) -> f64 {
+        if self == other { 0.0 } else { self.shared.powi(2) + other.shared.powi(2) }
     }
 
     fn own_variance(self, points: usize) -> f64 {
@@ -45,7 +60,7 @@ impl BetweenRuns {
 
 /// Returns an error that is known beforehand and not estimated from the samples (type B in the *Guide to the Expression
 /// of Uncertainty in Measurement*, JCGM 100:2008).
-fn known(variance: f64) -> Error {
+pub(super) fn known(variance: f64) -> Error {
     Error { error: variance.sqrt(), degrees: f64::INFINITY }
 }
 

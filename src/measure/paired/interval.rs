@@ -23,6 +23,9 @@ pub struct Interval {
 }
 
 impl Interval {
+    /// The ratio of a time to itself, which has no error.
+    pub const ONE: Self = Self { middle: 1.0, low: 1.0, high: 1.0, error: 0.0, degrees: f64::INFINITY };
+
     /// Returns the ratio of this value to an independent value, `other`.
     pub fn over(self, other: Self) -> Self {
         let error = Error::of_sum([self.error(), other.error()]);
@@ -51,7 +54,7 @@ impl Interval {
         (self.middle.ln() - self.error().reach(risk)).exp()
     }
 
-    fn error(self) -> Error {
+    pub(super) fn error(self) -> Error {
         Error { error: self.error, degrees: self.degrees }
     }
 }

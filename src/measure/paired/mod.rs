@@ -18,9 +18,10 @@
 //!    the variances of points differ much from each other ([`prior`]). Student's t gives the interval ([`spread`]).
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
 //!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
-//!    plus those that other groups of the same run add. Each group has a table of its own. The point's own spread is
-//!    averaged with the spread between launches in the tables of those other groups that have the same number of
-//!    launches. Together, these tables add at most six degrees of freedom.
+//!    plus those that other groups of the same run add, if they were measured on the same machine and devices. Each
+//!    group has a table of its own. The point's own spread is averaged with the spread between launches in the tables of
+//!    those other groups that have the same number of launches, and more than one. Together, these tables add at most
+//!    six degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every
 //!    interval ([`between`]).
@@ -33,6 +34,7 @@ mod drift;
 mod error;
 mod interval;
 mod prior;
+mod relative;
 mod sample;
 #[cfg(test)]
 mod simulation;
@@ -42,6 +44,7 @@ mod tests;
 
 pub use between::BetweenRuns;
 pub use interval::Interval;
+pub use relative::Relative;
 pub use sample::PairedSample;
 
 use super::MIN_SAMPLES;
@@ -111,12 +114,23 @@ impl Standing {
     /// Returns the ratio of this point's time to that of `other`, from samples that are close in time. Both points must
     /// have been measured together.
     pub fn ratio(&self, other: &Self) -> Interval {
-        let pairs = self.point.relative.iter().zip(&other.point.relative);
-        let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
         let points = [self.points, other.points];
         let between = self.between.of_ratio(other.between, points);
-        let within = self.pooled.of_difference(&differences, points);
-        interval(self.level() - other.level(), Error::of_sum([within, between]))
+        interval(self.level() - other.level(), Error::of_sum([self.error_within_run(other), between]))
+    }
+
+    /// Returns the ratio like [`Self::ratio`], with the differences between runs of `reference` kept apart.
+    pub fn relative_to(&self, reference: &Self) -> Relative {
+        let error = Error::of_sum([self.error_within_run(reference), self.between.of_points(self.points)]);
+        let common = self.between.variance_of_reference(reference.between, reference.points);
+        Relative { ratio: interval(self.level() - reference.level(), error), common }
+    }
+
+    /// Returns the error of a ratio without the differences between runs.
+    fn error_within_run(&self, other: &Self) -> Error {
+        let pairs = self.point.relative.iter().zip(&other.point.relative);
+        let differences: Vec<f64> = pairs.map(|(own, other)| own - other).collect();
+        self.pooled.of_difference(&differences, [self.points, other.points])
     }
 
     /// Returns the ratio of this point's time to that of a point that was measured at another time. The ratio includes
@@ -124,6 +138,15 @@ impl Standing {
     pub fn ratio_apart(&self, other: &Self) -> Interval {
         let error = Error::of_sum([self.error_of_level(), other.error_of_level()]);
         interval(self.point.median - other.point.median, error)
+    }
+
+    /// Returns the ratio of this point's time to that of `earlier`, like [`Self::ratio_apart`]. The factors by which
+    /// all points of a kind of device differ from run to run are kept apart.
+    pub fn relative_to_earlier(&self, earlier: &Self) -> Relative {
+        let own = |one: &Self| [one.pooled.of_level(&one.point.plain), one.between.of_points(one.points)];
+        let error = Error::of_sum([own(self), own(earlier)].concat());
+        let common = self.between.shared.powi(2) + earlier.between.shared.powi(2);
+        Relative { ratio: interval(self.point.median - earlier.point.median, error), common }
     }
 
     /// Returns the mean of points that were measured together; `None` if there are none.
@@ -191,15 +214,17 @@ impl Paired {
         Self { between, ..self }
     }
 
-    /// Improves the estimates of several tables of one run on one machine; a table has the points that were measured
-    /// together. Each table also uses the spread between launches in the other tables that have the same number of
-    /// launches.
+    /// Improves the estimates of several tables of one run on the same devices of one machine; a table has the points
+    /// that were measured together. Each table also uses the spread between launches in the other tables that have the
+    /// same number of launches. A table with a single launch neither lends nor borrows: its repeats are parts of the
+    /// launch, which do not show how much launches differ.
     pub fn borrow_from_each_other(all: &mut [Self]) {
-        let pooled: Vec<Pooled> = all.iter().map(|one| one.pooled).collect();
-        for (place, one) in all.iter_mut().enumerate() {
-            let has_as_many = |other: &usize| *other != place && pooled[*other].has_repeats_as(&one.pooled);
-            let others: Vec<Pooled> =
-                (0..pooled.len()).filter(has_as_many).map(|other| pooled[other]).collect();
+        let lenders: Vec<(usize, Pooled)> = all.iter().map(|one| (one.launches, one.pooled)).collect();
+        for (place, one) in all.iter_mut().enumerate().filter(|(_, one)| one.launches > 1) {
+            let lends = |(other, (launches, pooled)): (usize, &(usize, Pooled))| {
+                (other != place && *launches == one.launches).then_some(*pooled)
+            };
+            let others: Vec<Pooled> = lenders.iter().enumerate().filter_map(lends).collect();
             one.pooled.borrow(&others);
         }
     }

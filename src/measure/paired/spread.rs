@@ -59,12 +59,7 @@ impl Pooled {
         self.error(variance, degrees)
     }
 
-    /// Returns whether both tables have the same number of repeats, and more than one.
-    pub(super) fn has_repeats_as(&self, other: &Self) -> bool {
-        self.columns > 1 && self.columns == other.columns
-    }
-
-    /// Adds the spread of repeated values in other tables of the same run and machine.
+    /// Adds the spread of repeated values in other tables of the same run, machine and devices.
     pub(super) fn borrow(&mut self, others: &[Self]) {
         let degrees = |other: &Self| other.columns.saturating_sub(1) as f64;
         let all: f64 = others.iter().map(degrees).sum();

@@ -192,6 +192,46 @@ fn a_table_alone_has_nothing_to_borrow() {
     assert_eq!(alone[0], before);
 }
 
+/// Five launches and the five parts of a single launch are equally many repeats, but parts do not show how much
+/// launches differ.
+#[test]
+fn a_table_of_one_launch_neither_lends_nor_borrows() {
+    let mut tables = [Paired::of(&steady(2, 5, 5), 2), Paired::of(&steady(2, 1, 25), 2)];
+    let before = tables.clone();
+    Paired::borrow_from_each_other(&mut tables);
+    assert_eq!(tables, before);
+    let mut looks = [1, 2].map(|points| Paired::of(&steady(points, 1, 25), points));
+    let before = looks.clone();
+    Paired::borrow_from_each_other(&mut looks);
+    assert_eq!(looks, before);
+    let mut alike = [2, 3].map(|points| Paired::of(&steady(points, 5, 5), points));
+    let before = alike.clone();
+    Paired::borrow_from_each_other(&mut alike);
+    assert!(alike.iter().zip(&before).all(|(borrowed, alone)| borrowed != alone));
+}
+
+#[test]
+fn the_factors_of_a_reference_are_kept_apart_from_those_of_the_ratios_points() {
+    let (one, other) = (BetweenRuns { shared: 0.3, own: 0.1 }, BetweenRuns { shared: 0.4, own: 0.2 });
+    let paired = with_launches([1.0; 3]).over_runs(vec![one, one, other]);
+    let [first, second, third] = [0, 1, 2].map(|place| paired.standing(place).unwrap());
+    for (reference, common) in [(&second, 0.01), (&third, 0.04 + 0.09 + 0.16)] {
+        let (whole, parts) = (first.ratio(reference), first.relative_to(reference));
+        assert!((parts.common - common).abs() < 1e-12, "{parts:?}");
+        assert!((parts.ratio.error - 0.1).abs() < 1e-9 && parts.ratio.middle == whole.middle, "{parts:?}");
+        assert!((parts.ratio.error.powi(2) + common - whole.error.powi(2)).abs() < 1e-9, "{parts:?}");
+    }
+    // In the mean of two points, the points' own factors average out; those of the reference do not.
+    let both = Standing::mean(&[&first, &second]).unwrap().relative_to(&third);
+    assert!(
+        (both.ratio.error.powi(2) - 0.005).abs() < 1e-9 && (both.common - 0.29).abs() < 1e-12,
+        "{both:?}"
+    );
+    let (whole, parts) = (first.ratio_apart(&third), first.relative_to_earlier(&third));
+    assert!((parts.common - 0.25).abs() < 1e-12 && parts.ratio.middle == whole.middle, "{parts:?}");
+    assert!((parts.ratio.error.powi(2) + 0.25 - whole.error.powi(2)).abs() < 1e-9, "{parts:?} {whole:?}");
+}
+
 #[test]
 fn a_launch_counts_once_though_samples_of_another_lie_between_its_own() {
     let sample = |launch: u32| PairedSample { point: 0, launch, ms: 1.0 };

@@ -70,6 +70,38 @@ fn one_launch_is_said_to_be_a_look() {
     assert!(how_sure(&[]).is_empty());
 }
 
+/// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing about
+/// another one.
+#[test]
+fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
+    let of = |host: Option<&str>, device: &str| Record {
+        host: host.map(str::to_owned),
+        device: device.into(),
+        ..launches("naive", 10.0, 0.1)
+    };
+    let other = |host: Option<&str>, device: &str| {
+        let mut record = Record { key: "other".into(), ..of(host, device) };
+        record.sample_launches.iter_mut().for_each(|launch| *launch += 7);
+        record
+    };
+    let width = |records: &[Record]| {
+        let [low, high] = interval(&judged(records)[0]).expect("enough samples");
+        high / low
+    };
+    let alone = width(&[of(Some("n1"), "gpu")]);
+    assert!(width(&[of(Some("n1"), "gpu"), other(Some("n1"), "gpu")]) < 0.98 * alone);
+    assert!(width(&[of(None, "gpu"), other(None, "gpu")]) < 0.98 * alone);
+    for (host, device) in [(Some("n2"), "gpu"), (Some("n1"), "cpu"), (Some("n1"), HOST), (None, "gpu")] {
+        assert_eq!(width(&[of(Some("n1"), "gpu"), other(host, device)]), alone, "{host:?} {device}");
+    }
+    // In each of these groups, a baseline was measured with the point.
+    let baseline =
+        |record: Record| Record { key: format!("{} on the host", record.key), device: HOST.into(), ..record };
+    let one = [of(None, "gpu"), baseline(of(None, "gpu"))];
+    let both = [one.to_vec(), vec![other(None, "gpu"), baseline(other(None, "gpu"))]].concat();
+    assert!(width(&both) < 0.98 * width(&one));
+}
+
 #[test]
 fn a_tie_is_decided_by_the_intervals_end() {
     // In one launch, this point is as fast as the other point; in the other launch, it is 6%
@@ -154,7 +186,7 @@ fn each_device_is_compared_with_its_own_anchor() {
         .map(|record| anchored(record).map(|(name, ratio)| (name, ratio.middle.round())))
         .collect();
     assert_eq!(found, [Some(("one", 5.0)), Some(("one", 2.0)), None]);
-    let mean = anchored_mean(&[&records[0]]).expect("an anchor");
+    let mean = Relative::mean(&[anchored_mean(&[&records[0]]).expect("an anchor")]).expect("one ratio");
     assert_eq!(mean.middle.round(), 5.0);
     judge(&mut records);
     assert!(records.iter().all(|record| anchored(record).is_none()), "anchors were not requested");

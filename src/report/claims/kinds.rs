@@ -70,22 +70,31 @@ fn passes(found: &ClaimData<'_>, point: &Point, (of, to): (Pass, Pass), at_least
         Err(line) => return line,
     };
     let samples = found.samples(record);
-    // Only samples of the record's launches are used, since samples.jsonl may also contain an
-    // incomplete launch.
-    let own =
-        |one: &&Sample| record.sample_launches.is_empty() || record.sample_launches.contains(&one.launch);
     let ratios: Vec<(u32, f64)> = samples
         .iter()
-        .filter(own)
+        .filter(|one| has(record, one))
         .filter_map(|one| Some((one.launch, ms(one, of)? / ms(one, to)?)))
         .collect();
-    let Some(ratio) = Ratio::of_parts(&ratios) else {
+    let Some(ratio) = Ratio::of_passes(record, &ratios) else {
         let text = format!("no sample of {point} with separate times of its passes");
         return Line::cannot(text, "the file samples.jsonl next to the records".to_owned());
     };
     let [of, to] = [of, to].map(|pass| format!("the {pass:?} pass").to_lowercase());
     let text = format!("{point}: {}", ratio.between(&of, &to));
     ratio.line(text, at_least..=f64::INFINITY)
+}
+
+/// Returns whether a sample is one of a record's samples. `samples.jsonl` also contains the samples that the record
+/// leaves out, for example those of an incomplete launch or those that another program delayed. A record of an earlier
+/// version may not state the launches and times at which its samples were taken.
+fn has(record: &Record, sample: &Sample) -> bool {
+    let is_same = |(place, ms): (usize, &f64)| {
+        let (launch, at_ms) = (record.sample_launches.get(place), record.samples_at_ms.get(place));
+        *ms == sample.ms
+            && launch.is_none_or(|launch| *launch == sample.launch)
+            && at_ms.zip(sample.at_ms).is_none_or(|(own, other)| *own == other)
+    };
+    record.samples_ms.iter().enumerate().any(is_same)
 }
 
 /// Returns the time of one pass of a timed frame in milliseconds; `None` if it was not measured.

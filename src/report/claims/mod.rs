@@ -376,6 +376,41 @@ mod tests {
         assert_eq!([told(6.0, 7), told(0.0, 0)], [Verdict::Cannot; 2], "another launch, or no time");
     }
 
+    /// Each launch has samples that the record leaves out. Their shadow passes took much longer.
+    #[test]
+    fn samples_that_the_record_leaves_out_decide_nothing() {
+        let point =
+            "kind = 'passes', point = 'deferred 8x8 on teapot', of = 'shadow', to = 'primary', at_least = 2";
+        let record = measured("gpu", "deferred", 8, 10.0);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(crate::record::journals::SAMPLES);
+        let mut journal = crate::record::JsonLines::append_to(&path).unwrap();
+        for n in 0..10_u32 {
+            let kept = crate::record::Sample {
+                key: record.key.clone(),
+                launch: n / 5,
+                at_ms: Some(f64::from(n)),
+                ms: 10.0,
+                primary_ms: Some(2.0),
+                shadow_ms: Some(3.0),
+                ..Default::default()
+            };
+            journal.append(&kept).unwrap();
+            // The device time of a delayed sample may be the same, so the moment of the sample counts too.
+            for (at_ms, ms) in [(Some(100.0), 10.0), (kept.at_ms, 11.0)] {
+                let left_out = crate::record::Sample { at_ms, ms, shadow_ms: Some(60.0), ..kept.clone() };
+                (0..3).for_each(|_| journal.append(&left_out).unwrap());
+            }
+        }
+        let run = Folder { path: folder.path().into(), ..Folder::default() };
+        let told = claim_in(&run, point, &[std::slice::from_ref(&record)]);
+        assert_eq!(told.verdict, Verdict::NotHeld);
+        assert!(
+            told.lines[0].text.contains("1.50 times") && told.lines[0].text.contains("n = 10"),
+            "{told:?}"
+        );
+    }
+
     /// Returns the claim that a memory's latency differs from `cycles` by a factor of at most 1.1, evaluated on a run
     /// that has this folder.
     fn of_latency(folder: &Folder, memory: &str, cycles: u32) -> Claim {

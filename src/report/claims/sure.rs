@@ -1,8 +1,8 @@
 //! Determines how certain a comparison of two times is. If the samples do not decide a test, its verdict is "unclear".
 
 use super::verdict::{Line, Verdict};
-use crate::measure::{MIN_SAMPLES, Paired, PairedSample, not_enough};
-use crate::record::{Record, fewest, median, ratio, significant};
+use crate::measure::{MIN_SAMPLES, not_enough};
+use crate::record::{Record, fewest, median, ratio, ratio_of_passes, significant};
 use std::ops::RangeInclusive;
 
 /// The ratio of two times.
@@ -26,12 +26,10 @@ impl Ratio {
         Some(Self { sure, n: count(slow).min(count(fast)) })
     }
 
-    /// Returns the ratio of the times of two passes of the same frames. `ratios` contains each
-    /// sample's launch number and ratio.
-    pub(super) fn of_parts(ratios: &[(u32, f64)]) -> Option<Self> {
-        let sample = |(launch, ratio): &(u32, f64)| PairedSample { point: 0, launch: *launch, ms: *ratio };
-        let samples: Vec<PairedSample> = ratios.iter().map(sample).collect();
-        let found = Paired::of(&samples, 1).median_ms(0);
+    /// Returns the ratio of the times of two passes of a record's frames. `ratios` contains each sample's launch number
+    /// and ratio.
+    pub(super) fn of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Self> {
+        let found = ratio_of_passes(record, ratios);
         let sure = found.map(|found| (found.middle, [found.low, found.high]));
         (!ratios.is_empty()).then_some(Self { sure, n: ratios.len() })
     }
@@ -107,7 +105,7 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{judged, sampled};
+    use crate::record::fixtures::{judged, measured, sampled};
 
     /// Returns the ratio of two records with three launches of `n` samples each. From launch to
     /// launch, each record's time changes in equal steps from its first given time to its second.
@@ -167,13 +165,24 @@ mod tests {
     #[test]
     fn parts_of_the_same_frames_have_a_ratio_of_their_own() {
         let parts = |ratios: &[f64]| ratios.iter().map(|ratio| (0, *ratio)).collect::<Vec<_>>();
-        let ratio = Ratio::of_parts(&parts(&[2.0, 2.1, 1.9, 2.0, 2.05])).expect("it is finite");
+        let record = measured("gpu", "deferred", 8, 10.0);
+        let of = |ratios: &[(u32, f64)]| Ratio::of_passes(&record, ratios);
+        let ratio = of(&parts(&[2.0, 2.1, 1.9, 2.0, 2.05])).expect("it is finite");
         assert_eq!(ratio.verdict(&LONGER), Verdict::Held);
-        assert_eq!(
-            Ratio::of_parts(&parts(&[2.0; 4])).map(|few| few.verdict(&LONGER)),
-            Some(Verdict::Unclear)
-        );
-        assert!(Ratio::of_parts(&[]).is_none());
+        assert_eq!(of(&parts(&[2.0; 4])).map(|few| few.verdict(&LONGER)), Some(Verdict::Unclear));
+        assert!(of(&[]).is_none());
+    }
+
+    /// From run to run, the time of each pass has a factor of its own.
+    #[test]
+    fn the_ratio_of_two_passes_includes_the_differences_between_runs() {
+        let steady: Vec<(u32, f64)> = (0..10).map(|place| (place / 5, 2.0)).collect();
+        for (threads, own) in [(None, 0.004), (Some(2), 0.011)] {
+            let record = Record { threads, ..measured("gpu", "deferred", 8, 10.0) };
+            let ratio = Ratio::of_passes(&record, &steady).expect("enough samples");
+            let (_, [low, high]) = ratio.sure.expect("enough samples");
+            assert!(((high / low).ln() - 2.0 * 1.96 * own * 2.0_f64.sqrt()).abs() < 1e-4, "{ratio:?}");
+        }
     }
 
     #[test]

@@ -4,33 +4,39 @@
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
-use crate::record::{Record, anchored, are_together, median, ratio, ratio_to_mean};
+use crate::record::{Record, anchored, are_together, median, ratio_apart, ratio_to_mean};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
-/// are divided. The reference is the time of the device's anchor. Without an anchor, the reference is the mean time of
-/// the baselines that both runs measured in the same rounds as the point, with the same program. Without such
-/// baselines, the reference is the mean time of those points of the same rounds whose times changed by similar factors.
-/// Returns `None` if there is no reference, or if there are too few samples.
+/// are divided. The reference is the time of the device's anchor. Without an anchor, it is the mean time of the
+/// [`references`] among `all` points. Returns `None` if there is no reference, or if there are too few samples.
 pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
-    let (before, after) = pair;
     if let Some(change) = against_anchor(pair) {
         return Some((change, Against::Anchor));
     }
+    let (references, against) = references(&[pair], all)?;
+    let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
+    let (before, after) = pair;
+    Some((ratio_to_mean(after, &second)?.over(ratio_to_mean(before, &first)?), against))
+}
+
+/// Returns the points by whose mean time the times of some points of the same rounds are divided, and what they are.
+/// These are the baselines that both runs measured in the same rounds as the points, with the same program. Without such
+/// baselines, these are the kernels of the same rounds whose times changed by similar factors; of only two kernels,
+/// nobody knows which one changed. A point is no reference of itself. Returns `None` if there is no reference.
+pub(super) fn references<'a>(points: &[Both<'a>], all: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
+    let (before, after) = *points.first()?;
     let beside = |(one, other): &&Both<'_>| are_together(one, before) && are_together(other, after);
     let beside: Vec<Both<'_>> = all.iter().filter(beside).copied().collect();
     let untouched = |(one, other): &&Both<'_>| one.is_baseline() && one.key == other.key;
     let baselines: Vec<Both<'_>> = beside.iter().filter(untouched).copied().collect();
-    let (anchors, against) = match baselines.is_empty() {
+    let kernels: Vec<Both<'_>> = beside.iter().filter(|(one, _)| !one.is_baseline()).copied().collect();
+    let (mut references, against) = match baselines.is_empty() {
         false => (baselines, Against::Baselines),
-        true => (alike(beside.clone()), Against::PointsInCommon),
+        true if kernels.len() < 3 => return None,
+        true => (alike(kernels), Against::PointsInCommon),
     };
-    // With a single point, the reference would be the point itself, and its change would always be zero.
-    if beside.len() < 2 {
-        return None;
-    }
-    let of = |record: &Record, anchors: Vec<&Record>| ratio_to_mean(record, &anchors);
-    let (first, second) = anchors.into_iter().unzip();
-    Some((of(after, second)?.over(of(before, first)?), against))
+    references.retain(|(one, _)| !points.iter().any(|(own, _)| std::ptr::eq(*one, *own)));
+    (!references.is_empty()).then_some((references, against))
 }
 
 /// Compares the two times of the point, each divided by the anchor's time in the same run. Returns `None` if the runs
@@ -40,28 +46,24 @@ fn against_anchor((before, after): Both<'_>) -> Option<Interval> {
     (first == second).then(|| after.over(before))
 }
 
-/// Returns the half of the points whose changes are closest to the median change. If a change of code made a minority
-/// of points slower, these points are in the other half, which is left out.
+/// Returns the half of the points whose changes are closest to the median change; there must be points. If a change of
+/// code made a minority of points slower, these points are in the other half, which is left out.
 fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
     let own = |(before, after): &Both<'_>| match (median(before), median(after)) {
         (Some(before), Some(after)) => (after / before).ln(),
         _ => 0.0,
     };
     beside.sort_by(|a, b| own(a).total_cmp(&own(b)));
-    // Of only two points, neither can be identified as an outlier.
-    if beside.len() < 3 {
-        return beside;
-    }
     let middle = own(&beside[beside.len() / 2]);
     beside.sort_by(|a, b| (own(a) - middle).abs().total_cmp(&(own(b) - middle).abs()));
     beside.truncate(beside.len().div_ceil(2));
     beside
 }
 
-/// Returns the ratio of the measured times themselves. This ratio includes every other difference
-/// between the runs, such as the machine's speed.
+/// Returns the ratio of the measured times themselves, even if the runs have a control point in common. This ratio
+/// includes every other difference between the runs, such as the machine's speed.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
-    Some((ratio(after, before)?, Against::BareTimes))
+    Some((ratio_apart(after, before)?, Against::BareTimes))
 }
 
 #[cfg(test)]
@@ -81,7 +83,6 @@ mod tests {
         };
         assert_eq!(alike_of(&[2.0, 1.01, 0.4, 1.0, 1.02]), [1.0, 1.01, 1.02]);
         assert_eq!(alike_of(&[0.5, 1.0, 4.0]), [0.5, 1.0]);
-        assert_eq!(alike_of(&[1.0, 9.0]), [1.0, 9.0], "of two, none stands out");
     }
 
     /// Returns the records of two groups with different launches. Each group has a kernel and a baseline.
@@ -116,8 +117,51 @@ mod tests {
     }
 
     #[test]
+    fn a_point_is_no_reference_of_itself() {
+        let run = |records: &[(&str, &str, f64)]| {
+            judged(
+                records.iter().map(|(device, name, ms)| measured(device, name, 8, *ms)).collect::<Vec<_>>(),
+            )
+        };
+        let changes = |before: &[(&str, &str, f64)], after: &[(&str, &str, f64)]| -> Vec<_> {
+            let (before, after) = (run(before), run(after));
+            let all: Vec<Both<'_>> = before.iter().zip(&after).collect();
+            all.iter().map(|pair| middle(change(*pair, &all))).collect()
+        };
+        let [naive, wide, bvh] = ["naive", "wide", "bvh"].map(|name| ("gpu", name, 1.0));
+        let slow = ("gpu", "naive", 1.5);
+        // Of two points, nobody knows which one changed.
+        assert_eq!(changes(&[naive, wide], &[slow, wide]), [None, None]);
+        let in_common = |factor| Some((factor, Against::PointsInCommon));
+        let of_three = changes(&[naive, wide, bvh], &[slow, wide, bvh]);
+        assert_eq!(of_three, [in_common(1.5), in_common(1.0), in_common(1.0)]);
+        // The references of a baseline are the other baselines.
+        let [serial, parallel] = ["serial", "parallel"].map(|name| ("host", name, 10.0));
+        let later = [slow, wide, ("host", "serial", 20.0)];
+        let against = |factor| Some((factor, Against::Baselines));
+        assert_eq!(changes(&[naive, wide, serial], &later), [against(0.75), against(0.5), None]);
+        let both = changes(&[naive, serial, parallel], &[naive, ("host", "serial", 20.0), parallel]);
+        assert_eq!(both[1..], [against(2.0), against(0.5)]);
+    }
+
+    /// The runs have a control point in common, whose time changed by the factor 10.
+    #[test]
+    fn plain_times_are_not_relative_to_a_control_point() {
+        let run = |control: f64, naive: f64| {
+            let records = [("wide", control), ("naive", naive)].map(|(name, ms)| Record {
+                control: Some("control".into()),
+                key: if name == "wide" { "control" } else { name }.into(),
+                ..measured("gpu", name, 8, ms)
+            });
+            judged(records)
+        };
+        let (before, after) = (run(1.0, 3.0), run(10.0, 6.0));
+        assert_eq!(middle(bare((&before[1], &after[1]))), Some((2.0, Against::BareTimes)));
+    }
+
+    #[test]
     fn a_baseline_that_one_of_the_runs_measured_in_another_group_is_none() {
-        let kernels = |factor: f64| ["naive", "wide"].map(|name| measured("gpu", name, 8, factor));
+        let kernels = |factor: f64| ["naive", "wide", "bvh"].map(|name| measured("gpu", name, 8, factor));
         let baseline = |ms: f64, first_launch: u32| {
             let record = measured("host", "serial", 8, ms);
             let sample_launches = record.sample_launches.iter().map(|launch| launch + first_launch).collect();

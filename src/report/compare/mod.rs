@@ -249,6 +249,11 @@ impl Comparison {
         regressions::regressions(self, limit_percent)
     }
 
+    /// Returns a note on the points that [`Self::regressions`] leaves out of its tests of means, if there are any.
+    pub fn left_out_of_means(&self) -> Option<String> {
+        regressions::left_out(self)
+    }
+
     /// Returns the counts of verdicts, such as "12 faster, 3 slower, 40 same, 5 unclear". The
     /// counts of "cannot tell" and "not enough samples" follow if they are not zero.
     pub fn summary(&self) -> String {

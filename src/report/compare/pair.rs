@@ -1,7 +1,7 @@
 //! A point that two folders measured, and the change of its time.
 
-use crate::measure::{Interval, Verdict};
-use crate::record::{Record, by, fewest, significant};
+use crate::measure::{BELOW_RESOLUTION, Interval, Verdict};
+use crate::record::{Record, by, fewest, is_below_resolution, significant};
 use crate::report::words::{size_name, title};
 use serde::Serialize;
 
@@ -49,11 +49,15 @@ impl Pair {
 
     /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format is "496× as long"; if
     /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is
-    /// "n = 10 and 3". If the change cannot be computed although there are enough samples, the text is "?".
+    /// "n = 10 and 3". If times are 0, the text is [`BELOW_RESOLUTION`]. If the change cannot be computed although there
+    /// are enough samples, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {
                 Verdict::CannotTell => "?".to_owned(),
+                _ if [&self.before, &self.after].into_iter().any(is_below_resolution) => {
+                    BELOW_RESOLUTION.to_owned()
+                }
                 _ => format!("n = {} and {}", fewest(&self.before), fewest(&self.after)),
             };
         };

@@ -3,9 +3,12 @@
 //! slowdown is significant, for example after a change to a file that all strategies share.
 
 use super::Comparison;
-use super::pair::{Against, Pair, percent, strategy};
-use crate::measure::{Interval, quantile};
-use crate::record::{Record, anchored_mean, are_together, ratio_of_means};
+use super::change::references;
+use super::pair::{Against, Both, Pair, percent, strategy};
+use crate::measure::{Interval, Relative, quantile};
+use crate::record::{
+    Record, anchored_mean, are_together, mean_relative_to, mean_relative_to_earlier, ratio_of_means,
+};
 
 /// The largest probability that a comparison of two runs of the same program reports a regression.
 const RISK: f64 = 0.02;
@@ -20,12 +23,11 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         let [middle, sure_percent] = [change.middle, sure].map(percent);
         (sure > limit).then(|| format!("{what} {middle:.1}% slower (at least {sure_percent:.1}%)"))
     };
-    let kernels: Vec<&Pair> =
-        comparison.pairs.iter().filter(|pair| pair.change.is_some() && !pair.before.is_baseline()).collect();
-    let together = change_of(&kernels).and_then(|change| slower("all points together are", change, 1));
-    let strategies = by_strategy(&kernels);
-    let of_strategies = strategies.iter().filter_map(|(name, pairs)| {
-        slower(&format!("{name} at its {} points is", pairs.len()), change_of(pairs)?, strategies.len())
+    let means = means(comparison);
+    let strategies = means.iter().filter(|mean| mean.strategy.is_some() && mean.change.is_some()).count();
+    let of_means = means.iter().filter_map(|mean| match mean.strategy {
+        None => slower("all points together are", mean.change?, 1),
+        Some(name) => slower(&format!("{name} at its {} points is", mean.tested), mean.change?, strategies),
     });
     let judged = comparison.pairs.iter().filter_map(|pair| Some((pair, pair.change?.0))).collect::<Vec<_>>();
     let several = comparison.has_several_devices();
@@ -33,12 +35,26 @@ pub fn regressions(comparison: &Comparison, limit_percent: f64) -> Vec<String> {
         .iter()
         .filter(|(pair, change)| change_of_fastest(pair, *change) > limit)
         .filter_map(|(pair, change)| slower(&format!("{} is", pair.point(several)), *change, judged.len()));
-    together
-        .into_iter()
-        .chain(of_strategies)
-        .chain(of_points)
-        .chain(comparison.broken.iter().cloned())
-        .collect()
+    of_means.chain(of_points).chain(comparison.broken.iter().cloned()).collect()
+}
+
+/// Returns a note on the means that [`regressions`] cannot test, or only without some of their points; `None` if every
+/// mean includes all of its points.
+pub fn left_out(comparison: &Comparison) -> Option<String> {
+    let lacking = |mean: &Mean<'_>| {
+        let name = mean.strategy.unwrap_or("all points together");
+        let count = mean.points - mean.tested;
+        (count > 0).then(|| format!("{name} (without {count} of {} points)", mean.points))
+    };
+    let lacking: Vec<String> = means(comparison).iter().filter_map(lacking).collect();
+    (!lacking.is_empty()).then(|| {
+        format!(
+            "`--fail-on-regression` cannot test these means, or only without some of their points: {}. A point is left \
+             out if it has too few samples, or if no other work of the same rounds shows how much the machine's speed \
+             changed: the anchor kernel, baselines, or kernels outside the mean.",
+            lacking.join(", ")
+        )
+    })
 }
 
 /// Returns the factor by which the 10% quantile of a point's samples changed. Like the change of the median, this
@@ -59,6 +75,29 @@ fn spread(record: &Record) -> Option<f64> {
     (!sorted.is_empty()).then(|| at(0.1) / at(0.5))
 }
 
+/// The mean change of some points.
+struct Mean<'a> {
+    /// The points' strategy; `None` for all points.
+    strategy: Option<&'a str>,
+    /// Number of points.
+    points: usize,
+    /// Number of points that the mean includes.
+    tested: usize,
+    /// The mean; `None` if no point can be included or, for a strategy, fewer than two. A strategy's single point has a
+    /// test of its own.
+    change: Option<Interval>,
+}
+
+/// Returns the mean change of all points except baselines, and then that of each strategy that has several points.
+fn means(comparison: &Comparison) -> Vec<Mean<'_>> {
+    let all: Vec<Both<'_>> = comparison.pairs.iter().map(Pair::both).collect();
+    let kernels: Vec<&Pair> = comparison.pairs.iter().filter(|pair| !pair.before.is_baseline()).collect();
+    let strategies = by_strategy(&kernels);
+    let whole = mean(None, &kernels, &all);
+    let each = strategies.iter().map(|(name, pairs)| mean(Some(*name), pairs, &all));
+    std::iter::once(whole).chain(each).collect()
+}
+
 /// Groups the compared points by strategy; strategies with a single point are left out.
 fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
     let mut strategies: Vec<(&str, Vec<&Pair>)> = Vec::new();
@@ -74,11 +113,10 @@ fn by_strategy<'a>(kernels: &[&'a Pair]) -> Vec<(&'a str, Vec<&'a Pair>)> {
 }
 
 /// Returns the mean change of some points: first the change of each group of points that were measured together, then
-/// the mean over the groups. Returns `None` if the change of any group is unknown. The change of a group is known only
-/// if it is relative to an anchor, or if it compares times from the same rounds.
-fn change_of(pairs: &[&Pair]) -> Option<Interval> {
+/// the mean over the groups. Groups whose change is unknown are left out. `all` has all compared points.
+fn mean<'a>(strategy: Option<&'a str>, pairs: &[&'a Pair], all: &[Both<'a>]) -> Mean<'a> {
     let mut groups: Vec<Vec<&Pair>> = Vec::new();
-    for &pair in pairs {
+    for &pair in pairs.iter().filter(|pair| pair.change.is_some()) {
         let is_beside = |group: &Vec<&Pair>| {
             are_together(&group[0].before, &pair.before)
                 && are_together(&group[0].after, &pair.after)
@@ -89,17 +127,28 @@ fn change_of(pairs: &[&Pair]) -> Option<Interval> {
             None => groups.push(vec![pair]),
         }
     }
-    let changes: Option<Vec<Interval>> = groups.iter().map(|group| change_of_group(group)).collect();
-    Interval::mean(&changes?)
+    let known = |group: &Vec<&'a Pair>| Some((group.len(), change_of_group(group, all)?));
+    let (sizes, changes): (Vec<usize>, Vec<Relative>) = groups.iter().filter_map(known).unzip();
+    let least = if strategy.is_some() { 2 } else { 1 };
+    let change = Relative::mean(&changes).filter(|_| sizes.iter().sum::<usize>() >= least);
+    let tested = if change.is_some() { sizes.iter().sum() } else { 0 };
+    Mean { strategy, points: pairs.len(), tested, change }
 }
 
-fn change_of_group(group: &[&Pair]) -> Option<Interval> {
+/// Returns the mean change of points that were measured together, on one device; `None` if it is unknown. Without an
+/// anchor and without baselines, it is relative to other points, so the mean of all points is unknown.
+fn change_of_group<'a>(group: &[&'a Pair], all: &[Both<'a>]) -> Option<Relative> {
     let (_, against) = group.first()?.change?;
-    let before: Vec<_> = group.iter().map(|pair| &pair.before).collect();
-    let after: Vec<_> = group.iter().map(|pair| &pair.after).collect();
+    let points: Vec<Both<'a>> = group.iter().map(|pair| pair.both()).collect();
+    let (before, after): (Vec<&Record>, Vec<&Record>) = points.iter().copied().unzip();
     match against {
-        Against::SameRounds => ratio_of_means(&after, &before),
+        Against::SameRounds => ratio_of_means(&after, &before).map(Relative::alone),
+        Against::BareTimes => mean_relative_to_earlier(&after, &before),
         Against::Anchor => Some(anchored_mean(&after)?.over(anchored_mean(&before)?)),
-        _ => None,
+        Against::Baselines | Against::PointsInCommon => {
+            let (references, _) = references(&points, all)?;
+            let (first, second): (Vec<&Record>, Vec<&Record>) = references.into_iter().unzip();
+            Some(mean_relative_to(&after, &second)?.over(mean_relative_to(&before, &first)?))
+        }
     }
 }

@@ -49,9 +49,95 @@ fn what_all_points_share_needs_a_baseline() {
     assert!(all.notes.iter().any(|note| note.contains("cannot be detected")), "{:?}", all.notes);
     let with = |slower| [kernels(slower), vec![timed("host", "serial", 100.0)]].concat();
     let against = of(&folder("old", with(1.0)), &folder("new", with(1.5)));
-    assert_eq!((against.count(Verdict::Slower), against.regressions(30.0).len()), (3, 3));
+    assert_eq!((against.count(Verdict::Slower), against.regressions(30.0).len()), (3, 4));
     let bare = Comparison::of(&folder("old", kernels(1.0)), &folder("new", kernels(1.5)), 0.02, true);
-    assert_eq!(bare.regressions(40.0).len(), 3);
+    assert_eq!(bare.regressions(40.0).len(), 4);
+    for tested in [&against, &bare] {
+        assert!(tested.regressions(30.0)[0].starts_with("all points together are 50.0% slower"));
+        assert_eq!(tested.left_out_of_means(), None);
+    }
+}
+
+/// Returns a folder with points of three strategies at two sizes each, and possibly a baseline. `slow` returns the
+/// factor by which a strategy is slower than usual.
+fn strategies(label: &str, baseline: Option<f64>, slow: impl Fn(&str) -> f64) -> Folder {
+    let each = |name: &'static str| [4, 8].map(|side| (name, side));
+    let mut records: Vec<Record> = ["naive", "wide", "bvh"]
+        .into_iter()
+        .flat_map(each)
+        .map(|(name, side)| Record {
+            key: format!("{name} {side}"),
+            local_size: Some([side, side]),
+            ..timed("a", name, slow(name) * f64::from(side))
+        })
+        .collect();
+    records.extend(baseline.map(|ms| timed("host", "serial", ms)));
+    folder(label, records)
+}
+
+#[test]
+fn the_mean_of_a_strategy_is_tested_relative_to_baselines_or_to_other_strategies() {
+    let before = |baseline| strategies("old", baseline, |_| 1.0);
+    let slow = |name: &str| if name == "wide" { 1.5 } else { 1.0 };
+    let against = of(&before(Some(100.0)), &strategies("new", Some(100.0), slow));
+    let found = against.regressions(25.0);
+    assert!(found[0].starts_with("wide at its 2 points is 50.0% slower"), "{found:?}");
+    assert_eq!((found.len(), against.left_out_of_means()), (3, None), "{found:?}");
+    let in_common = of(&before(None), &strategies("new", None, slow));
+    let found = in_common.regressions(25.0);
+    assert!(found[0].starts_with("wide at its 2 points is 50.0% slower"), "{found:?}");
+    assert_eq!(found.len(), 3, "{found:?}");
+    // Nothing shows whether all points became slower, and the points of `wide` must not be compared with themselves.
+    let note = in_common.left_out_of_means().unwrap();
+    assert!(note.contains("their points: all points together (without 6 of 6 points). A point"), "{note}");
+}
+
+/// In the first run, one of two groups of points has no anchor.
+#[test]
+fn a_group_without_an_anchor_does_not_hide_the_others() {
+    let run = |label: &str, slower: f64, launches: u32| {
+        let mut both = and(anchored(label, 1.0, |_| slower), anchored(label, 1.0, |_| slower), 10, "gpu");
+        both.anchors.retain(|anchor| anchor.launch < launches);
+        both
+    };
+    let comparison = of(&run("old", 1.0, 10), &run("new", 1.2, 20));
+    let found = comparison.regressions(5.0);
+    assert!(found[0].starts_with("all points together are 20.0% slower"), "{found:?}");
+    let note = comparison.left_out_of_means().unwrap();
+    assert!(note.contains("all points together (without 4 of 8 points)"), "{note}");
+}
+
+/// The points of ten scenes were measured beside the same anchor. From run to run, the time of each point differs by
+/// 0.4%. These differences average out over many points, but that of the anchor does not.
+#[test]
+fn the_anchors_own_difference_between_runs_does_not_average_out() {
+    let record = |number: u32, record: &Record| Record {
+        scene: format!("scene {number}"),
+        key: format!("{number} {}", record.key),
+        sample_launches: record.sample_launches.iter().map(|launch| launch + 10 * number).collect(),
+        ..record.clone()
+    };
+    let anchor = |number: u32, sample: &AnchorSample| AnchorSample {
+        launch: sample.launch + 10 * number,
+        ..sample.clone()
+    };
+    let run = |label: &str, slower: f64| {
+        let one = anchored(label, 1.0, |_| slower);
+        let records = |number: u32| one.records.iter().map(move |each| record(number, each));
+        let anchors = |number: u32| one.anchors.iter().map(move |each| anchor(number, each));
+        Folder {
+            label: label.into(),
+            records: judged((0..10).flat_map(records).collect::<Vec<_>>()),
+            anchors: (0..10).flat_map(anchors).collect(),
+            ..Folder::default()
+        }
+    };
+    let comparison = of(&run("old", 1.0), &run("new", 1.02));
+    // The difference of the two anchors has a standard deviation of 0.4% times the square root of 2. In one of 150
+    // comparisons, it is above 1.4%.
+    assert_eq!(comparison.regressions(1.0), Vec::<String>::new());
+    let found = comparison.regressions(0.3);
+    assert!(found[0].starts_with("all points together are 2.0% slower"), "{found:?}");
 }
 
 #[test]
@@ -154,10 +240,20 @@ fn few_samples_of_either_are_no_verdict() {
 }
 
 #[test]
+fn times_of_zero_are_told_as_such() {
+    let run = |label: &str| folder(label, vec![few("a", "naive", 8, 0.0, 30), timed("a", "wide", 1.0)]);
+    let markdown = of(&run("old"), &run("new")).markdown();
+    assert!(markdown.contains("| times below the timer's resolution | not enough samples |"), "{markdown}");
+}
+
+#[test]
 fn a_folder_is_the_same_as_itself_and_one_point_tells_nothing() {
-    let two = folder("two", vec![timed("a", "naive", 10.0), timed("a", "wide", 1.0)]);
-    assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 2 same, 0 unclear");
-    assert!(of(&two, &two).html().expect("it renders").contains("class=\"mark\""));
+    let points = [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0)].map(|(name, ms)| timed("a", name, ms));
+    let three = folder("three", points.to_vec());
+    assert_eq!(of(&three, &three).summary(), "0 faster, 0 slower, 3 same, 0 unclear");
+    assert!(of(&three, &three).html().expect("it renders").contains("class=\"mark\""));
+    let two = folder("two", points[..2].to_vec());
+    assert_eq!(of(&two, &two).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 2 cannot tell");
     let one = folder("one", vec![timed("a", "naive", 10.0)]);
     assert_eq!(of(&one, &one).summary(), "0 faster, 0 slower, 0 same, 0 unclear, 1 cannot tell");
 }
@@ -360,7 +456,7 @@ fn a_page_lists_what_is_not_compared_only_if_there_is_something_and_states_the_t
 fn devices_correspond_by_name_in_any_order() {
     let (one, other) = (timed("a", "naive", 10.0), timed("b", "naive", 20.0));
     let before = folder("old", vec![one.clone(), other.clone()]);
-    let comparison = of(&before, &folder("new", vec![other, one]));
+    let comparison = Comparison::of(&before, &folder("new", vec![other, one]), 0.02, true);
     assert_eq!(comparison.summary(), "0 faster, 0 slower, 2 same, 0 unclear");
     assert!(comparison.pairs.iter().all(|pair| pair.before.device == pair.after.device));
 }

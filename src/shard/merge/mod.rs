@@ -67,9 +67,16 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     write_about(out, &attempts, &notes)?;
     environment::write(out, &attempts)?;
     let samples = write_samples(out, &attempts, &records, &launches)?;
-    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |line| &mut line.launch)?;
-    write_renumbered::<AnchorSample>(out, ANCHORS, &attempts, &launches, |line| &mut line.launch)?;
-    write_peak(out, &attempts)?;
+    let devices = planned.devices(records.iter().chain(&controls));
+    let name = |attempt, device: &str| devices.get(&(attempt, device.to_owned())).cloned();
+    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| &mut line.launch)?;
+    write_renumbered::<AnchorSample>(out, ANCHORS, &attempts, &launches, |attempt, line| {
+        if let Some(name) = name(attempt, &line.device) {
+            line.device = name;
+        }
+        &mut line.launch
+    })?;
+    write_peak(out, &attempts, name)?;
     for (attempt, record) in records.iter_mut().chain(&mut controls) {
         launches.renumber(*attempt, record);
         planned.tell_apart(record);
@@ -166,19 +173,21 @@ fn write_samples(
 }
 
 /// Joins the attempts' journals of this name. Only lines about launches (of worker processes) that records use are
-/// written, with the launches' new numbers.
+/// written, with the launches' new numbers. `launch` is called once with each line and the index of its attempt; it may
+/// change the line, and returns the launch's number in the attempt.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,
     attempts: &[Attempt],
     launches: &Launches,
-    launch: fn(&mut T) -> &mut u32,
+    launch: impl Fn(usize, &mut T) -> &mut u32,
 ) -> Result<()> {
     write_whole_by(&out.join(name), |file| {
         for (place, attempt) in attempts.iter().enumerate() {
             for mut line in lines::<T>(&attempt.folder.join(name)).map_err(std::io::Error::other)? {
-                if let Some(number) = launches.number(place, *launch(&mut line)) {
-                    *launch(&mut line) = number;
+                let launch = launch(place, &mut line);
+                if let Some(number) = launches.number(place, *launch) {
+                    *launch = number;
                     write_line(file, &line)?;
                 }
             }
@@ -187,12 +196,14 @@ fn write_renumbered<T: Serialize + DeserializeOwned>(
     })
 }
 
-/// Writes the devices' peak rates that attempts stored. If several attempts have rates of the same device, those of
+/// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device of an
+/// attempt; `None` if no record was measured on the device. If several attempts have rates of the same device, those of
 /// the first attempt are used.
-fn write_peak(out: &Path, attempts: &[Attempt]) -> Result<()> {
+fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
-    for attempt in attempts {
-        for peak in Peak::kept_in(&attempt.folder)? {
+    for (place, attempt) in attempts.iter().enumerate() {
+        for mut peak in Peak::kept_in(&attempt.folder)? {
+            peak.device = name(place, &peak.device).unwrap_or(peak.device);
             if !all.iter().any(|known| known.device == peak.device) {
                 all.push(peak);
             }
@@ -264,7 +275,7 @@ mod tests {
         };
         let records = [(0, record(&[2, 2])), (1, record(&[0, 1]))];
         let launches = Launches::of(records.iter());
-        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |line| &mut line.launch)
+        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| &mut line.launch)
             .unwrap();
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
         let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
@@ -282,7 +293,8 @@ mod tests {
         let out = tempfile::tempdir().unwrap();
         let attempts = [1, 2]
             .map(|shard| Attempt::begin(out.path(), &About { shard, of: 2, ..About::default() }).unwrap());
-        write_peak(out.path(), &attempts).unwrap();
+        let same = |_: usize, _: &str| None;
+        write_peak(out.path(), &attempts, same).unwrap();
         assert!(!out.path().join(peak::FILE).exists(), "no attempt has measured any");
         let peak = |device: &str, driver: &str| Peak {
             device: device.into(),
@@ -292,8 +304,14 @@ mod tests {
         Peak::write(&[peak("gpu", "first")], &attempts[0].folder.join(peak::FILE)).unwrap();
         Peak::write(&[peak("gpu", "second"), peak("cpu", "second")], &attempts[1].folder.join(peak::FILE))
             .unwrap();
-        write_peak(out.path(), &attempts).unwrap();
+        write_peak(out.path(), &attempts, same).unwrap();
         assert_eq!(Peak::kept_in(out.path()).unwrap(), [peak("gpu", "first"), peak("cpu", "second")]);
+        // Two kinds of device have the name "gpu".
+        let by_attempt =
+            |attempt: usize, device: &str| (device == "gpu").then(|| format!("gpu ({})", attempt + 1));
+        write_peak(out.path(), &attempts, by_attempt).unwrap();
+        let expected = [peak("gpu (1)", "first"), peak("gpu (2)", "second"), peak("cpu", "second")];
+        assert_eq!(Peak::kept_in(out.path()).unwrap(), expected);
     }
 
     #[test]
@@ -354,6 +372,48 @@ mod tests {
             ..Record::default()
         };
         JsonLines::append_to(&attempt.folder.join(RECORDS)).unwrap().append(&record).unwrap();
+    }
+
+    /// Two shards measured devices of the same name with different drivers.
+    #[test]
+    fn anchors_and_peaks_have_the_names_of_the_merged_folders_devices() {
+        use crate::record::{Folder, JsonLines};
+        use crate::shard::{Block, Header};
+        let place = tempfile::tempdir().unwrap();
+        let out = place.path();
+        let header = Header { shards: 1, ..Header::default() };
+        let plan = ShardPlan {
+            header: header.clone(),
+            points: vec!["a point".into()],
+            cases: vec![0],
+            blocks: vec![Block { number: 1, shard: 1, points: vec![0], control: None }],
+            ..ShardPlan::default()
+        };
+        ShardPlan::open(out, &header, || Ok(plan)).unwrap();
+        for (host, driver) in [("n1", "3.1"), ("n2", "7.0")] {
+            write_kind(out, "cpu", driver, 0);
+            write_attempt(out, host, &format!("{driver} 0"), "cpu");
+        }
+        for attempt in Attempt::all(out) {
+            let anchor = AnchorSample { device: "cpu".into(), launch: 3, ..AnchorSample::default() };
+            JsonLines::append_to(&attempt.folder.join(ANCHORS)).unwrap().append(&anchor).unwrap();
+            let peak = Peak { device: "cpu".into(), ..Peak::default() };
+            Peak::write(&[peak], &attempt.folder.join(peak::FILE)).unwrap();
+        }
+        merge(out, &[]).unwrap();
+        let folder = Folder::read(out).unwrap();
+        // A record and an anchor of the same launch belong to the same device.
+        let of_launch = |launch: u32| {
+            let record = folder.records.iter().find(|record| record.sample_launches.contains(&launch));
+            let anchor = folder.anchors.iter().find(|anchor| anchor.launch == launch);
+            [record.map(|record| record.device.clone()), anchor.map(|anchor| anchor.device.clone())]
+        };
+        let expected = ["cpu (3.1)", "cpu (7.0)"].map(|device| Some(device.to_owned()));
+        let found = [of_launch(0), of_launch(1)];
+        assert_eq!(found.each_ref().map(|[record, _]| record.clone()), expected);
+        assert_eq!(found.map(|[_, anchor]| anchor), expected);
+        let peaks = Peak::kept_in(out).unwrap();
+        assert_eq!([0, 1].map(|place| peaks.get(place).map(|peak| peak.device.clone())), expected);
     }
 
     #[test]

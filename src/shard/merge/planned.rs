@@ -1,8 +1,9 @@
 //! The points of a merged folder, with their names. The points of every selected kind of device are included.
 
+use super::Measured;
 use crate::record::{HOST, PlannedPoint, Record};
 use crate::shard::{Kind, ShardPlan};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// The points of a merge.
 pub struct Planned {
@@ -43,6 +44,21 @@ impl Planned {
     /// Returns the points' keys, in the order of the points.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
         self.points.iter().map(|point| point.key.as_str())
+    }
+
+    /// Returns the names of the devices in the merged folder: by the index of an attempt, and by the name that the
+    /// attempt's records give to a device. Two attempts may give the same name to devices of different kinds.
+    pub fn devices<'a>(
+        &self,
+        records: impl Iterator<Item = &'a Measured>,
+    ) -> BTreeMap<(usize, String), String> {
+        let planned: HashMap<&str, &str> =
+            self.points.iter().map(|point| (point.key.as_str(), point.device.as_str())).collect();
+        let named = |(attempt, record): &Measured| {
+            let name = planned.get(record.key.as_str())?;
+            Some(((*attempt, record.device.clone()), (*name).to_owned()))
+        };
+        records.filter_map(named).collect()
     }
 
     /// Adds the kind of host to the name of a caster on the host, so that tables and plots distinguish it from
@@ -98,6 +114,29 @@ mod tests {
             record.strategy
         };
         assert_eq!([told("intel 3"), told("x 1")], ["serial-f32 (intel)", "serial-f32"]);
+    }
+
+    #[test]
+    fn a_device_has_the_name_of_its_kind_in_each_attempt() {
+        let plan = ShardPlan { cases: vec![0, 0], ..ShardPlan::default() };
+        let kinds =
+            [kind("cpu", "PoCL | 3.1", &[0, 1]), kind("cpu", "PoCL | 7.0", &[0, 1]), kind("gpu", "x", &[0])];
+        let planned = Planned::of(&plan, &kinds);
+        let record = |attempt: usize, key: &str, device: &str| {
+            (attempt, Record { key: key.into(), device: device.into(), ..Record::default() })
+        };
+        let records = [
+            record(0, "PoCL | 3.1 0", "cpu"),
+            record(0, "x 0", "gpu"),
+            record(1, "PoCL | 7.0 1", "cpu"),
+            record(1, "of no kind", "other"),
+        ];
+        let devices = planned.devices(records.iter()).into_iter().collect::<Vec<_>>();
+        let name = |attempt: usize, from: &str, to: &str| ((attempt, from.to_owned()), to.to_owned());
+        assert_eq!(
+            devices,
+            [name(0, "cpu", "cpu (3.1)"), name(0, "gpu", "gpu"), name(1, "cpu", "cpu (7.0)")]
+        );
     }
 
     #[test]

@@ -1,0 +1,66 @@
+//! Ratios to a reference time that other ratios may have too.
+
+use super::between::known;
+use super::error::Error;
+use super::interval::{Interval, interval};
+
+/// A ratio, with the part of its error that other ratios have in common with it kept apart. The ratios of several
+/// groups of points to the time of the same anchor, for example, contain the same error of this anchor. The mean over
+/// these groups contains this error as well, however many groups there are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relative {
+    /// The ratio. Its error does not include `common`.
+    pub(super) ratio: Interval,
+    /// The variance of the part of the error that ratios have in common.
+    pub(super) common: f64,
+}
+
+impl Relative {
+    /// Returns a ratio that has no error in common with other ratios.
+    pub fn alone(ratio: Interval) -> Self {
+        Self { ratio, common: 0.0 }
+    }
+
+    /// Returns the quotient of ratios of two runs.
+    pub fn over(self, other: Self) -> Self {
+        Self { ratio: self.ratio.over(other.ratio), common: self.common + other.common }
+    }
+
+    /// Returns the geometric mean of some ratios, like [`Interval::mean`]; `None` if there are none. The error that
+    /// the ratios have in common is added once, after averaging. If the variances of this error differ, the largest one
+    /// is added: the mean's error cannot be larger, whether or not the ratios really share it.
+    pub fn mean(all: &[Self]) -> Option<Interval> {
+        let ratios: Vec<Interval> = all.iter().map(|one| one.ratio).collect();
+        let mean = Interval::mean(&ratios)?;
+        let common = all.iter().map(|one| one.common).fold(0.0, f64::max);
+        Some(interval(mean.middle.ln(), Error::of_sum([mean.error(), known(common)])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ratio(middle: f64, error: f64) -> Interval {
+        interval(middle, Error { error, degrees: f64::INFINITY })
+    }
+
+    #[test]
+    fn an_error_that_all_ratios_share_does_not_average_out() {
+        let one = Relative { ratio: ratio(2.0, 0.1), common: 0.0025 };
+        let mean = Relative::mean(&[one; 4]).unwrap();
+        // The four errors of 0.1 average out to 0.05; the shared error is 0.05, too.
+        assert!((mean.error - 0.005_f64.sqrt()).abs() < 1e-12, "{mean:?}");
+        assert!((mean.middle.ln() - 2.0).abs() < 1e-12 && Relative::mean(&[]).is_none());
+        let alone = Relative::mean(&[Relative::alone(ratio(2.0, 0.1)); 4]).unwrap();
+        assert!((alone.error - 0.05).abs() < 1e-12, "{alone:?}");
+    }
+
+    #[test]
+    fn of_two_runs_both_references_have_an_error() {
+        let of = |common| Relative { ratio: ratio(1.0, 0.1), common };
+        let quotient = of(0.01).over(of(0.02));
+        assert!((quotient.common - 0.03).abs() < 1e-12, "{quotient:?}");
+        assert!((quotient.ratio.error - 0.02_f64.sqrt()).abs() < 1e-12, "{quotient:?}");
+    }
+}
