@@ -45,10 +45,10 @@ fn each_launch_is_a_fresh_worker_and_groups_take_turns() {
 fn a_resumed_run_takes_whole_launches_over_and_repeats_half_ones() {
     let folder = folder();
     let interrupted: &'static AtomicBool = Box::leak(Box::new(AtomicBool::new(false)));
-    // When the run is interrupted, both groups have had a launch (36 requests), and the first group has begun its
+    // When the run is interrupted, both groups have had a launch (42 requests), and the first group has begun its
     // second launch.
     let mut mock = Mock::new(|scene| {
-        interrupted.store(scene.requests >= 46, Ordering::Relaxed);
+        interrupted.store(scene.requests >= 52, Ordering::Relaxed);
         Act::Answer
     });
     execute(LAUNCHES, folder.path(), &mut mock, interrupted).expect_err("it is interrupted");

@@ -1,6 +1,8 @@
 // Radiance that a hit reflects to the eye, from all lights that are visible from the hit.
 
+#if PLANES_OF_ORIGIN
 #include "common/shadow_end.cl"
+#endif
 
 // Adds up the light at the hits of `active` lanes. The hits are at distance t, with the weights in the working vectors.
 // The sum goes to the working vector RADIANCE of these lanes. Let d be the ray's direction, w_i the direction to a

@@ -57,8 +57,8 @@ struct Report {
     largest_error: f64,
     /// The column and the row of the pixel with the largest error; null if the pictures are equal.
     largest_error_at: Option<[u32; 2]>,
-    /// The largest difference of a colour channel, divided by the brightest colour channel of the expected pixel, but at
-    /// least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
+    /// The largest difference of a colour channel, divided by the brightest colour channel of the expected pixel, but
+    /// at least by 1/255; or the largest difference of alpha, if that is larger. Null if the result is not finite.
     largest_relative_difference: f64,
     output: Option<String>,
 }

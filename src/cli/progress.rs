@@ -30,8 +30,8 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
 }
 
 impl Bar {
-    /// Returns a bar; `None` if indicatif shows no bar there, as on a terminal that cannot move its cursor (`TERM=dumb`).
-    /// indicatif would also discard the lines that are printed above a hidden bar.
+    /// Returns a bar; `None` if indicatif shows no bar there, as on a terminal that cannot move its cursor
+    /// (`TERM=dumb`). indicatif would also discard the lines that are printed above a hidden bar.
     fn on(bar: ProgressBar, coloured: bool) -> Option<Self> {
         if bar.is_hidden() {
             return None;

@@ -81,8 +81,9 @@ struct Change<'a> {
     values: Vec<&'a Value>,
 }
 
-/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as `display.exposure = 3` means the
-/// table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table in a list is a value.
+/// Returns the paths that a key of `set` changes. In TOML, a key without quotes such as `display.exposure = 3` means
+/// the table `display = { exposure = 3 }`, so a table changes only the keys that it contains. A table in a list is a
+/// value.
 fn changes<'a>(key: &Spanned<String>, values: &'a SceneValues) -> Vec<Change<'a>> {
     let path = key.get_ref().clone();
     let changed = match values {

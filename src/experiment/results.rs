@@ -52,7 +52,8 @@ pub struct Past {
     pub next_launch: u32,
 }
 
-/// Reads a folder's journals. Damaged lines are reported and ignored; a point whose record is damaged is measured again.
+/// Reads a folder's journals. Damaged lines are reported and ignored; a point whose record is damaged is measured
+/// again.
 fn past(folder: &Path) -> Result<Past> {
     let [records, controls] = [RECORDS, CONTROLS].map(|name| lines_of::<Record>(folder, name));
     let (records, controls) = (records?, controls?);

@@ -64,8 +64,8 @@ fn answer(
     Ok(())
 }
 
-/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a launcher that ends
-/// a whole process group. The run decides when its workers end: it closes their standard input.
+/// Ignores SIGINT and SIGTERM. Ctrl-C in a terminal reaches every process, and so does SIGTERM from a launcher that
+/// ends a whole process group. The run decides when its workers end: it closes their standard input.
 fn ignore_interrupts() -> Result<()> {
     for (signal, name) in [(SIGINT, "SIGINT"), (SIGTERM, "SIGTERM")] {
         signal_hook::flag::register(signal, Arc::new(AtomicBool::new(false)))

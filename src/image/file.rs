@@ -84,8 +84,8 @@ fn format_of(target: &Target) -> Result<Format> {
 }
 
 /// Reads a picture: 8-bit formats as displayed values from 0 to 1, EXR and HDR as linear radiance. The coverage is the
-/// picture's alpha channel; it is empty if the picture is opaque. The colours are those of the file, so the colours of a
-/// transparent PNG are not multiplied by alpha.
+/// picture's alpha channel; it is empty if the picture is opaque. The colours are those of the file, so the colours of
+/// a transparent PNG are not multiplied by alpha.
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {

@@ -91,8 +91,8 @@ mod tests {
         assert_eq!(ranking.winners[0].name, "wide");
     }
 
-    /// The quotient of the control point's ratio to itself, which is exactly 1, and another point's ratio to the control
-    /// point has only the error of this other ratio.
+    /// The quotient of the control point's ratio to itself, which is exactly 1, and another point's ratio to the
+    /// control point has only the error of this other ratio.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
         let control = |ms, number| block("control", ms, number);

@@ -18,8 +18,8 @@ pub struct Noise {
     pub launches: usize,
     /// Number of samples of all points.
     pub samples: usize,
-    /// The smallest difference between two points that a single launch can show, by the same rule as `between_launches`.
-    /// The value is the median over all launches.
+    /// The smallest difference between two points that a single launch can show, by the same rule as
+    /// `between_launches`. The value is the median over all launches.
     pub within_launch: Option<f64>,
     /// The smallest difference between two points that all launches together can show. The value is the largest over
     /// all groups of points.

@@ -105,8 +105,8 @@ fn published(group: &Group<'_>, looks: &Looks, place: &dyn Fn([u32; 2]) -> Optio
     names(group).into_iter().filter_map(curve).collect()
 }
 
-/// Draws a heat map of strategies by local sizes, coloured by the ratio to the fastest point's time. Cells without a time
-/// show the reason. The time of a point with too few samples has no colour.
+/// Draws a heat map of strategies by local sizes, coloured by the ratio to the fastest point's time. Cells without a
+/// time show the reason. The time of a point with too few samples has no colour.
 pub fn heat(group: &Group<'_>, name: &str) -> Plot {
     let sizes = sizes(group.records.iter().copied());
     let Ranking { winners, ranked, .. } = group.ranking();

@@ -16,8 +16,8 @@ const THREE_QUARTER: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 const TURNS: u32 = 24;
 /// Smallest distance of the eye from the nearest point of a mesh, in radii of the ball that represents the mesh.
 const NEAREST_RADII: f64 = 0.3;
-/// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the origin:
-/// eight to sixteen times the smallest difference between two numbers of type f32.
+/// Smallest radius of the ball that represents a mesh, as a factor of the distance of the ball's centre from the
+/// origin: eight to sixteen times the smallest difference between two numbers of type f32.
 const LEAST_RADIUS: f64 = 1e-6;
 /// Distance of the lights from the centre of the mesh's ball, in radii of this ball: close enough that the shading
 /// shows the mesh's shape, far enough to light it evenly.

@@ -21,8 +21,8 @@ pub struct Pose {
     pub turn: f64,
     /// The angle upwards, in radians.
     pub tilt: f64,
-    /// The distance from the pivot (the point around which the eye orbits; the function `pivot`), as a factor of the distance
-    /// of the scene's own camera.
+    /// The distance from the pivot (the point around which the eye orbits; the function `pivot`), as a factor of the
+    /// distance of the scene's own camera.
     pub distance: f64,
     /// How far the eye is moved aside and upwards in the picture's plane, as a factor of the eye's distance from the
     /// pivot.
@@ -81,8 +81,8 @@ impl Pose {
 }
 
 /// Returns the point to which the eye zooms, and whose distance determines how far it pans: the centre of its orbit. An
-/// eye that is in this centre, as in a panorama, only turns there. It zooms to the point that is one radius of the scene
-/// ahead of it.
+/// eye that is in this centre, as in a panorama, only turns there. It zooms to the point that is one radius of the
+/// scene ahead of it.
 fn pivot(camera: &Camera, orbit: &Orbit) -> DVec3 {
     let position = camera.position.as_dvec3();
     if position.distance(orbit.centre) < CENTRAL * orbit.radius {

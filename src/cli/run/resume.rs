@@ -29,6 +29,7 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.extend(peak_option(args).filter(|_| !out.join(peak::FILE).exists()));
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.spread.then(|| "--spread".to_owned()));
+    words.extend(args.retry_failed.then(|| "--retry-failed".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
@@ -90,6 +91,7 @@ mod tests {
         let told = |options: &str| format!("raycl run a.toml --out {out}{options} --resume");
         assert_eq!(of(&["--peak", "--no-wait"]), told(" --peak --no-wait"));
         assert_eq!(of(&["--peak=h200.json"]), told(" --peak=h200.json"));
+        assert_eq!(of(&["--resume", "--retry-failed"]), told(" --retry-failed"));
         std::fs::write(place.path().join(peak::FILE), "[]").unwrap();
         assert_eq!(of(&["--peak=h200.json"]), told(""));
     }

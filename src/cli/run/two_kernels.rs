@@ -71,8 +71,8 @@ pub fn sources(args: &Args, spread: bool) -> Result<Vec<Sources>> {
     }
 }
 
-/// Returns the kernels of two folders. Each folder's workers read the experiment with the values of their own folder, so
-/// an experiment with a value that only one folder has is refused.
+/// Returns the kernels of two folders. Each folder's workers read the experiment with the values of their own folder,
+/// so an experiment with a value that only one folder has is refused.
 fn both(args: &Args, folders: &[PathBuf]) -> Result<Vec<Sources>> {
     let (mut sources, mut refused) = (Vec::new(), Vec::new());
     for folder in folders {

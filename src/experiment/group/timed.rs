@@ -107,8 +107,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
 
     /// Runs the anchor of a point's device if it is due: after the device's first sample, and then once for every
     /// [`CASTS_PER_ANCHOR`] samples, or once for every round if a round has fewer samples on the device. In the five
-    /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs. Does
-    /// nothing in a run with a single launch: such a run is too short to need the anchor.
+    /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs.
+    /// Does nothing in a run with a single launch: such a run is too short to need the anchor.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)

@@ -19,8 +19,8 @@
 //! 3. The interval of a median also includes the effects of a launch that are equal for all points. In the ratio of two
 //!    points, these effects cancel. The degrees of freedom of a median's interval are the number of launches less one,
 //!    plus those that other groups of the same run add, if they were measured on the same machine and devices. Each
-//!    group has a table of its own. The point's own spread is averaged with the spread between launches in the tables of
-//!    those other groups that have the same number of launches, and more than one. Together, these tables add at most
+//!    group has a table of its own. The point's own spread is averaged with the spread between launches in the tables
+//!    of those other groups that have the same number of launches, and more than one. Together, these tables add at most
 //!    six degrees of freedom.
 //! 4. Launches of a run are minutes apart at most, and the next run may be on a slower day. The
 //!    differences between runs were measured once for each kind of device, and are added to every

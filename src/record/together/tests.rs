@@ -70,8 +70,8 @@ fn one_launch_is_said_to_be_a_look() {
     assert!(how_sure(&[]).is_empty());
 }
 
-/// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing about
-/// another one.
+/// Two groups of points have equally many launches. How much launches differ on one machine or device says nothing
+/// about another one.
 #[test]
 fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     let of = |host: Option<&str>, device: &str| Record {

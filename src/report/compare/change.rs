@@ -20,9 +20,9 @@ pub fn change(pair: Both<'_>, all: &[Both<'_>]) -> Option<(Interval, Against)> {
 }
 
 /// Returns the points by whose mean time the times of some points of the same rounds are divided, and what they are.
-/// These are the baselines that both runs measured in the same rounds as the points, with the same program. Without such
-/// baselines, these are the kernels of the same rounds whose times changed by similar factors; of only two kernels,
-/// nobody knows which one changed. A point is no reference of itself. Returns `None` if there is no reference.
+/// These are the baselines that both runs measured in the same rounds as the points, with the same program. Without
+/// such baselines, these are the kernels of the same rounds whose times changed by similar factors; of only two
+/// kernels, nobody knows which one changed. A point is no reference of itself. Returns `None` if there is no reference.
 pub(super) fn references<'a>(points: &[Both<'a>], all: &[Both<'a>]) -> Option<(Vec<Both<'a>>, Against)> {
     let (before, after) = *points.first()?;
     let beside = |(one, other): &&Both<'_>| are_together(one, before) && are_together(other, after);

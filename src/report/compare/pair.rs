@@ -48,9 +48,9 @@ impl Pair {
     }
 
     /// Formats the change as "+12.3% (+10.1 to +14.2)". If the factor is at least ten, the format is "496× as long"; if
-    /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is
-    /// "n = 10 and 3". If times are 0, the text is [`BELOW_RESOLUTION`]. If the change cannot be computed although there
-    /// are enough samples, the text is "?".
+    /// the factor is at most a tenth, the format is "20.0× as fast". If there are too few samples, the format is "n =
+    /// 10 and 3". If times are 0, the text is [`BELOW_RESOLUTION`]. If the change cannot be computed although there are
+    /// enough samples, the text is "?".
     pub fn change(&self) -> String {
         let Some((change, _)) = self.change else {
             return match self.verdict {

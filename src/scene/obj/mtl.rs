@@ -36,8 +36,8 @@ pub(in crate::scene) struct Reach<'a> {
     pub permitted: Permitted,
 }
 
-/// Loads all MTL files that can be loaded, and adds a note for each file that cannot. If several files define a name, the
-/// last `mtllib` line counts, and the first file of a line, as the specification of OBJ says.
+/// Loads all MTL files that can be loaded, and adds a note for each file that cannot. If several files define a name,
+/// the last `mtllib` line counts, and the first file of a line, as the specification of OBJ says.
 pub(super) fn load_all<'a>(
     reach: Reach<'_>,
     libraries: impl Iterator<Item = &'a String>,

@@ -1,7 +1,7 @@
 //! Vertices, normals and texture coordinates that are not valid: a number is missing, not finite or out of range.
-//! Programs write NaN for points that were not measured. Some write other vertices that are not valid, but use them in no
-//! face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate that is
-//! not valid counts as missing.
+//! Programs write NaN for points that were not measured. Some write other vertices that are not valid, but use them in
+//! no face. A vertex that is not valid is a mistake only if a face uses the vertex. A normal or a texture coordinate
+//! that is not valid counts as missing.
 
 use super::faces::Start;
 use super::points::{PointChunk, is_large, mistake_in_coordinate, mistake_in_normal, mistake_in_vertex};

@@ -146,8 +146,8 @@ impl Part {
         Sizes { elements: used.all().map(|index| numbers.count(index)).sum(), triangles, positions }
     }
 
-    /// Removes positions that no triangle uses. Several primitives may share one list of positions, of which each uses a
-    /// part.
+    /// Removes positions that no triangle uses. Several primitives may share one list of positions, of which each uses
+    /// a part.
     fn compact(self) -> Self {
         let mut is_used = vec![false; self.positions.len()];
         self.triangles.as_flattened().iter().for_each(|corner| is_used[*corner as usize] = true);
