@@ -21,10 +21,10 @@ pub struct Args {
     /// The folder that `raycl run --shard` wrote: the folder that was given to that command with --out
     #[arg(value_name = "OUT")]
     out: PathBuf,
-    /// Merge only the results of devices whose description (name, platform, driver and other properties that affect
-    /// times) contains NAME. Results of the baselines (ray casters on the host) are always merged. If no device with
-    /// results matches NAME, raycl assumes that NAME is a device on which no shard has begun, and reports all points
-    /// except the baselines as missing [default: all devices with results]
+    /// Merge only the results of these devices: part of their description (name, platform, driver and other properties
+    /// that affect times), a kind (cpu, gpu, accelerator), or all. Results of the baselines (ray casters on the host)
+    /// are always merged. If no device with results matches NAME, raycl assumes that NAME is a device on which no shard
+    /// has begun, and reports all points except the baselines as missing [default: all devices with results]
     #[arg(long, value_name = "NAME", conflicts_with = "status")]
     device: Vec<String>,
     /// Merge nothing; print the state of each process that was started to measure a shard: begun (not measuring yet),

@@ -32,7 +32,7 @@ mod turn;
 pub mod view;
 mod watch;
 
-pub use output::{end_at_once, print, print_coloured, print_json, print_report, table, tell, tell_json};
+pub use output::{end_at_once, print, print_coloured, print_json, print_report, table, tell};
 
 use std::ffi::OsString;
 

@@ -47,12 +47,7 @@ pub fn tell(quiet: bool, text: impl std::fmt::Display) -> Result<()> {
 
 /// Writes `value` to standard output as indented JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
-    print(json(value)?)
-}
-
-/// Writes `value` to standard error as indented JSON, for commands that write pictures to standard output.
-pub fn tell_json(value: &impl Serialize) -> Result<()> {
-    tell(false, json(value)?)
+    print(json_of(value)?)
 }
 
 /// Prints a command's report: as JSON if `json` is true, else as text, unless `quiet` is true. The report goes to
@@ -64,7 +59,7 @@ pub fn print_report(
     (json, quiet): (bool, bool),
 ) -> Result<()> {
     match (json, streams) {
-        (true, true) => tell_json(report),
+        (true, true) => tell(false, json_of(report)?),
         (true, false) => print_json(report),
         (false, true) => tell(quiet, text()),
         (false, false) if quiet => Ok(()),
@@ -72,7 +67,7 @@ pub fn print_report(
     }
 }
 
-fn json(value: &impl Serialize) -> Result<String> {
+fn json_of(value: &impl Serialize) -> Result<String> {
     serde_json::to_string_pretty(value)
         .map_err(|error| Error::fault(format!("the result could not be written as JSON: {error}")))
 }

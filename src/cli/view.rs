@@ -114,7 +114,8 @@ fn show(args: Args, screen: impl Screen) -> Result<()> {
     let has_changed = || watched.as_mut().is_some_and(Watched::has_changed);
     let viewer = Viewer::new(Live::open(subject, samples)?, screen, spin);
     let (live, total) = viewer.run(Until { frames, seconds }, has_changed)?;
-    tell(&report(&live, total), streams, (json, quiet))
+    let ended = report(&live, total);
+    super::print_report(&ended, || text(&ended), streams, (json, quiet))
 }
 
 /// Begins to watch the files of a scene, and the folder of `--cl-dir`. Returns `None` if the scene comes from standard
@@ -124,18 +125,6 @@ fn watched(subject: &Subject) -> Result<Option<Watched>> {
         return Ok(None);
     }
     Watched::new(&folders(&subject.scene, subject.cl_dir.as_deref()), &[], &INPUTS).map(Some)
-}
-
-/// Prints the report when the viewer has ended: on standard output or, if standard output gets the pictures, on
-/// standard error.
-fn tell(report: &Report, streams: bool, (json, quiet): (bool, bool)) -> Result<()> {
-    match (json, quiet) {
-        (true, _) if streams => super::tell_json(report),
-        (true, _) => super::print_json(report),
-        (false, _) if streams => super::tell(quiet, text(report)),
-        (false, true) => Ok(()),
-        (false, false) => super::print(text(report)),
-    }
 }
 
 fn report(live: &Live, total: Total) -> Report {
