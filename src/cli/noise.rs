@@ -174,10 +174,8 @@ mod tests {
         );
     }
 
-    #[test]
-    fn one_thread_is_a_thread() {
-        let causes = Causes { threads: Some(1), ..Causes::default() };
-        let noise = Noise {
+    fn with_causes(causes: Causes) -> Noise {
+        Noise {
             device: "a device".into(),
             samples: 60,
             launches: 3,
@@ -185,21 +183,19 @@ mod tests {
             between_launches: None,
             own_time: None,
             causes,
-        };
+        }
+    }
+
+    #[test]
+    fn one_thread_is_a_thread() {
+        let causes = Causes { threads: Some(1), ..Causes::default() };
+        let noise = with_causes(causes);
         assert!(lines(&noise).contains(&"the device used 1 thread".to_owned()), "{:?}", lines(&noise));
     }
 
     #[test]
     fn causes_that_the_system_does_not_report_have_no_line() {
-        let noise = Noise {
-            device: "a device".into(),
-            samples: 60,
-            launches: 3,
-            within_launch: None,
-            between_launches: None,
-            own_time: None,
-            causes: Causes::default(),
-        };
+        let noise = with_causes(Causes::default());
         let told = lines(&noise);
         assert_eq!(told.len(), 4, "{told:?}");
         assert!(told[1..].iter().all(|line| line.ends_with("not enough samples")), "{told:?}");

@@ -73,18 +73,23 @@ mod tests {
         Record { control: Some(record.key.clone()), ..record }
     }
 
-    #[test]
-    fn blocks_are_compared_by_the_control_point_that_both_measured() {
+    /// Returns the control point and `naive` of the first machine, and then the control point and `wide` of the second
+    /// machine. The second machine takes twice as long as the first for every point, so `wide` would take 4 ms on the
+    /// first machine.
+    fn of_two_machines() -> Vec<Record> {
         let control = |ms, number| block("control", ms, number);
         let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
-        // The second machine takes twice as long as the first for every point, so `wide` would take 4 ms on the first
-        // machine.
-        let records = judged([
+        judged([
             control(10.0, 0),
             with(block("naive", 5.0, 0)),
             Record { is_control: true, ..control(20.0, 1) },
             with(block("wide", 8.0, 1)),
-        ]);
+        ])
+    }
+
+    #[test]
+    fn blocks_are_compared_by_the_control_point_that_both_measured() {
+        let records = of_two_machines();
         let found = ratio(&records[1], &records[3]).expect("enough samples");
         assert!((found.middle - 1.25).abs() < 1e-9 && found.low > 1.2 && found.high < 1.3, "{found:?}");
         let ranking = ranking([&records[1], &records[3]]);
@@ -95,14 +100,7 @@ mod tests {
     /// control point has only the error of this other ratio.
     #[test]
     fn the_control_point_is_exactly_as_fast_as_itself() {
-        let control = |ms, number| block("control", ms, number);
-        let with = |record: Record| Record { control: Some(control(1.0, 0).key), ..record };
-        let records = judged([
-            control(10.0, 0),
-            with(block("naive", 5.0, 0)),
-            Record { is_control: true, ..control(20.0, 1) },
-            with(block("wide", 8.0, 1)),
-        ]);
+        let records = of_two_machines();
         let within = ratio(&records[3], &records[2]).expect("enough samples");
         let across = ratio(&records[3], &records[0]).expect("enough samples");
         let values = |ratio: Interval| [ratio.middle, ratio.low, ratio.high, ratio.error];
