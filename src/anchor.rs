@@ -111,7 +111,8 @@ fn failed(error: impl Into<LaunchError>) -> Error {
     failed_because(&error.into().to_string())
 }
 
-fn failed_because(reason: &str) -> Error {
+/// Returns the error of an anchor that failed for this reason.
+pub fn failed_because(reason: &str) -> Error {
     Error::run(format!("the anchor, a kernel that is timed with the points, failed: {reason}")).with_help(
         "the points' times are correct without the anchor; instead of the anchor's time, `raycl compare` uses the times of baselines or, if there are none, those of other points",
     )

@@ -1,4 +1,4 @@
-//! Waits for child processes, up to a time limit.
+//! Waits for child processes, up to a time limit or until nobody needs them any more.
 
 use std::io::Read;
 use std::process::{Child, Output};
@@ -7,19 +7,29 @@ use std::time::{Duration, Instant};
 
 /// Waits until a process ends, and returns its output. Kills a process that exceeds the limit, and returns
 /// `None`.
-pub fn output_within(mut child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
+pub fn output_within(child: Child, limit: Duration) -> std::io::Result<Option<Output>> {
     let start = Instant::now();
+    output_unless(child, Duration::from_millis(5), &mut || start.elapsed() > limit)
+}
+
+/// Waits until a process ends, and returns its output. Calls `is_over` at this interval. If `is_over` returns true,
+/// kills the process, and returns `None`.
+pub fn output_unless(
+    mut child: Child,
+    interval: Duration,
+    is_over: &mut dyn FnMut() -> bool,
+) -> std::io::Result<Option<Output>> {
     let (stdout, stderr) = (child.stdout.take().map(reading), child.stderr.take().map(reading));
     loop {
         if let Some(status) = child.try_wait()? {
             return Ok(Some(Output { status, stdout: words_of(stdout), stderr: words_of(stderr) }));
         }
-        if start.elapsed() > limit {
+        if is_over() {
             child.kill()?;
             child.wait()?;
             return Ok(None);
         }
-        sleep(Duration::from_millis(5));
+        sleep(interval);
     }
 }
 
@@ -54,5 +64,17 @@ mod tests {
         let spoke = shell("head -c 300000 /dev/zero; echo no >&2; exit 3", Duration::from_secs(120)).unwrap();
         assert_eq!((spoke.stdout.len(), spoke.status.code()), (300_000, Some(3)));
         assert_eq!(spoke.stderr, b"no\n");
+    }
+
+    #[test]
+    fn a_process_is_killed_as_soon_as_it_is_over() {
+        let child = Command::new("sleep").arg("1000").stdin(Stdio::null()).spawn().unwrap();
+        let mut looks = 0;
+        let ended = output_unless(child, Duration::from_millis(1), &mut || {
+            looks += 1;
+            looks == 3
+        });
+        assert!(ended.unwrap().is_none());
+        assert_eq!(looks, 3);
     }
 }

@@ -3,8 +3,8 @@
 use crate::cli::choice::{chosen_strategy, one_device};
 use crate::cli::{Cli, prepare_for_drivers, run};
 use crate::device::Device;
-use crate::error::Result;
-use crate::image::{Radiance, save};
+use crate::error::{Error, Result};
+use crate::image::{Radiance, check_alpha, save};
 use crate::launch::{Refused, Session};
 use crate::output::{Choice, Target};
 use crate::printer;
@@ -87,10 +87,13 @@ impl Picture {
     /// # Errors
     ///
     /// Fails if the extension names no supported format, if the file cannot be written, or if a file exists that is not
-    /// replaced.
+    /// replaced. Also fails if the scene's background is transparent and the format has no alpha channel.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let choice = Choice { force: false, elsewhere: "save(OTHER_PATH)" };
-        save(&self.radiance, self.display, &Target::new(path, choice))
+        let target = Target::new(path, Choice { force: false, elsewhere: "save(OTHER_PATH)" });
+        if !self.radiance.coverage.is_empty() {
+            check_alpha(&target)?;
+        }
+        save(&self.radiance, self.display, &target)
     }
 }
 
@@ -108,6 +111,9 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 /// run. Worker processes measure the points. Each worker process is the calling program, started again; therefore the
 /// program's `main` must begin with [`serve_if_worker`].
 ///
+/// From the first call on, Ctrl-C (SIGINT) and SIGTERM interrupt the run instead of ending the process; a second signal
+/// ends the process. A signal between two calls interrupts the second one.
+///
 /// # Errors
 ///
 /// Fails if the config has a mistake (the message names its line), if the folder `out` contains files that are not
@@ -115,7 +121,12 @@ pub fn hits(loaded: &Loaded, size: [u32; 2]) -> Result<Layers> {
 pub fn run_experiment(config: &Path, out: &Path, devices: &[&str], resume: bool) -> Result<Vec<Record>> {
     let devices: Vec<String> = devices.iter().map(|&word| word.to_owned()).collect();
     let arguments = run::Args::of(config.to_owned(), out, &devices, &[], [resume, false]);
-    Ok(run::measure(&arguments, &mut ())?.1)
+    let measured = run::measure_resumably(&arguments, &mut ());
+    // The caller knows of the interruption now, so it must not end the next run too.
+    if matches!(measured, Err(Error::Interrupted { .. })) {
+        run::forget_interruption();
+    }
+    Ok(measured?.1)
 }
 
 /// If raycl started this process as a worker, does the worker's task (it measures points, lists devices or compiles a

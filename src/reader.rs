@@ -20,7 +20,8 @@ pub enum Kind {
     Kernel,
     /// A mesh of any format, or a buffer of a glTF file. The file's size is compared with the free memory.
     Mesh,
-    /// A picture that a command compares. The decoder of pictures has its own limit.
+    /// A picture that a command compares. The file's size, and the size of the decoded picture, are compared with the
+    /// free memory.
     Picture,
     /// A file that a run writes about itself (such as `plan.json`), a stored sweep, or one of raycl's documents.
     Results,

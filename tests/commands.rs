@@ -215,6 +215,13 @@ fn a_sweep_has_the_times_of_the_cases_that_are_wanted_and_what_was_said_of_it() 
     assert!(times.values().all(|ms| ms.as_f64().is_some_and(|ms| ms > 0.0)), "{times:?}");
     assert!(table.contains("shortest times of 2 rounds") && table.contains("little one"), "{table}");
     assert_eq!(place.output(&["rule", "--show", "sweep.json"]), table);
+    // On standard output, the JSON stands alone, so that a file with this output is a sweep.
+    let options = ["--only", "little", "--rounds", "2", "-o", "-"];
+    let printed = place.output(&[&["rule", "cases.toml", "--device", &device][..], &options].concat());
+    place.write("printed.json", &printed);
+    let shown = place.output(&["rule", "--show", "printed.json"]);
+    assert!(shown.contains("shortest times of 2 rounds") && shown.contains("little one"), "{shown}");
+    assert!(!place.path("-").exists());
     let none = place.mistake(&["rule", "cases.toml", "--device", &device, "--only", "great"], 2);
     assert!(none.contains("none of the 2 cases of 'cases.toml'") && none.contains("'great'"), "{none}");
 }

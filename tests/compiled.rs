@@ -100,6 +100,20 @@ fn volatile_vectors_are_loaded_at_every_test() {
     }
 }
 
+/// The value of a shell's variable that is not set is an empty text.
+#[test]
+fn a_strategy_without_a_name_is_refused_and_nothing_is_written() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let said = place.mistake(&["compile", "scene.toml", "--strategy", "", "--out", "made"], 2);
+    has(&said, &["'' names no strategy", "deferred,width=4"]);
+    assert!(!place.path("made").exists());
+    has(
+        &place.mistake(&["render", "scene.toml", "--strategy", ",", "-o", "a.png"], 2),
+        &["',' names no strategy"],
+    );
+    assert!(!place.path("a.png").exists());
+}
+
 #[test]
 fn compile_keeps_source_log_binary_and_what_was_made() {
     let place = Place::with(&[("scene.toml", TRIANGLE)]);

@@ -2,6 +2,8 @@
 //! measures at the same time as the first.
 
 use crate::binary::{Place, TRIANGLE, config, device, has, repository, send_interrupt, until};
+use crate::faults::{children, is_alive};
+use serde_json::Value;
 use std::fs::{File, TryLockError};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -40,9 +42,9 @@ fn holder(place: &Place, device: &str) -> Child {
     holder
 }
 
-/// Starts a run that waits for `holder`.
-fn waiter(place: &Place, device: &str, holder: &Child) -> Child {
-    let waiter = start(place, &run("second", device, &[]), "second.txt");
+/// Starts a run, with these further options, that waits for `holder`.
+fn waiter(place: &Place, device: &str, more: &[&str], holder: &Child) -> Child {
+    let waiter = start(place, &run("second", device, more), "second.txt");
     let words = format!("waiting for process {}, `raycl run test.toml", holder.id());
     until("the second waits", || place.text("second.txt").contains(&words));
     waiter
@@ -62,7 +64,7 @@ fn code(process: Child) -> Option<i32> {
 fn a_second_run_times_nothing_until_the_first_has_ended_even_by_sigkill() {
     let (place, device) = (place(), device());
     let first = holder(&place, &device);
-    let second = waiter(&place, &device, &first);
+    let second = waiter(&place, &device, &[], &first);
     // While the first run holds the device, the second run may time only its baseline, with at most three samples. If
     // the device is the host's CPU, it must not time even that.
     let timed = place.json_lines("second/samples.jsonl").len();
@@ -93,9 +95,33 @@ fn what_measures_is_refused_with_no_wait_and_a_picture_never_waits() {
     }
     let refused = place.raycl(&run("third", &device, &["--peak", "--no-wait"])).assert().code(1);
     has(&String::from_utf8_lossy(&refused.get_output().stderr), &[&process]);
+    // The results of `raycl noise` are in a temporary folder, so no command can continue it.
+    let noise = place.mistake(&["noise", "--quiet", "--device", &device, "--no-wait"], 1);
+    has(&noise, &[&process, "without --no-wait, raycl waits"]);
+    assert!(!noise.contains("to continue from here"), "{noise}");
     place.output(&render);
     end(first);
     place.output(&[&render[..], &["--repeat", "2", "--no-wait", "-o", "other.png"]].concat());
+}
+
+#[test]
+fn the_time_for_which_a_picture_waits_is_not_the_time_of_its_frames() {
+    let (place, device) = (place(), device());
+    let first = holder(&place, &device);
+    let render = ["render", "scene.toml", "--width", "40", "--height", "25", "--device", &device];
+    // The report is on standard error, because the picture is on standard output.
+    let second = start(&place, &[&render[..], &["--repeat", "2", "--json", "-o", "-"]].concat(), "said.txt");
+    let words = format!("waiting for process {}", first.id());
+    until("the picture waits", || place.text("said.txt").contains(&words));
+    std::thread::sleep(Duration::from_millis(100));
+    end(first);
+    assert_eq!(code(second), Some(0), "{}", place.text("said.txt"));
+    let said = place.text("said.txt");
+    let report = said.find('{').map(|begin| serde_json::from_str::<Value>(&said[begin..]).expect("JSON"));
+    let parts = report.expect("a report")["parts"].as_array().expect("a list").clone();
+    let wait = parts.iter().find(|part| part["part"] == "wait").expect("a part");
+    // raycl began to wait before it said so, and the device was held for 100 ms after that.
+    assert!(wait["ms"].as_f64().is_some_and(|ms| ms >= 100.0), "{said}");
 }
 
 /// Returns whether a process holds a lock.
@@ -139,12 +165,33 @@ fn a_device_is_held_while_frames_are_cast_and_while_its_rates_are_measured() {
 fn ctrl_c_ends_the_waiting_and_says_how_to_go_on() {
     let (place, device) = (place(), device());
     let first = holder(&place, &device);
-    let second = waiter(&place, &device, &first);
+    let second = waiter(&place, &device, &[], &first);
     send_interrupt(second.id());
     assert_eq!(code(second), Some(130));
     has(&place.text("second.txt"), &["interrupted", "to continue from here", "--resume"]);
     end(first);
     place.output(&run("second", &device, &["--resume"]));
+}
+
+#[test]
+fn a_shard_that_waits_for_its_peak_rates_is_going_and_an_interruption_ends_its_processes() {
+    let (place, device) = (place(), device());
+    let first = holder(&place, &device);
+    let options = ["--shard", "1/1", "--peak", "--hang-limit", "2"];
+    let second = waiter(&place, &device, &options, &first);
+    // `raycl peak` protects itself from drivers that crash, so its child process waits for the device.
+    let waiting: Vec<u32> = children(second.id()).into_iter().flat_map(children).collect();
+    assert_eq!(waiting.len(), 1, "{waiting:?}");
+    // Between the two readings, the shard counts five seconds. If it did not tell that it waits, it would count as hung
+    // from then on.
+    let status = ["merge", "second", "--status", "--between", "5", "--json"];
+    until("the shard is going", || place.output(&status).contains("\"going\""));
+    // The signal reaches only the run, unlike Ctrl-C in a terminal.
+    send_interrupt(second.id());
+    assert_eq!(code(second), Some(130));
+    has(&place.text("second.txt"), &["interrupted: the devices' peak rates were being measured"]);
+    until("the process that waited has ended", || !is_alive(waiting[0]));
+    end(first);
 }
 
 #[test]

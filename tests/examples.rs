@@ -36,6 +36,16 @@ fn one_casts_a_picture() {
 }
 
 #[test]
+fn a_transparent_picture_is_saved_only_with_its_alpha() {
+    let place = Place::with(&[("scene.toml", &format!("background = \"transparent\"\n{TRIANGLE}"))]);
+    let output = run(&place, "cast", &["scene.toml", "a.jpg", &device()]);
+    assert!(!output.status.success() && !place.path("a.jpg").exists());
+    has(&String::from_utf8_lossy(&output.stderr), &["'a.jpg': a JPEG has no alpha channel"]);
+    said(run(&place, "cast", &["scene.toml", "a.png", &device()]));
+    assert!(image::open(place.path("a.png")).expect("a picture").color().has_alpha());
+}
+
+#[test]
 fn one_reads_hits() {
     let place = Place::with(&[("scene.toml", &format!("{TRIANGLE}\n[[object]]\nshape = \"ground\"\n"))]);
     let told = said(run(&place, "hits", &["scene.toml"]));

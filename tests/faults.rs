@@ -136,13 +136,14 @@ fn has_pending_signals(process: u32) -> bool {
 }
 
 /// Returns the process ids of a process's children.
-fn children(process: u32) -> Vec<u32> {
+pub fn children(process: u32) -> Vec<u32> {
     let list =
         std::fs::read_to_string(format!("/proc/{process}/task/{process}/children")).unwrap_or_default();
     list.split_whitespace().filter_map(|word| word.parse().ok()).collect()
 }
 
-fn is_alive(process: u32) -> bool {
+/// Returns whether a process has not ended yet.
+pub fn is_alive(process: u32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
     !status.is_empty() && !status.contains(") Z ")
 }

@@ -1,7 +1,7 @@
 //! raycl reads only ordinary files within limits. Its messages show only text of files that the user named, or that
 //! lie in the same folder as the file that names them.
 
-use crate::binary::{Place, TRIANGLE, has};
+use crate::binary::{Place, TRIANGLE, device, has};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 
 /// The text of files that the user did not name. No message may show it.
@@ -59,6 +59,17 @@ fn pipes_and_devices_are_refused_at_once_wherever_a_file_is_named() {
     }
     for (command, file) in [("render", "zero.toml"), ("render", "piped.toml"), ("run", "config.toml")] {
         has(&place.mistake(&[command, file], 2), &["help:"]);
+    }
+}
+
+#[test]
+fn a_pipe_with_the_name_of_a_frame_is_refused_at_once() {
+    let (place, device) = (Place::with(&[("scene.toml", TRIANGLE)]), device());
+    mknodat(CWD, place.path("a-0001.png"), FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
+    for force in [&[][..], &["--force"]] {
+        let turn = ["render", "scene.toml", "--turntable", "2", "-o", "a.png", "--device", &device];
+        let message = place.mistake(&[&turn[..], force].concat(), 2);
+        has(&message, &["'a-0001.png' is not an ordinary file, and is not replaced"]);
     }
 }
 

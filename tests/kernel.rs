@@ -8,9 +8,11 @@ use raycl::image::Radiance;
 use raycl::launch::Prepared;
 use raycl::program::preprocess::{canonical, preprocess};
 use raycl::program::{ProgramSpec, Sources, frame_kernels};
+use raycl::scene::load_scene;
 use raycl::strategy::{PRESETS, Strategy, Workload, preset};
 use std::collections::BTreeMap;
 use std::io::Write as _;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Returns the program of a strategy on a device with these lane operations.
@@ -61,7 +63,7 @@ fn every_preset_is_what_the_c_compiler_makes_of_it() {
             let differing = ours.lines().zip(theirs.lines()).find(|(ours, theirs)| ours != theirs);
             assert_eq!(differing, None, "{} by {lanes:?}", preset.name);
             assert_eq!(ours.len(), theirs.len(), "{} by {lanes:?}", preset.name);
-            for kernel in frame_kernels(&preset.strategy) {
+            for kernel in frame_kernels(&preset.strategy, &Workload::CUBE) {
                 assert!(ours.contains(&format!("void {kernel} (")), "{} has no {kernel}", preset.name);
             }
         }
@@ -79,9 +81,9 @@ fn what_is_preprocessed_stays_as_it_is() {
     }
 }
 
-/// Returns the output of the binary for a strategy, on the test device and a scene of the repository.
-fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
-    let (device, scene) = (crate::binary::device(), crate::binary::repository("scenes").join(scene));
+/// Returns the output of the binary for a strategy, on the test device and a scene's file.
+fn printed(strategy: &str, scene: &Path, local_size: [u32; 2]) -> String {
+    let device = crate::binary::device();
     let (scene, [x, y]) = (scene.to_str().expect("a path"), local_size);
     let size = format!("{x}x{y}");
     Place::new().output(&["kernel", strategy, "--device", &device, "--scene", scene, "--local-size", &size])
@@ -89,10 +91,10 @@ fn printed(strategy: &str, scene: &str, local_size: [u32; 2]) -> String {
 
 /// Returns the same program, but from the text that the binary prints, and without defines as compiler
 /// options, since the text contains all defines.
-fn reprinted(name: &str, built: &Prepared) -> ProgramSpec {
+fn reprinted(name: &str, scene: &Path, built: &Prepared) -> ProgramSpec {
     let options = built.spec.options.split_whitespace().filter(|word| word.starts_with("-cl"));
     let options = options.collect::<Vec<_>>().join(" ");
-    ProgramSpec { source: printed(name, SCENE, built.workload.local_size), options, files: Vec::new() }
+    ProgramSpec { source: printed(name, scene, built.workload.local_size), options, files: Vec::new() }
 }
 
 fn image(built: &Prepared) -> Radiance {
@@ -101,34 +103,50 @@ fn image(built: &Prepared) -> Radiance {
     caster.read().expect("an image").0
 }
 
-const SCENE: &str = "still-life.toml";
+/// Builds a strategy's program from the text that the binary prints for the stand's scene. Checks that this program has
+/// all kernels that frames need and, if `casts` is true, that it casts the strategy's image.
+fn check_printed(stand: &Stand, scene: &Path, (name, casts): (&str, bool)) {
+    let mut words = name.split(',');
+    let mut strategy = preset(words.next().unwrap_or_default()).expect("a preset").strategy;
+    for (axis, value) in words.filter_map(|word| word.split_once('=')) {
+        strategy.set(axis, value).expect("a value of an axis");
+    }
+    let own = stand.build(&strategy, [8, 4]).expect("a device that holds it");
+    let mut session = stand.session.borrow_mut();
+    let again = session.build(&strategy, &own.workload, reprinted(name, scene, &own));
+    let again = again.unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
+    again.caster().unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
+    assert!(!casts || image(&again) == image(&own), "{name}: another image");
+}
 
 #[test]
 fn what_is_printed_casts_the_same_image() {
-    let stand = Stand::new(crate::common::scene(SCENE), [30, 20]);
+    let file = repository("scenes/still-life.toml");
+    let stand = Stand::new(load_scene(&file).expect("a scene").scene, [30, 20]);
     // Only two of these strategies cast frames: PoCL compiles a kernel when the kernel is started, which takes most of
     // a minute for a kernel with tiles.
-    for (name, casts) in [
+    for strategy in [
         ("naive", true),
         ("deferred,width=4", true),
+        ("deferred,records=once", false),
         ("bvh", false),
         ("raster", false),
         ("tile", false),
         ("tile-group", false),
     ] {
-        let (base, width) = name.split_once(",width=").unwrap_or((name, ""));
-        let mut strategy = preset(base).expect("a preset").strategy;
-        if !width.is_empty() {
-            strategy.set("width", width).expect("a width");
-        }
-        let own = stand.build(&strategy, [8, 4]).expect("a device that holds it");
-        let mut session = stand.session.borrow_mut();
-        let again = session.build(&strategy, &own.workload, reprinted(name, &own));
-        let again = again.unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
-        // The printed program has all kernels of a frame.
-        again.caster().unwrap_or_else(|refused| panic!("{name}: {}", refused.reason()));
-        assert!(!casts || image(&again) == image(&own), "{name}: another image");
+        check_printed(&stand, &file, strategy);
     }
+}
+
+/// Without light, tiles that work-items share have other kernels.
+#[test]
+fn what_is_printed_for_a_dark_scene_has_all_kernels() {
+    let dark = "[camera]\nposition = [0, 1, 3]\nlook_at = [0, 0, 0]\n[[object]]\n\
+                vertices = [[-1, 0, 0], [1, 0, 0], [0, 1, 0]]\nfaces = [[0, 1, 2]]\n";
+    let place = Place::with(&[("dark.toml", dark)]);
+    let file = place.path("dark.toml");
+    let stand = Stand::new(load_scene(&file).expect("a scene").scene, [30, 20]);
+    check_printed(&stand, &file, ("tile-group", false));
 }
 
 #[test]
@@ -141,7 +159,7 @@ fn a_kernel_is_printed_to_be_read() {
             "// local size: 8 x 8 work-items; a small scene: 12 triangles",
             "// for any device",
             "WIDTH=1",
-            "kernels of a frame: cast_frame\n",
+            "kernels that frames need: cast_frame\n",
             "// ---- cast/intersect/moller_trumbore.cl, line ",
             "working_set(working, 0 /* RAY_ORIGIN */, ray.origin);",
             "reqd_work_group_size(8 /* LOCAL_X */, 8 /* LOCAL_Y */, 1)",

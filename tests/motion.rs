@@ -1,8 +1,10 @@
 //! Turning scenes (`raycl render --turntable`): numbered pictures, animated pictures, streams, and frames that are
 //! skipped because their files exist.
 
-use crate::binary::{Place, TRIANGLE, device, has};
+use crate::binary::{Place, TRIANGLE, device, finish, has, program};
 use serde_json::Value;
+use std::io::Read as _;
+use std::process::Stdio;
 
 const MESH: &str = "v 0 0 0\nv 2 0 0\nv 1 0 -2\nv 1 2 -1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 /// The size of pictures, and the plain look: no ground, and a single sample.
@@ -67,6 +69,51 @@ fn what_is_there_is_left_out_and_what_is_another_is_refused() {
     has(&message, &["'mesh-0002.png' exists, and raycl did not make it"]);
     let forced = turn(&place, &["mesh.obj", "--turntable", "5", "--force"]);
     assert_eq!((&forced["frames"], &forced["skipped"]), (&5.into(), &0.into()));
+}
+
+#[test]
+fn a_still_picture_with_the_name_of_a_frame_is_not_replaced() {
+    let (place, device) = (place(), device());
+    let still = ["render", "mesh.obj", "-o", "mesh-0002.png", "--device", &device];
+    place.output(&[&still[..], &SIZE].concat());
+    let before = std::fs::read(place.path("mesh-0002.png")).expect("a picture");
+    let two = ["mesh.obj", "--turntable", "2"];
+    let message = place.mistake(&[&["render", "--device", &device], &two[..], &SIZE].concat(), 2);
+    has(&message, &["'mesh-0002.png' exists and is not a frame", "`--force`"]);
+    assert_eq!(std::fs::read(place.path("mesh-0002.png")).expect("a picture"), before);
+    assert_eq!(turn(&place, &[&two[..], &["--force"]].concat())["frames"], 2);
+}
+
+/// The frames of one node must be those of another, even if the nodes have devices of different kinds.
+#[test]
+fn a_frame_that_another_strategy_cast_is_refused_with_the_way_to_continue() {
+    let place = place();
+    let two = ["mesh.obj", "--turntable", "2"];
+    turn(&place, &[&two[..], &["--strategy", "bvh"]].concat());
+    let naive = [&["render"], &two[..], &SIZE, &["--strategy", "naive"]].concat();
+    has(&place.mistake(&naive, 2), &["'mesh-0001.png' exists and is not frame 1", "`--strategy`"]);
+    assert_eq!(turn(&place, &[&two[..], &["--strategy", "bvh"]].concat())["skipped"], 2);
+}
+
+/// A pipe holds few of these frames, so most of them are cast only if somebody reads them.
+#[test]
+fn a_stream_that_its_reader_closes_early_has_the_frames_that_were_cast() {
+    let (place, device) = (place(), device());
+    let mut command = program();
+    command.current_dir(place.path(".")).env("RAYCL_CACHE_MIB", "0");
+    command.args(["render", "scene.toml", "--turntable", "5000", "-o", "-", "--json", "--device", &device]);
+    command.args(SIZE);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it runs");
+    let mut stream = child.stdout.take().expect("a stream");
+    stream.read_exact(&mut [0; 10]).expect("the first bytes");
+    drop(stream);
+    let output = finish(child);
+    assert!(output.status.success(), "{output:?}");
+    let report: Value = serde_json::from_slice(&output.stderr).expect("JSON");
+    let frames = report["frames"].as_u64().expect("a number");
+    assert!((1..5000).contains(&frames), "{report}");
+    let note = format!("the reader closed the stream after {frames} of 5000 frames were cast");
+    assert!(report["notes"].as_array().expect("a list").contains(&note.into()), "{report}");
 }
 
 #[test]

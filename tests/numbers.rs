@@ -237,6 +237,25 @@ fn dark_share(sources: &Sources, strategy: &Strategy) -> f64 {
     pairs.filter(|(cast, expected)| cast[0] < 0.9 * expected[0]).count() as f64 / image.pixels.len() as f64
 }
 
+/// A shadow ray from a distant light ends before the hit, so it does not meet a surface that is nearer to the hit than
+/// this end. A ray from the hit meets it. So the shadow near the point where the sphere touches the ground is
+/// uncertain, and both pictures are right.
+#[test]
+fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
+    apart!();
+    let size = [240, 150];
+    let scene = lit_from(1e5);
+    let strategies = ["bvh", "tile", "tile-group", "wide-common-origin"];
+    let strategies = strategies.map(|name| preset(name).expect("a preset").strategy);
+    let expected = reference(&scene, size, strategies[0].culling);
+    let stand = Stand::of(&Sources::Embedded, scene.clone(), size, |builtins| builtins);
+    for strategy in strategies {
+        let image = stand.cast(&strategy, LOCAL).expect("it fits");
+        let verdict = verify(&image, None, &expected, scene.display);
+        assert!(verdict.ok, "{strategy}: {verdict:?}");
+    }
+}
+
 /// Rounding moves a surface, seen from a distant light, by more than the shadow bias. Such pixels are uncertain, so
 /// that `verify` cannot notice the speckles.
 #[test]

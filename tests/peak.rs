@@ -2,7 +2,7 @@
 //! They need not check the kernels' results: `raycl peak` does so itself.
 
 use crate::binary::{Place, TRIANGLE, config, device, has};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const POINTS: &str = r#"
 image_sizes = [[40, 30]]
@@ -85,6 +85,34 @@ fn what_a_device_can_do_is_measured_and_a_run_tells_its_part_of_them() {
     let missing =
         place.mistake(&["run", "test.toml", "--device", &device, "--out", "b", "--peak=none.json"], 2);
     has(&missing, &["none.json"]);
+}
+
+/// No device is opened: the workers of `--asleep` only wait.
+#[test]
+fn a_file_without_rates_of_the_device_is_told_and_later_rates_of_one_device_keep_those_of_others() {
+    let rates = |device: &str| {
+        let mut rates = json!({
+            "device": device, "platform": "?", "driver": "?", "timestamp": "?", "raycl_version": "?",
+            "max_clock_mhz": null,
+        });
+        let figure = json!({"median": 1e12, "q1": 1e12, "q3": 1e12, "repeats": 5});
+        FIGURES.iter().for_each(|name| rates[*name] = figure.clone());
+        rates.to_string()
+    };
+    let place = place();
+    place.write("h200.json", &rates("an H200"));
+    place.write("asleep.json", &rates("asleep"));
+    let usual = ["run", "test.toml", "--out", "out", "--asleep", "0.1", "--set", "baselines=[]"];
+    let told = |more: &[&str]| {
+        let output = place.raycl(&[&usual[..], more].concat()).assert().success().get_output().clone();
+        String::from_utf8(output.stderr).expect("UTF-8")
+    };
+    has(&told(&["--peak=h200.json"]), &["note: h200.json has no peak rates of asleep"]);
+    let resumed = told(&["--peak=asleep.json", "--resume"]);
+    assert!(!resumed.contains("no peak rates"), "{resumed}");
+    let kept: Value = serde_json::from_str(&place.text("out/peak.json")).expect("JSON");
+    let devices: Vec<_> = kept.as_array().expect("a list").iter().map(|one| &one["device"]).collect();
+    assert_eq!(devices, ["asleep", "an H200"]);
 }
 
 #[test]

@@ -130,6 +130,24 @@ fn a_slower_kernel_fails_the_ci_and_a_faster_one_does_not() {
     assert!(out.path().join("compare.html").exists() && out.path().join("plots/compare.png").exists());
 }
 
+/// After an update of a driver, for example, every point may fail.
+#[test]
+fn points_that_all_fail_now_fail_the_ci() {
+    let works = folder(&[record("teapot", "wide", 32, 1.0)]);
+    let fails = folder(&[infeasible("teapot", "wide", 32)]);
+    let out = tempfile::tempdir().expect("a folder");
+    let limit = ["--fail-on-regression", "5"];
+    let compare = |before, after| [&["compare", path(before), path(after)][..], &limit].concat();
+    let (said, complaint) = outcome(&[&compare(&works, &fails)[..], &["--out", path(&out)]].concat(), 1);
+    let line = "teapot 800 x 500, wide 32x32: was measured, is infeasible";
+    assert!(said.contains(line) && complaint.contains(line), "{said}{complaint}");
+    assert!(complaint.contains("gives the reason for each point that fails"), "{complaint}");
+    assert!(out.path().join("compare.html").exists());
+    let (said, _) = outcome(&compare(&fails, &works), 0);
+    assert!(said.contains("was infeasible, is measured"), "{said}");
+    outcome(&compare(&fails, &fails), 2);
+}
+
 #[test]
 fn a_comparison_in_json_has_both_folders_and_its_threshold_and_plain_times_are_a_choice() {
     let others = ["bvh", "tile", "raster"].map(|name| record("teapot", name, 8, 2.0));
@@ -197,11 +215,9 @@ fn few_samples_have_no_interval_and_no_verdict_in_any_view() {
     outcome(&["report", path(&results), "--out", path(&out)], 0);
     let text = |name: &str| std::fs::read_to_string(out.path().join(name)).expect("it is there");
     let page = text("report.html");
-    for expected in [
-        "not enough samples (n = 1)",
-        "not enough samples (n = 4)",
-        "Not enough samples to rank: naive at 8 x 8",
-    ] {
+    for expected in
+        ["not enough samples (n = 1)", "not enough samples (n = 4)", "Points without a rank: naive at 8 x 8"]
+    {
         assert!(page.contains(expected), "{expected:?} is not in the page");
     }
     assert!(page.contains("wide is the fastest."), "the point of four samples does not count");

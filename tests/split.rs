@@ -163,6 +163,12 @@ fn a_run_is_spread_over_devices_of_one_kind_and_can_be_resumed() {
     devices.sort_unstable();
     devices.dedup();
     assert!(devices.len() <= 2, "{devices:?}");
+    // So does every sample, since `--resume` continues a group only on the device of its earlier launches.
+    let of_records: std::collections::HashMap<_, _> =
+        records.iter().map(|record| (record["key"].as_str(), record["measured_on"].as_str())).collect();
+    for sample in place.json_lines("out/samples.jsonl") {
+        assert_eq!(sample["measured_on"].as_str(), of_records[&sample["key"].as_str()], "{sample}");
+    }
     // A point has the same key on each of these equal devices, so `--resume` measures nothing again. The blocks (the
     // parts of the points that each device measures) also stay the same, whatever times were measured.
     let blocks = place.text("out/blocks.json");

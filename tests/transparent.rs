@@ -1,6 +1,6 @@
 //! Pictures with a transparent background: their alpha channel is the share of a pixel that surfaces cover.
 
-use crate::binary::{Place, device, has, repository};
+use crate::binary::{Place, TRIANGLE, device, has, repository};
 use image::{Rgb32FImage, Rgba32FImage};
 
 const STRATEGIES: [&str; 5] = ["deferred", "wide-common-origin", "bvh", "tile", "tile-group"];
@@ -47,6 +47,29 @@ fn alpha_is_what_a_background_does_not_show_through_in_every_family() {
         }
         assert!(partly > 50, "{strategy}: {partly}");
     }
+}
+
+/// An unlit surface has the same colour as a transparent background, so only alpha shows its edges.
+#[test]
+fn edges_of_a_dark_surface_get_more_samples() {
+    let (place, device) = (Place::with(&[("scene.toml", TRIANGLE)]), device());
+    let usual = ["render", "scene.toml", "--width", "61", "--height", "43", "--device", &device];
+    let dark = ["--set", "light.0.power=0", "--background", "transparent", "-o", "out.exr", "--force"];
+    for strategy in ["bvh", "tile", "tile-group"] {
+        let sampled = ["--samples", "16", "--adaptive", "--verify", "--strategy", strategy];
+        place.output(&[&usual[..], &dark, &sampled].concat());
+        let picture = image::open(place.path("out.exr")).expect("a picture").to_rgba32f();
+        let partly = picture.pixels().filter(|pixel| pixel.0[3] > 0.0 && pixel.0[3] < 1.0).count();
+        assert!(partly > 50, "{strategy}: {partly}");
+    }
+}
+
+/// The changed kernel halves the alpha of every fourth pixel. Colours, and which pixels show a surface, stay the same.
+#[test]
+fn a_wrong_alpha_is_a_wrong_picture() {
+    let place = Place::with(&[("scene.toml", TRIANGLE)]);
+    let halved = ("tile_cpu/shade.cl", "(float4)(r.x, g.x, b.x, h.x)", "(float4)(r.x, g.x, b.x, 0.5f * h.x)");
+    place.notices(halved, "tile", &["--background", "transparent", "--samples", "4", "--verify"]);
 }
 
 /// With many lights, the strategy `tile-group` adds light to the picture in several rounds.

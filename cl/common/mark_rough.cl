@@ -1,17 +1,18 @@
 // Marks the blocks of pixels that get more samples. In such a block, neighbouring pixels differ visibly after the first
-// samples: at an edge, at the border of a shadow, or because few samples leave grain. src/reference/rough.rs does the
-// same in f64.
+// samples: at an edge, at the border of a shadow, or because few samples leave grain. Before a transparent background,
+// pixels also differ in alpha, which alone shows the edge of a dark surface. src/reference/rough.rs does the same in
+// f64.
 
 #ifndef ROUGH_STEPS
 #error "ROUGH_STEPS: a block is rough if displayed neighbouring pixels differ by more than this, on a scale of 0 to 255"
 #endif
 
-// Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. Beyond the image,
-// the pixels at its border repeat.
-float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure) {
+// Returns a pixel's channels from 0 to 255, approximately as they are displayed, with a gamma of 2. The last channel is
+// the pixel's alpha times `alpha_scale`. Beyond the image, the pixels at its border repeat.
+float4 displayed(const __global float4 *image, int2 image_size, int x, int y, float exposure, float alpha_scale) {
     const float4 mean = image[(size_t)clamp(y, 0, image_size.y - 1) * image_size.x + clamp(x, 0, image_size.x - 1)];
     const float4 shown = 255.0f * sqrt(clamp(exposure * mean, 0.0f, 1.0f));
-    return (float4)(shown.xyz, 0.0f);
+    return (float4)(shown.xyz, alpha_scale * mean.w);
 }
 
 // Sets a block's number of samples to `most` if the block is rough, otherwise to `first`. Also adds a rough block to
@@ -24,16 +25,16 @@ __kernel void mark_rough(MARK_ROUGH_PARAMETERS) {
     const int left = block % across * SAMPLED_BLOCK - 1, top = block / across * SAMPLED_BLOCK - 1;
     float4 above[SAMPLED_BLOCK + 2], most_apart = (float4)(0.0f);
     for (int row = 0; row < SAMPLED_BLOCK + 2; row++) {
-        float4 before = displayed(means, image_size, left, top + row, exposure);
+        float4 before = displayed(means, image_size, left, top + row, exposure, alpha_scale);
         for (int column = 0; column < SAMPLED_BLOCK + 2; column++) {
-            const float4 own = displayed(means, image_size, left + column, top + row, exposure);
+            const float4 own = displayed(means, image_size, left + column, top + row, exposure, alpha_scale);
             most_apart = max(most_apart, fabs(own - before));
             if (row) most_apart = max(most_apart, fabs(own - above[column]));
             above[column] = before = own;
         }
     }
     // One channel that differs visibly is enough.
-    const int is_rough = max(max(most_apart.x, most_apart.y), most_apart.z) > ROUGH_STEPS;
+    const int is_rough = max(max(most_apart.x, most_apart.y), max(most_apart.z, most_apart.w)) > ROUGH_STEPS;
     wanted[block] = is_rough ? most : first;
     // The order of the list varies from run to run, but this has no effect, since the blocks are cast independently
     // of each other.

@@ -154,10 +154,12 @@ int depth_bits(const Coverage *coverage, int x, int y, float z_near) {
     return per_depth > 0.0f && depth > z_near && depth < FAR ? as_int(depth) : NO_HIT;
 }
 
+// Work-groups have a fixed size, so the last group may have more work-items than there are triangles left.
 #define COVERAGE_OF_TRIANGLE                 \
+    const int triangle = get_global_id(0);   \
+    if (triangle >= triangle_count) return;  \
     Geometry geometry;                       \
     BIND_GEOMETRY(geometry)                  \
-    const int triangle = get_global_id(0);   \
     const Coverage coverage = cover(corners(&geometry, triangle), eye, corner, step_x, step_y, image_size);
 
 // A loop over the pixels that a triangle may cover. Before the first kernel, the host fills the buffers `depth` and

@@ -71,6 +71,25 @@ pub fn trusted(folder: &Path) -> Option<&Path> {
     (found.is_dir() && is_own(&found)).then_some(folder)
 }
 
+/// Returns why raycl cannot use a folder for the cache; `None` if raycl can use the folder, or can make it.
+pub fn why_unusable(folder: &Path) -> Option<&'static str> {
+    match folder.metadata() {
+        Ok(found) if !found.is_dir() => Some("it is not a folder"),
+        Ok(found) if !is_own(&found) => {
+            Some("another user owns it, or users other than its owner may write into it")
+        }
+        _ => (!can_be_written(folder)).then_some("raycl cannot write into it"),
+    }
+}
+
+/// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
+/// this by creating a temporary file in the nearest existing folder. Permission bits alone show too little: for
+/// the superuser they permit writing even if the file system does not.
+pub fn can_be_written(folder: &Path) -> bool {
+    let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
+    existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
+}
+
 /// Reads an ordinary file that belongs to the user and that nobody else may write. Returns `None` for all other files,
 /// and for links.
 pub fn read_own(path: &Path) -> Option<Vec<u8>> {
@@ -96,6 +115,20 @@ fn is_own(_: &std::fs::Metadata) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_can_be_written_if_its_nearest_existing_ancestor_can() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").expect("a file");
+        assert!(can_be_written(folder.path()) && can_be_written(&folder.path().join("a/b/c")));
+        assert!(!can_be_written(&file) && !can_be_written(&file.join("a/b")));
+        #[cfg(target_os = "linux")]
+        assert!(!can_be_written(Path::new("/proc/a/b")), "not even the superuser can");
+        std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
+        assert!(!can_be_written(&folder.path().join("broken/a")));
+    }
 
     #[test]
     fn the_limit_is_told_in_mebibytes_and_is_512_of_them_otherwise() {

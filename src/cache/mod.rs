@@ -5,10 +5,10 @@
 mod entry;
 mod folder;
 
-pub use folder::{LIMIT, check_limit, limit_bytes, temporary};
+pub use folder::{LIMIT, can_be_written, check_limit, limit_bytes, temporary};
 
 use entry::{file_name, opened, sealed};
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
@@ -60,9 +60,15 @@ impl Cache {
         self.limit_bytes
     }
 
-    /// Returns whether the cache is in use.
+    /// Returns whether the cache is in use: it has a folder from which later processes of raycl take what this process
+    /// stores.
     pub fn keeps(&self) -> bool {
-        self.folder.is_some()
+        self.folder.is_some() && self.why_unusable().is_none()
+    }
+
+    /// Returns why raycl cannot use the cache's folder; `None` if it can, or if the cache has no folder.
+    pub fn why_unusable(&self) -> Option<&'static str> {
+        self.folder().and_then(folder::why_unusable)
     }
 
     /// Returns the content of the entry with this kind (the sort of data, such as `program`) and this key; `None` if
@@ -99,13 +105,10 @@ impl Cache {
         entries
     }
 
-    /// Removes all entries; returns their number and size.
+    /// Removes all entries; returns the number and size of the removed entries. If some entries cannot be removed,
+    /// removes all others, and returns the first error.
     pub fn clear(&self) -> std::io::Result<(usize, u64)> {
-        let entries = self.entries();
-        for entry in &entries {
-            std::fs::remove_file(&entry.path)?;
-        }
-        Ok((entries.len(), entries.iter().map(|entry| entry.bytes).sum()))
+        remove(&self.entries())
     }
 
     /// Removes the least recently used entries, until the remaining entries are within the limit.
@@ -118,6 +121,20 @@ impl Cache {
             }
         }
     }
+}
+
+/// Removes entries; returns the number and size of the removed entries. An entry that is already gone is no error:
+/// another process may have finished, replaced or removed its file since the entries were listed.
+fn remove(entries: &[Entry]) -> std::io::Result<(usize, u64)> {
+    let (mut count, mut bytes, mut failed) = (0, 0, None);
+    for entry in entries {
+        match std::fs::remove_file(&entry.path) {
+            Ok(()) => (count, bytes) = (count + 1, bytes + entry.bytes),
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => failed = failed.or(Some(error)),
+        }
+    }
+    failed.map_or(Ok((count, bytes)), Err)
 }
 
 #[allow(
@@ -259,6 +276,25 @@ mod tests {
         assert_eq!(cache.get("program", "key"), None);
     }
 
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_others_may_write_and_a_file_in_its_place_keep_nothing() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let (place, cache) = cache(10_000);
+        assert!(cache.keeps(), "the folder can be made");
+        assert!(!Cache::none().keeps());
+        assert!(cache.put("program", "key", b"content") && cache.keeps());
+        let folder = cache.folder().unwrap();
+        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o770)).unwrap();
+        assert!(!cache.keeps());
+        assert!(cache.why_unusable().unwrap().contains("users other than its owner"));
+        let file = place.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        assert_eq!(Cache::at(&file, 10_000).why_unusable(), Some("it is not a folder"));
+        let below = Cache::at(&file.join("raycl"), 10_000);
+        assert_eq!((below.keeps(), below.why_unusable()), (false, Some("raycl cannot write into it")));
+    }
+
     #[test]
     fn only_the_caches_own_files_are_cleared() {
         let (_place, cache) = cache(10_000);
@@ -275,6 +311,28 @@ mod tests {
         std::fs::write(folder.join(".unfinished-x"), "12345").unwrap();
         assert_eq!(cache.clear().unwrap(), (2, bytes + 5));
         assert!(others.iter().all(|name| folder.join(name).exists()) && cache.entries().is_empty());
+    }
+
+    #[test]
+    fn entries_are_removed_although_some_are_gone_and_some_cannot_be_removed() {
+        let (_place, cache) = cache(10_000);
+        assert!(["a", "b"].iter().all(|key| cache.put("program", key, b"content")));
+        let entry = |name: &str| Entry {
+            path: cache.folder().unwrap().join(name),
+            bytes: 3,
+            used: SystemTime::UNIX_EPOCH,
+        };
+        // The first entry is gone.
+        let listed = [vec![entry("gone")], cache.entries()].concat();
+        let bytes = listed[1].bytes + listed[2].bytes;
+        assert_eq!(remove(&listed).unwrap(), (2, bytes));
+        assert!(cache.entries().is_empty());
+        // The first entry is a folder, which cannot be removed like a file.
+        assert!(cache.put("program", "c", b"content"));
+        std::fs::create_dir(&entry("folder").path).unwrap();
+        let error = remove(&[vec![entry("folder")], cache.entries()].concat()).unwrap_err();
+        assert_ne!(error.kind(), ErrorKind::NotFound);
+        assert!(cache.entries().is_empty());
     }
 
     #[test]

@@ -13,7 +13,7 @@ use serde::Serialize;
   raycl cache clear
   RAYCL_CACHE_MIB=0 raycl render scenes/teapot.toml   without the cache
 
-The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt.")]
+The cache is the folder $XDG_CACHE_HOME/raycl, or ~/.cache/raycl if XDG_CACHE_HOME is not set. It contains lists of the OpenCL devices, compiled programs, and short notes about programs, such as which program a scene needed last time. raycl stores one compiled program for each combination of source code, compiler options, device, driver and values of the driver's environment variables. The environment variable RAYCL_CACHE_MIB is the cache's limit in MiB (default: 512; 0 turns the cache off). If the cache exceeds this limit, raycl removes the least recently used entries. raycl can regenerate every entry, and does so if an entry is corrupt. raycl uses the cache only if the folder belongs to you, nobody else may write into it, and raycl can write into it; otherwise, `raycl cache` says why raycl does not use the folder.")]
 pub struct Args {
     #[command(subcommand)]
     action: Option<Action>,
@@ -36,8 +36,11 @@ enum Action {
 /// what was removed.
 #[derive(Serialize)]
 struct Shown {
-    /// The cache's folder; null if raycl stores nothing between runs.
+    /// The cache's folder; null if the cache has no folder, so that raycl stores nothing between runs.
     folder: Option<String>,
+    /// Why raycl cannot use the folder, so that it stores nothing between runs; null if it can, or if there is no
+    /// folder.
+    unusable: Option<&'static str>,
     entries: usize,
     bytes: u64,
     limit_bytes: u64,
@@ -78,6 +81,7 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
     let entries = cache.entries();
     let shown = Shown {
         folder: cache.folder().map(|folder| folder.display().to_string()),
+        unusable: cache.why_unusable(),
         entries: entries.len(),
         bytes: entries.iter().map(|entry| entry.bytes).sum(),
         limit_bytes: cache.limit_bytes(),
@@ -89,7 +93,13 @@ fn show(cache: &Cache, json: bool) -> Result<()> {
         return super::print(format!("Nothing is stored between runs: {}", why_none(cache)));
     };
     let (count, bytes) = (counted(shown.entries, "entry"), readable(shown.bytes));
-    super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))
+    super::print(format!("{folder}: {count}, {bytes} of at most {}", readable(shown.limit_bytes)))?;
+    match shown.unusable {
+        Some(why) => {
+            super::print(format!("Nothing is stored between runs, since raycl cannot use this folder: {why}"))
+        }
+        None => Ok(()),
+    }
 }
 
 fn clear(cache: &Cache, json: bool) -> Result<()> {
@@ -99,7 +109,9 @@ fn clear(cache: &Cache, json: bool) -> Result<()> {
             .with_help(format!("check that you may delete files in the cache's folder, {folder}"))
     })?;
     if json {
-        let removed = Shown { folder: Some(folder), entries, bytes, limit_bytes: cache.limit_bytes() };
+        let unusable = cache.why_unusable();
+        let removed =
+            Shown { folder: Some(folder), unusable, entries, bytes, limit_bytes: cache.limit_bytes() };
         return super::print_json(&removed);
     }
     super::print(format!("{folder}: {} removed, {}", counted(entries, "entry"), readable(bytes)))

@@ -57,7 +57,8 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
     let mut parts = text.split(',').map(str::trim).filter(|part| !part.is_empty()).peekable();
     let name = match parts.peek() {
         Some(first) if !first.contains('=') => parts.next().unwrap_or_default(),
-        _ => "deferred",
+        Some(_) => "deferred",
+        None => return Err(no_strategy(text)),
     };
     let mut strategy = preset(name)?.strategy;
     for part in parts {
@@ -68,6 +69,14 @@ pub fn parse_strategy(text: &str) -> Result<Strategy> {
         strategy.set(axis.trim(), value.trim())?;
     }
     Ok(strategy)
+}
+
+/// Returns the error for a text that names no strategy. Such a text is mostly the value of a shell's variable that is
+/// not set.
+fn no_strategy(text: &str) -> Error {
+    Error::input(format!("'{text}' names no strategy: it has neither a preset nor the value of an axis")).with_help(
+        "name a preset (naive), values of axes (width=4), or both (deferred,width=4); `raycl strategies` lists them",
+    )
 }
 
 /// Returns the strategy for a task, and its local size. `text` names the strategy. Without `text`, the strategy is the
@@ -197,6 +206,10 @@ mod tests {
         assert_eq!(parse_strategy("deferred,width=4")?, wide);
         assert_eq!(parse_strategy("width=4")?, wide);
         assert!(parse_strategy("deferred,4").is_err());
+        for empty in ["", " ", ","] {
+            let error = parse_strategy(empty).expect_err(empty);
+            assert!(error.exit_code() == 2 && error.to_string().contains("names no strategy"), "{error}");
+        }
         Ok(())
     }
 

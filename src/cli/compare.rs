@@ -6,7 +6,7 @@ use crate::output::{Choice, OutFolder};
 use crate::record::Folder;
 use crate::report::{self, Comparison};
 use crate::words::counted;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `raycl compare`.
 #[derive(Debug, clap::Args)]
@@ -67,10 +67,9 @@ pub fn run(args: Args) -> Result<()> {
     let (before, after) = (Folder::read(&args.before)?, Folder::read(&args.after)?);
     let mut comparison = Comparison::of(&before, &after, args.threshold / 100.0, args.times);
     if args.fail_on_regression.is_some() {
-        let left_out = comparison.left_out_of_means();
-        comparison.notes.extend(left_out);
+        comparison.notes.extend(comparison.left_out_of_means());
     }
-    if comparison.pairs.is_empty() {
+    if !comparison.has_points_in_common() {
         let error = Error::input("the two folders have no measured point in common");
         return Err(error.with_help(
             "a point of one folder is compared with the point of the other folder that has the same scene, image size, \
@@ -92,15 +91,20 @@ pub fn run(args: Args) -> Result<()> {
         print_table(&comparison)?;
     }
     match args.fail_on_regression.map(|percent| comparison.regressions(percent)) {
-        Some(worse) if !worse.is_empty() => {
-            Err(Error::run(format!("{}: {}", counted(worse.len(), "regression"), worse.join("; ")))
-                .with_help(
-                    "repeat both runs, one after the other, to find out whether the programs differ or the \
-                 machine was busy during one of the runs",
-                ))
-        }
+        Some(worse) if !worse.is_empty() => Err(regressed(&comparison, &worse, &args.after)),
         _ => Ok(()),
     }
+}
+
+/// Returns the error that lists the regressions in the folder `after`.
+fn regressed(comparison: &Comparison, worse: &[String], after: &Path) -> Error {
+    let help = match comparison.broken.is_empty() {
+        true => "repeat both runs, one after the other, to find out whether the programs differ or the machine was \
+                 busy during one of the runs"
+            .to_owned(),
+        false => format!("{} gives the reason for each point that fails", after.join("summary.md").display()),
+    };
+    Error::run(format!("{}: {}", counted(worse.len(), "regression"), worse.join("; "))).with_help(help)
 }
 
 /// Prints every point whose verdict is not "same", then the points that could not be compared, then the notes, then the

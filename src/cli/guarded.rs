@@ -2,6 +2,9 @@
 //! its work in a child process. If a driver ends the child process, raycl tries the drivers one by one, and starts the
 //! work again without the drivers that fail.
 
+#[cfg(unix)]
+mod terminal;
+
 use crate::device::drivers::{Driver, installed, only};
 use crate::device::patience::{GUARDED, HUNG};
 use crate::error::{Error, Result};
@@ -11,6 +14,8 @@ use crate::own_program::own_program;
 use crate::printer;
 use std::ffi::OsString;
 use std::process::ExitStatus;
+#[cfg(unix)]
+use terminal::LentTerminal;
 
 /// Settings of glibc's allocator (since glibc 2.35; older versions and other C libraries ignore unknown settings). The
 /// first access to each page of new memory causes a page fault; these page faults took a fifth of the time of a short
@@ -30,22 +35,28 @@ pub fn is_inside() -> bool {
 /// fail. A command that reads standard input cannot run again, since its input can be read only once. If
 /// `shows_pictures` is true (for `raycl render` and `raycl view`), the allocator of the child process uses huge pages,
 /// unless the user has set `GLIBC_TUNABLES`. Commands that only measure do not use huge pages, since the worker
-/// processes of `raycl run` do not use huge pages either.
+/// processes of `raycl run` do not use huge pages either. If `uses_terminal` is true (for `raycl view --terminal`), the
+/// terminal is restored however the child process ends.
 ///
 /// # Errors
 ///
 /// Fails if a driver ended the child process, and the command cannot run again without the failing drivers. Also fails
 /// if a driver ends the second child process.
-pub fn run(reads_standard_input: bool, shows_pictures: bool) -> Result<()> {
+pub fn run(reads_standard_input: bool, shows_pictures: bool, uses_terminal: bool) -> Result<()> {
     let pages = shows_pictures && std::env::var_os(ALLOCATOR.0).is_none();
     let allocator = pages.then(|| (ALLOCATOR.0, ALLOCATOR.1.into()));
-    let status = attempt(allocator.as_slice())?;
+    let terminal = if uses_terminal { LentTerminal::new().map_err(failed)? } else { None };
+    let status = attempt(allocator.as_slice(), terminal.as_ref())?;
     let Some(cause) = drivers_doing(status) else { return end_as(status) };
-    end_as(without_broken(&cause, reads_standard_input)?)
+    end_as(without_broken(&cause, reads_standard_input, terminal.as_ref())?)
 }
 
 /// Tries the drivers one by one, and runs the command again without the drivers that fail.
-fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus> {
+fn without_broken(
+    cause: &str,
+    reads_standard_input: bool,
+    terminal: Option<&LentTerminal>,
+) -> Result<ExitStatus> {
     let mut good = Vec::new();
     let mut broken = Vec::new();
     for driver in installed() {
@@ -68,7 +79,7 @@ fn without_broken(cause: &str, reads_standard_input: bool) -> Result<ExitStatus>
             .with_help("name a file instead of `-`: raycl then runs again without the drivers that fail"));
     }
     let folder = tempfile::tempdir().map_err(failed)?;
-    let status = attempt(&only(&good, folder.path()).map_err(failed)?)?;
+    let status = attempt(&only(&good, folder.path()).map_err(failed)?, terminal)?;
     match drivers_doing(status) {
         None => Ok(status),
         Some(cause) => Err(Error::run(format!("{cause}, even without the drivers that were left out"))
@@ -89,11 +100,17 @@ fn otherwise(address_space_bytes: Option<u64>) -> String {
     }
 }
 
-/// Runs the same command line once, with these environment variables.
-fn attempt(variables: &[(&str, OsString)]) -> Result<ExitStatus> {
+/// Runs the same command line once, with these environment variables. If the command may use the terminal, `terminal`
+/// is given.
+fn attempt(variables: &[(&str, OsString)], terminal: Option<&LentTerminal>) -> Result<ExitStatus> {
     let mut command = own_program()?;
     command.args(std::env::args_os().skip(1)).env(GUARDED, "1").envs(variables.iter().cloned());
-    command.status().map_err(failed)
+    let mut child = command.spawn().map_err(failed)?;
+    let ended = match terminal {
+        Some(terminal) => terminal.wait(&mut child),
+        None => child.wait(),
+    };
+    ended.map_err(failed)
 }
 
 /// Returns why a driver that is loaded alone cannot list its devices; `None` if it can list them.
@@ -117,6 +134,21 @@ fn drivers_doing(status: ExitStatus) -> Option<String> {
 /// Signals that result from a fault of the process itself. Other signals, such as SIGTERM, come from outside the
 /// process, so they are not the driver's fault.
 const CRASHES: [&str; 7] = ["SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP"];
+
+/// On systems other than Unix, a terminal stays as the child process leaves it.
+#[cfg(not(unix))]
+enum LentTerminal {}
+
+#[cfg(not(unix))]
+impl LentTerminal {
+    fn new() -> std::io::Result<Option<Self>> {
+        Ok(None)
+    }
+
+    fn wait(&self, child: &mut std::process::Child) -> std::io::Result<ExitStatus> {
+        child.wait()
+    }
+}
 
 #[cfg(unix)]
 fn signal(status: ExitStatus) -> Option<(i32, &'static str)> {

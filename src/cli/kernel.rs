@@ -77,7 +77,7 @@ pub fn run(args: Args) -> Result<()> {
     if args.canonical {
         return super::print(canonical(&program.text()).trim_end());
     }
-    let kernels = frame_kernels(&strategy);
+    let kernels = frame_kernels(&strategy, &workload);
     let reading = read(&program.lines, (!args.all).then_some(&kernels[..]));
     let title = Title { args: &args, strategy, workload, builtins, device, options: &spec.options };
     let (head, foot) = (title.head(&program, &kernels), foot(&program, reading.left_out));

@@ -32,9 +32,9 @@ pub struct Args {
     /// or how the process ended
     #[arg(long)]
     status: bool,
-    /// With --status, the number of seconds between two readings of the counter that each running process increases. A
-    /// process whose counter stays the same counts as lost. A network file system may show old data for some time;
-    /// choose more SECONDS than that time
+    /// With --status, the number of seconds (2 or more) between two readings of the counter that each running process
+    /// increases once per second. A process whose counter stays the same counts as lost. A network file system may show
+    /// old data for some time; choose more SECONDS than that time
     #[arg(long, value_name = "SECONDS", default_value_t = 3.0, requires = "status", value_parser = seconds)]
     between: f64,
     /// Print one JSON object per point instead of tables; with --status, one object per process
@@ -45,9 +45,11 @@ pub struct Args {
     quiet: bool,
 }
 
+/// Parses the time between two readings. The processes count once per second, and a busy machine may delay a count, so
+/// a counter that increases may stay the same for a time of less than 2 s.
 fn seconds(text: &str) -> std::result::Result<f64, String> {
-    let wrong = || format!("'{text}' is not a number of seconds from 0 to 3600");
-    text.parse().ok().filter(|seconds| (0.0..=3600.0).contains(seconds)).ok_or_else(wrong)
+    let wrong = || format!("'{text}' is not a number of seconds from 2 to 3600");
+    text.parse().ok().filter(|seconds| (2.0..=3600.0).contains(seconds)).ok_or_else(wrong)
 }
 
 /// Merges the existing results. If points are missing, the error lists them.
@@ -216,9 +218,9 @@ mod tests {
     }
 
     #[test]
-    fn seconds_between_readings_are_0_to_3600() {
-        assert_eq!(["0", "2.5", "3600"].map(|text| seconds(text).ok()), [0.0, 2.5, 3600.0].map(Some));
-        for wrong in ["-1", "3601", "NaN", "soon"] {
+    fn seconds_between_readings_are_2_to_3600() {
+        assert_eq!(["2", "2.5", "3600"].map(|text| seconds(text).ok()), [2.0, 2.5, 3600.0].map(Some));
+        for wrong in ["-1", "0", "0.5", "1", "1.9", "3601", "NaN", "soon"] {
             assert!(seconds(wrong).is_err_and(|said| said.contains(wrong)), "{wrong}");
         }
     }

@@ -200,7 +200,8 @@ impl Cli {
         if self.command.starts_drivers() {
             if !guarded::is_inside() {
                 let shows_pictures = matches!(self.command, Command::Render(_) | Command::View(_));
-                return guarded::run(self.command.reads_standard_input(), shows_pictures);
+                let uses_terminal = matches!(&self.command, Command::View(args) if args.uses_terminal());
+                return guarded::run(self.command.reads_standard_input(), shows_pictures, uses_terminal);
             }
             guarded::ends_with_its_parent();
         }

@@ -53,7 +53,8 @@ pub fn run(args: Args) -> Result<()> {
     let (config, out) = (folder.path().join(FILES[0].0), folder.path().join("out"));
     let mut run = run::Args::of(config, &out, &args.device, &args.set, [false, false]);
     run.no_wait = args.no_wait;
-    run::measure(&run, observer(args.quiet, false).as_mut())?;
+    let (_, measured) = run::measure(&run, observer(args.quiet, false).as_mut())?;
+    measured.map_err(to_be_repeated)?;
     let noise = Noise::of(&Folder::read(&out)?);
     if noise.iter().all(|one| one.samples == 0) {
         return Err(Error::run("nothing could be measured")
@@ -62,6 +63,15 @@ pub fn run(args: Args) -> Result<()> {
     match args.json {
         true => noise.iter().try_for_each(super::print_json),
         false => noise.iter().try_for_each(|one| super::print(text(one))),
+    }
+}
+
+/// Says, if the measurement was interrupted, that it has to be repeated: the temporary folder with its results is
+/// removed.
+fn to_be_repeated(error: Error) -> Error {
+    match error {
+        Error::Interrupted { .. } => error.with_help("run `raycl noise` again; no results were stored"),
+        error => error,
     }
 }
 
@@ -199,6 +209,13 @@ mod tests {
         let told = lines(&noise);
         assert_eq!(told.len(), 4, "{told:?}");
         assert!(told[1..].iter().all(|line| line.ends_with("not enough samples")), "{told:?}");
+    }
+
+    #[test]
+    fn an_interrupted_measurement_is_repeated_and_a_failed_one_keeps_its_remedy() {
+        let told = |error: Error| to_be_repeated(error).remedy().to_owned();
+        assert_eq!(told(Error::interrupted("half")), "run `raycl noise` again; no results were stored");
+        assert_eq!(told(Error::run("full").with_help("make room")), "make room");
     }
 
     #[test]

@@ -36,7 +36,8 @@ pub struct Args {
     local_sizes: Vec<LocalSize>,
     /// Print the predicted occupancy and the measured time of the points of a run. A point is included if its record
     /// contains its kernel's number of registers and occupancy; with --compute-capability, the number of registers is
-    /// enough. DIR is a folder of results, or its file records.jsonl
+    /// enough. Rasterisers are left out, since their main kernels have work-groups of a fixed size. DIR is a folder of
+    /// results, or its file records.jsonl
     #[arg(long, value_name = "DIR", conflicts_with_all = ["paper", "registers", "local_bytes", "local_bytes_per_item", "local_sizes"])]
     results: Option<std::path::PathBuf>,
     /// Print how many threads per multiprocessor are predicted by Figure 5 of the student paper that raycl repeats, and

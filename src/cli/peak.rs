@@ -2,8 +2,10 @@
 
 use super::choice::one_device;
 use super::turn::hold;
+use crate::child::output_unless;
 use crate::device::{Device, discover, select};
 use crate::error::{Error, Result};
+use crate::experiment::Observer;
 use crate::output::{Choice, Target};
 use crate::own_program::own_program;
 use crate::peak::{Figure, Peak, measure};
@@ -13,6 +15,10 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// The interval at which a run that waits for its peak rates checks whether the user has interrupted it.
+const LOOK_UP: Duration = Duration::from_millis(100);
 
 /// Arguments of `raycl peak`.
 #[derive(Debug, clap::Args)]
@@ -94,31 +100,39 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver.
-    pub fn measured(&self, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
+    /// Starts child processes that measure the peak rates. The process of `raycl run` itself starts no driver. It tells
+    /// `observer` that it waits: a shard that waits for its peak rates is not hung.
+    pub fn measured(&self, observer: &mut dyn Observer, interrupted: &AtomicBool) -> Result<Vec<Peak>> {
         let mut all: Vec<Peak> = Vec::new();
         for pattern in self.patterns {
-            let found = self.measured_apart(pattern);
-            // Ctrl-C also ends the child process, which may be waiting for the device. The user then gets a message
-            // about the interruption, not about the child's failure.
+            let found = self.measured_apart(pattern, &mut || {
+                observer.waits();
+                interrupted.load(Ordering::Relaxed)
+            });
+            // Ctrl-C in a terminal also reaches the child process, which may be waiting for the device. The user then
+            // gets a message about the interruption, not about the child's failure.
             if interrupted.load(Ordering::Relaxed) {
                 return Err(Error::interrupted("the devices' peak rates were being measured"));
             }
-            add_new(&mut all, found?);
+            Peak::add_new(&mut all, found?);
         }
         Ok(all)
     }
 
-    fn measured_apart(&self, pattern: &str) -> Result<Vec<Peak>> {
+    /// Measures the devices that match `pattern` in a child process, which is killed as soon as `is_over` returns true.
+    fn measured_apart(&self, pattern: &str, is_over: &mut dyn FnMut() -> bool) -> Result<Vec<Peak>> {
         let failed = |why: &dyn std::fmt::Display| {
             Error::run(format!("the devices' peak rates could not be measured: {why}"))
                 .with_help("`raycl peak --device NAME` measures a single device and shows why it fails")
         };
         let mut command = own_program()?;
         // The child's messages go to the user: they say which process the child waits for, or why the child failed.
-        command.args(self.arguments(pattern)).stdin(Stdio::null()).stderr(Stdio::inherit());
-        let output = command.output().map_err(|error| failed(&error))?;
-        listed(&String::from_utf8_lossy(&output.stdout)).ok_or_else(|| failed(&"the reason is above"))
+        command.args(self.arguments(pattern)).stderr(Stdio::inherit());
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let ended = command.spawn().and_then(|child| output_unless(child, LOOK_UP, is_over));
+        let output = ended.map_err(|error| failed(&error))?;
+        let peaks = output.and_then(|output| listed(&String::from_utf8_lossy(&output.stdout)));
+        peaks.ok_or_else(|| failed(&"the reason is above"))
     }
 
     /// Returns the arguments of the child process that measures the devices that match `pattern`.
@@ -133,15 +147,6 @@ impl Wanted<'_> {
 /// Reads what a child process printed. A driver may print lines before the JSON.
 fn listed(printed: &str) -> Option<Vec<Peak>> {
     serde_json::from_str(&printed[printed.find("[\n")?..]).ok()
-}
-
-/// Adds the devices that are not in the list yet, so that a device that several patterns match is listed only once.
-fn add_new(all: &mut Vec<Peak>, found: Vec<Peak>) {
-    for peak in found {
-        if all.iter().all(|known| known.device != peak.device) {
-            all.push(peak);
-        }
-    }
 }
 
 fn text(peak: &Peak) -> String {
@@ -188,7 +193,7 @@ mod tests {
             ..Peak::default()
         };
         let mut all = vec![peak("a", "first")];
-        add_new(&mut all, vec![peak("a", "second"), peak("b", "first")]);
+        Peak::add_new(&mut all, vec![peak("a", "second"), peak("b", "first")]);
         assert_eq!(all, [peak("a", "first"), peak("b", "first")]);
         let json = serde_json::to_string_pretty(&all).unwrap();
         assert_eq!(listed(&format!("[driver] ready\n{json}\n")), Some(all));

@@ -84,8 +84,8 @@ fn measure_all(args: &Args, out: &mut OutFolder) -> Result<Vec<String>> {
     let mut failed = Vec::new();
     for (place, (name, run)) in runs.iter().enumerate() {
         stages.enter(format!("{name} ({} of {})", place + 1, runs.len()));
-        let end = run::measure(run, &mut stages);
-        let (_, records) = end.map_err(|error| stopped(error, args, out, &mut stages, total))?;
+        let end = run::measure(run, &mut stages).and_then(|(_, measured)| measured);
+        let records = end.map_err(|error| stopped(error, args, out, &mut stages, total))?;
         let folder = args.out.join(name);
         report::write(&[Folder::read(&folder)?], &mut OutFolder::open(&folder, out.choice())?)?;
         let missing = records.iter().filter(|record| !record.outcome.is_fine()).count();
@@ -109,7 +109,7 @@ fn arguments(args: &Args, name: &str) -> run::Args {
 }
 
 /// Writes the page from the results that were measured before the error, and returns the error with a help line that
-/// says how to continue. An error about a mistake in the input is returned unchanged.
+/// says how to continue. A failed run keeps its remedy. An error about a mistake in the input is returned unchanged.
 fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, total: usize) -> Error {
     stages.end();
     let page = write_page(out)
@@ -121,7 +121,10 @@ fn stopped(error: Error, args: &Args, out: &mut OutFolder, stages: &mut Stages, 
             Error::interrupted(message).with_help(help)
         }
         Error::Input(_) => error,
-        error => error.with_help(help),
+        Error::Run { .. } => {
+            let help = format!("{}\n{help}", error.remedy());
+            error.with_help(help)
+        }
     }
 }
 
@@ -132,6 +135,7 @@ fn resuming(args: &Args) -> String {
     words.extend(args.device.iter().flat_map(|device| ["--device".to_owned(), device.clone()]));
     words.extend(args.set.iter().flat_map(|(key, value)| ["--set".to_owned(), format!("{key}={value}")]));
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
+    words.extend(args.force.then(|| "--force".to_owned()));
     words.push("--resume".to_owned());
     words.iter().map(|word| report::quote(word)).collect::<Vec<_>>().join(" ")
 }
@@ -241,11 +245,31 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_failed_keeps_its_remedy_and_a_mistake_is_not_to_be_continued() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let told = |error: Error| {
+            let choice = Choice { force: false, elsewhere: "--out DIR" };
+            let mut out = OutFolder::open(folder.path(), choice).expect("a folder");
+            let mut stages = Stages::of([4, 4], observer(true, false));
+            let stopped = stopped(error, &args(), &mut out, &mut stages, 4);
+            (stopped.to_string(), stopped.remedy().to_owned())
+        };
+        let command = format!("to continue from here: {}", resuming(&args()));
+        let [failed, mistake] =
+            [Error::run("full"), Error::input("no")].map(|error| error.with_help("remedy"));
+        assert_eq!(told(failed), ("full".to_owned(), format!("remedy\n{command}")));
+        assert_eq!(told(mistake), ("no".to_owned(), "remedy".to_owned()));
+        let interrupted = told(Error::interrupted("half"));
+        assert_eq!(interrupted, ("interrupted: 0 of 4 points are done".to_owned(), command));
+    }
+
+    #[test]
     fn the_command_that_continues_names_every_device() {
         let args = args();
         let devices = "--device cpu --device nvidia";
         let command = format!("raycl reproduce --out out {devices} --set timing.launches=1 --resume");
         assert_eq!(resuming(&args), command);
-        assert!(resuming(&Args { no_wait: true, ..args }).ends_with(" --no-wait --resume"));
+        let other = resuming(&Args { no_wait: true, force: true, ..args });
+        assert!(other.ends_with(" --no-wait --force --resume"), "{other}");
     }
 }

@@ -39,7 +39,7 @@ pub struct Args {
     /// A note about the machine, stored with the times
     #[arg(long, value_name = "WORDS", default_value = "", conflicts_with_all = ["fit", "show"])]
     conditions: String,
-    /// Write the measurements (the sweep) to this file
+    /// Write the measurements (the sweep) to this file; - writes them to standard output, without the table
     #[arg(short, long, value_name = "FILE", conflicts_with_all = ["fit", "show"])]
     output: Option<PathBuf>,
     /// Compute the constants of the rule by which `render` chooses a strategy, from stored measurements (sweeps), and
@@ -71,9 +71,16 @@ pub fn run(args: Args) -> Result<()> {
     let output = args.output.as_ref();
     let target = output.map(|path| Target::new(path, Choice { force: false, elsewhere: "-o FILE" }));
     target.iter().try_for_each(Target::check)?;
-    let sweep = measure(&args, path)?;
-    super::print(text(&sweep)?)?;
-    target.iter().try_for_each(|target| target.write_json(&sweep))
+    let (sweep, end) = measure(&args, path)?;
+    if sweep.cases.is_empty() {
+        return end;
+    }
+    // The sweep is stored first: if the table cannot be printed, the measurements are not lost.
+    target.iter().try_for_each(|target| target.write_json(&sweep))?;
+    if !target.is_some_and(|target| target.is_standard_output()) {
+        super::print(text(&sweep)?)?;
+    }
+    end
 }
 
 fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
@@ -88,7 +95,9 @@ fn read_all(paths: &[PathBuf]) -> Result<Vec<Sweep>> {
     paths.iter().map(read).collect()
 }
 
-fn measure(args: &Args, path: &Path) -> Result<Sweep> {
+/// Measures the wanted cases until one of them fails. Returns the sweep of the cases that were measured, and the error
+/// of the case that failed.
+fn measure(args: &Args, path: &Path) -> Result<(Sweep, Result<()>)> {
     let device = one_device(args.device.as_deref(), &Sources::Embedded)?;
     let kind = if device.info.limits.is_cpu { "cpu" } else { "gpu" };
     let word = args.only.as_deref().unwrap_or("");
@@ -104,16 +113,26 @@ fn measure(args: &Args, path: &Path) -> Result<Sweep> {
     // All cases are checked before the first one is measured, so that a mistake loses no measurements.
     let mut last = LastScene::default();
     wanted.iter().try_for_each(|case| checked(case, path, &mut last).map(drop))?;
+    let date = jiff::Timestamp::now().strftime("%Y-%m-%d").to_string();
     let measured = wanted.iter().map(|case| measured(case, path, &mut last, &device, args.rounds));
-    Ok(Sweep {
+    let (cases, end) = until_error(measured);
+    let sweep = Sweep {
         device: device.info.label.clone(),
         class: Class::of(&device.info.limits),
         compute_units: device.info.limits.compute_units,
-        date: jiff::Timestamp::now().strftime("%Y-%m-%d").to_string(),
+        date,
         conditions: args.conditions.clone(),
         rounds: args.rounds,
-        cases: measured.collect::<Result<_>>()?,
-    })
+        cases,
+    };
+    Ok((sweep, end))
+}
+
+/// Returns the values before the first error, and this error.
+fn until_error<T>(mut results: impl Iterator<Item = Result<T>>) -> (Vec<T>, Result<()>) {
+    let mut values = Vec::new();
+    let end = results.try_for_each(|result| result.map(|value| values.push(value)));
+    (values, end)
 }
 
 /// Returns whether a case is for this kind of device and has the word in its name.
@@ -200,6 +219,15 @@ mod tests {
         };
         let asked = [("cpu", ""), ("cpu", "bunny"), ("cpu", "dragon"), ("gpu", "bunny")];
         assert_eq!(asked.map(|(kind, word)| is_wanted(&case, kind, word)), [true, true, false, false]);
+    }
+
+    #[test]
+    fn what_was_measured_before_an_error_is_kept() {
+        let (values, end) = until_error([Ok(1), Ok(2), Err(Error::run("it broke")), Ok(3)].into_iter());
+        assert_eq!(values, [1, 2]);
+        assert_eq!(end.unwrap_err().to_string(), "it broke");
+        let (values, end) = until_error([Ok(1), Ok(2)].into_iter());
+        assert!(values == [1, 2] && end.is_ok());
     }
 
     #[test]

@@ -6,12 +6,15 @@ mod environment;
 mod fixtures;
 mod folders;
 mod forecast;
+mod interruption;
 mod measuring;
 mod resume;
 mod sbatch;
 mod shard;
 mod spread;
 mod two_kernels;
+
+pub(crate) use interruption::forget_interruption;
 
 use super::choice::parse_assignment;
 use super::progress::observer;
@@ -33,17 +36,12 @@ use earlier::foreseen;
 use environment::environment;
 use folders::default_folder;
 use forecast::forecast;
+use interruption::interrupt_flag;
 use resume::{choices, say_how_to_resume};
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
 use spread::Spread;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-
-/// The exit code after a second SIGINT (Ctrl-C) or SIGTERM.
-const INTERRUPTED: i32 = 130;
 
 /// The default time limit for building a point's kernels and casting its first image, and for casting each later
 /// frame.
@@ -193,7 +191,7 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(shards) = args.sbatch {
         return sbatch::run(&args, shards);
     }
-    let (out, _) = measure(&args, observer(args.quiet, args.verbose).as_mut())?;
+    let (out, _) = measure_resumably(&args, observer(args.quiet, args.verbose).as_mut())?;
     report(&args, &out)
 }
 
@@ -249,8 +247,17 @@ fn refuse_shards(out: &Path) -> Result<()> {
     }
 }
 
-/// Measures the missing points. Returns the folder of results and the records of all points.
-pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
+/// Measures the missing points. Returns the folder of results and the records of all points. If the measurement ends
+/// early, the error says how to continue.
+pub(crate) fn measure_resumably(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Vec<Record>)> {
+    let (out, measured) = measure(args, observer)?;
+    let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
+    Ok((out, records))
+}
+
+/// Measures the missing points. Returns the folder of results, and the records of all points or the error that ended
+/// the measurement in this folder. The error does not say how to continue, since that depends on the command.
+pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathBuf, Result<Vec<Record>>)> {
     let sources = two_kernels::sources(args, args.spread)?;
     let experiment = config::load(&args.config, &args.set)?;
     let peak = peak_of_file(args)?;
@@ -273,40 +280,64 @@ pub(crate) fn measure(args: &Args, observer: &mut dyn Observer) -> Result<(PathB
     let open = if args.resume { Results::resume } else { Results::create };
     let mut results = open(&out, &environment(&experiment, &infos, &sources))?;
     spread.iter().try_for_each(|spread| spread.write(&out))?;
-    keep_peak(args, &experiment, peak, &mut results, &interrupted)
-        .map_err(|error| say_how_to_resume(error, args, &out))?;
-    if !args.quiet {
-        let expected = expected.map_or_else(|| foreseen(&run, &out, &results.past().records), Ok)?;
-        observer.says(&expected.to_string());
-    }
-    let measured = measuring::execute(args, run, &out, &mut results, observer, &interrupted);
-    let records = measured.map_err(|error| say_how_to_resume(error, args, &out))?;
-    Ok((out, records))
+    let has_peak = keep_peak(args, &run, peak, &mut results, observer, &interrupted);
+    let measured = has_peak.and_then(|()| {
+        if !args.quiet {
+            let expected = expected.map_or_else(|| foreseen(&run, &out, &results.past().records), Ok)?;
+            observer.says(&expected.to_string());
+        }
+        measuring::execute(args, run, &out, &mut results, observer, &interrupted)
+    });
+    Ok((out, measured))
+}
+
+/// Returns the file of `--peak=FILE`; `None` if no file is given.
+fn peak_file(args: &Args) -> Option<&str> {
+    args.peak.as_deref().filter(|given| *given != "measure")
 }
 
 /// Returns the peak rates in the file of `--peak=FILE`; `None` if no file is given.
 fn peak_of_file(args: &Args) -> Result<Option<Vec<Peak>>> {
-    let file = args.peak.as_deref().filter(|given| *given != "measure");
-    file.map(|file| Peak::read(Path::new(file))).transpose()
+    peak_file(args).map(|file| Peak::read(Path::new(file))).transpose()
 }
 
 /// Stores the devices' peak rates in the folder, if requested: those of the file or, without a file, measured ones.
+/// Tells the user which devices the file lacks.
 fn keep_peak(
     args: &Args,
-    experiment: &Experiment,
+    run: &Run<'_>,
     of_file: Option<Vec<Peak>>,
     results: &mut Results,
+    observer: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<()> {
     if args.peak.is_none() {
         return Ok(());
     }
     let wanted = super::peak::Wanted {
-        patterns: &patterns(args, experiment),
+        patterns: &patterns(args, run.experiment),
         cl_dir: args.cl_dir.first().map(PathBuf::as_path),
         no_wait: args.no_wait,
     };
-    results.keep_peak(of_file.map_or_else(|| wanted.measured(interrupted), Ok)?)
+    results.keep_peak(of_file.map_or_else(|| wanted.measured(observer, interrupted), Ok)?)?;
+    let note = without_peaks(args, run.devices, results.peak());
+    note.iter().try_for_each(|note| super::tell(args.quiet, note))
+}
+
+/// Returns a note that names the devices without peak rates, if the rates come from a file and there are such devices.
+fn without_peaks(args: &Args, devices: &[&DeviceInfo], peaks: &[Peak]) -> Option<String> {
+    let file = peak_file(args)?;
+    let is_unknown = |label: &&str| peaks.iter().all(|peak| peak.device != *label);
+    let mut unknown: Vec<&str> =
+        devices.iter().map(|device| device.label.as_str()).filter(is_unknown).collect();
+    unknown.dedup();
+    (!unknown.is_empty()).then(|| {
+        format!(
+            "note: {file} has no peak rates of {}, so the results do not state the speed as a share of these rates; \
+             `raycl peak --device NAME --out FILE` measures them",
+            unknown.join(", ")
+        )
+    })
 }
 
 fn choice(args: &Args) -> Choice {
@@ -350,6 +381,8 @@ fn foresee(args: &Args) -> Result<()> {
     let locks = Locks::of_machine(!args.no_wait);
     let run = run_of(args, &experiment, &infos, &sources, &locks)?;
     let out = args.out.clone().unwrap_or_else(|| default_folder(&experiment.name, args.resume));
+    let spread = args.spread.then(|| Spread::of(&run, &out)).transpose()?;
+    let run = Run { blocks: spread.as_ref().map(Spread::blocks), ..run };
     let expected = foreseen(&run, &out, &[])?;
     let points = dry_run(&run)?;
     if args.quiet && !args.json {
@@ -363,19 +396,6 @@ fn parse_seconds(text: &str) -> std::result::Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds| *seconds > 0.0);
     let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     duration.ok_or_else(|| format!("'{text}' is not a positive number of seconds"))
-}
-
-/// Returns a flag that the first SIGINT or SIGTERM sets; a second signal ends the process at once.
-fn interrupt_flag() -> Result<Arc<AtomicBool>> {
-    let interrupted = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        // The order of the two calls matters: on a signal, the handler registered first ends raycl if the flag is
-        // already set; the handler registered second then sets the flag.
-        flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(&interrupted))
-            .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
-            .map_err(|error| Error::fault(format!("raycl cannot handle Ctrl-C: {error}")))?;
-    }
-    Ok(interrupted)
 }
 
 /// Writes the report, then prints the results and their paths. If points failed, returns an error with exit code 1.
@@ -477,6 +497,20 @@ mod tests {
         let spread = fixtures::args(&["a.toml", "--spread"]);
         let run = of(&spread, &sources[..1]);
         assert!(run.spread && !run.retry_failed && run.other_sources.is_none() && run.blocks.is_none());
+    }
+
+    #[test]
+    fn devices_that_the_file_of_peak_rates_lacks_are_named() {
+        let one = asleep::device(1.0);
+        let other = DeviceInfo { label: "other".to_owned(), ..asleep::device(1.0) };
+        let peaks = [Peak { device: one.label.clone(), ..Peak::default() }];
+        let told = |peak: &str, devices: &[&DeviceInfo]| {
+            without_peaks(&fixtures::args(&["a.toml", peak]), devices, &peaks)
+        };
+        let note = told("--peak=h200.json", &[&one, &other, &other]).unwrap();
+        assert!(note.starts_with("note: h200.json has no peak rates of other, so"), "{note}");
+        assert_eq!(told("--peak=h200.json", &[&one]), None);
+        assert_eq!(told("--peak", &[&one, &other]), None);
     }
 
     #[test]

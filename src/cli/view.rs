@@ -46,9 +46,14 @@ impl Args {
         self.subject.reads_standard_input()
     }
 
+    /// Returns whether the pictures are shown in the terminal.
+    pub(super) fn uses_terminal(&self) -> bool {
+        self.terminal.is_some()
+    }
+
     /// Returns whether standard output is a pipe or a file that gets the pictures.
     fn streams(&self) -> bool {
-        self.terminal.is_some() && !std::io::stdout().is_terminal()
+        self.uses_terminal() && !std::io::stdout().is_terminal()
     }
 }
 

@@ -8,7 +8,7 @@ use notify::RecursiveMode;
 use notify::{EventKind, Watcher as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Extensions of files whose changes count even if raycl has not read the files. Extensions of pictures are not listed:
 /// a picture counts only if raycl has read it, for example as a texture. So pictures that other commands write cause no
@@ -19,7 +19,10 @@ const QUIET: Duration = Duration::from_millis(80);
 
 /// Files that are watched.
 pub struct Watched {
-    changes: Receiver<()>,
+    /// The times of changes.
+    changes: Receiver<Instant>,
+    /// The time of the last change, if [`has_changed`](Self::has_changed) has not returned true since.
+    changed_at: Option<Instant>,
     /// The watcher. Files are watched until this value is dropped.
     watcher: notify::RecommendedWatcher,
     /// The folders that are watched.
@@ -47,21 +50,21 @@ impl Watched {
         let tell = move |event: notify::Result<notify::Event>| {
             if event.is_ok_and(|event| matters(&event, &written, inputs)) {
                 // Sending fails only if the receiver is gone, which happens only when the program ends.
-                let _ = sender.send(());
+                let _ = sender.send(Instant::now());
             }
         };
         let mut watcher = notify::recommended_watcher(tell).map_err(failed)?;
         for (folder, depth) in &folders {
             watcher.watch(folder, *depth).map_err(failed)?;
         }
-        Ok(Self { changes, watcher, folders, inputs })
+        Ok(Self { changes, changed_at: None, watcher, folders, inputs })
     }
 
-    /// Returns whether a file has changed since the last call. If a file has changed, the function first waits until
-    /// changes have paused.
+    /// Returns whether a file has changed since the function last returned true, and no file has changed for the time
+    /// `QUIET`. The function does not wait, so that a viewer obeys its user even while a large file is being written.
     pub fn has_changed(&mut self) -> bool {
         self.follow();
-        self.changes.try_recv().is_ok() && quiet(&self.changes)
+        is_complete(&self.changes, &mut self.changed_at, Instant::now())
     }
 
     /// Also watches the folders of files that have been read since the last call.
@@ -130,17 +133,24 @@ fn is_source(path: &Path) -> bool {
     path.extension().is_some_and(|ending| SOURCES.iter().any(|usual| ending.eq_ignore_ascii_case(usual)))
 }
 
+/// Returns whether a file has changed, and no file has changed for the time `QUIET` before `now`. `changed_at` is the
+/// time of the last change before the call; it becomes that after the call, or `None` if the function returns true.
+fn is_complete(changes: &Receiver<Instant>, changed_at: &mut Option<Instant>, now: Instant) -> bool {
+    *changed_at = changes.try_iter().last().or(*changed_at);
+    changed_at.take_if(|at| now.duration_since(*at) >= QUIET).is_some()
+}
+
 /// Waits for a change, and then until no file has changed for the time `QUIET`; returns false if no more changes can
 /// come.
-fn next_change(changes: &Receiver<()>) -> bool {
+fn next_change(changes: &Receiver<Instant>) -> bool {
     changes.recv().is_ok() && quiet(changes)
 }
 
 /// Waits until no file has changed for the time `QUIET`; returns false if no more changes can come.
-fn quiet(changes: &Receiver<()>) -> bool {
+fn quiet(changes: &Receiver<Instant>) -> bool {
     loop {
         match changes.recv_timeout(QUIET) {
-            Ok(()) => {}
+            Ok(_) => {}
             Err(RecvTimeoutError::Timeout) => return true,
             Err(RecvTimeoutError::Disconnected) => return false,
         }
@@ -173,11 +183,11 @@ mod tests {
 
     /// Changes a file until a watcher acts.
     fn change_until(path: &Path, mut acts: impl FnMut() -> bool) {
-        let start = std::time::Instant::now();
+        let start = Instant::now();
         while !acts() {
             assert!(start.elapsed() < LIMIT, "a change of {} is not noticed", path.display());
             std::fs::write(path, "changed").expect("it writes");
-            std::thread::sleep(QUIET);
+            std::thread::sleep(2 * QUIET);
         }
     }
 
@@ -244,10 +254,27 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_is_being_written_has_changed_when_it_is_complete() {
+        let (sender, changes) = channel();
+        let (start, mut changed_at) = (Instant::now(), None);
+        let at = |ms| start + Duration::from_millis(ms);
+        let mut is_complete = |ms| is_complete(&changes, &mut changed_at, at(ms));
+        assert!(!is_complete(1000), "nothing has changed");
+        for ms in [1010, 1020] {
+            sender.send(at(ms)).expect("a change");
+        }
+        assert!(!is_complete(1050));
+        sender.send(at(1060)).expect("a change");
+        assert_eq!([1100, 1139, 1140, 1300].map(&mut is_complete), [false, false, true, false]);
+        sender.send(at(1310)).expect("a change");
+        assert!(is_complete(2000), "a second change");
+    }
+
+    #[test]
     fn the_steps_of_one_change_are_one_action() {
         let (sender, changes) = channel();
         for _ in 0..3 {
-            sender.send(()).expect("a change");
+            sender.send(Instant::now()).expect("a change");
         }
         assert!(next_change(&changes));
         assert!(changes.try_recv().is_err(), "all three messages belong to one change");

@@ -41,6 +41,18 @@ pub struct Experiment {
     pub overrides: Vec<String>,
 }
 
+impl Experiment {
+    /// Returns all names under which the config lists a strategy at a local size. `place` is the strategy's index in
+    /// the list of strategies.
+    pub fn names_of(&self, place: usize, local_size: [u32; 2]) -> impl Iterator<Item = &NamedStrategy> {
+        let wanted = self.strategies.get(place).map(|named| named.strategy);
+        let is_wanted = move |named: &&NamedStrategy| {
+            Some(named.strategy) == wanted && named.local_sizes.contains(&local_size)
+        };
+        self.strategies.iter().filter(is_wanted)
+    }
+}
+
 /// A scene file, and values to change in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneChoice {

@@ -1,6 +1,7 @@
 //! The folder in which PoCL stores compiled kernels. Without a folder that it can write, PoCL lists no device.
 
-use std::path::{Path, PathBuf};
+use crate::cache::{can_be_written, temporary};
+use std::path::PathBuf;
 
 /// PoCL's environment variable for this folder.
 const FOLDER: &str = "POCL_CACHE_DIR";
@@ -13,7 +14,7 @@ pub fn cache_variables() -> Vec<(&'static str, String)> {
     if named || default_folder().is_none_or(|folder| can_be_written(&folder)) {
         return Vec::new();
     }
-    let folder = crate::cache::temporary().map(|folder| folder.join("pocl"));
+    let folder = temporary().map(|folder| folder.join("pocl"));
     folder.and_then(|folder| folder.to_str().map(|name| (FOLDER, name.to_owned()))).into_iter().collect()
 }
 
@@ -34,30 +35,4 @@ fn default_folder() -> Option<PathBuf> {
     let place = |name: &str| std::env::var_os(name).map(PathBuf::from);
     let caches = place("XDG_CACHE_HOME").or_else(|| Some(place("HOME")?.join(".cache")))?;
     Some(caches.join("pocl/kcache"))
-}
-
-/// Returns whether this process can write into a folder, or can create it if it does not exist. The function tests
-/// this by creating a temporary file in the nearest existing folder. Permission bits alone show too little: for
-/// the superuser they permit writing even if the file system does not.
-fn can_be_written(folder: &Path) -> bool {
-    let existing = folder.ancestors().find(|folder| folder.symlink_metadata().is_ok());
-    existing.is_some_and(|existing| existing.is_dir() && tempfile::tempfile_in(existing).is_ok())
-}
-
-#[cfg(all(test, unix))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_folder_can_be_written_if_its_nearest_existing_ancestor_can() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("file");
-        std::fs::write(&file, "").expect("a file");
-        assert!(can_be_written(folder.path()) && can_be_written(&folder.path().join("a/b/c")));
-        assert!(!can_be_written(&file) && !can_be_written(&file.join("a/b")));
-        #[cfg(target_os = "linux")]
-        assert!(!can_be_written(Path::new("/proc/a/b")), "not even the superuser can");
-        std::os::unix::fs::symlink("nowhere", folder.path().join("broken")).expect("a link");
-        assert!(!can_be_written(&folder.path().join("broken/a")));
-    }
 }

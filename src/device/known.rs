@@ -18,6 +18,8 @@ const KIND: &str = "devices";
 const ELSEWHERE: [&str; 3] = ["OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES"];
 /// Folders in which systems show their hardware.
 const HARDWARE: [&str; 2] = ["/dev", "/dev/dri"];
+/// Linux's file with an identifier that changes at every start of the system.
+const BOOT: &str = "/proc/sys/kernel/random/boot_id";
 
 /// Returns the device whose index `choose` returns; `None` if `choose` picks no device. The devices of an earlier run
 /// are used if drivers and environment are unchanged and the chosen device still reports the same properties. Otherwise
@@ -69,24 +71,28 @@ fn store(cache: &Cache, key: &str, devices: &[Device]) {
 }
 
 /// Returns the key of the list of devices, a text of everything that affects the list: raycl's version, the drivers'
-/// files, the hardware that the system shows, the drivers' variables, the number of cores that the process may use, and
-/// the kernel that tests lane operations.
+/// files, the hardware that the system shows and that this process may use, the drivers' variables, the number of cores
+/// that the process may use, and the kernel that tests lane operations. The key also contains the system's start, since
+/// a driver that fails may list its devices after the next start: NVIDIA's driver fails after an update until then.
 fn key(sources: &Sources) -> Result<String> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let vendors = vendor_paths(|name| std::env::var_os(name));
-    Ok(key_of(&probe(sources)?, cores, &vendors, &HARDWARE.map(Path::new), variables::all()))
+    // Other systems than Linux have no such file, and their lists stay valid longer.
+    let boot = std::fs::read_to_string(BOOT).unwrap_or_default();
+    Ok(key_of(&probe(sources)?, (cores, boot.trim()), &vendors, &HARDWARE.map(Path::new), variables::all()))
 }
 
 fn key_of(
     probe: &str,
-    cores: usize,
+    (cores, boot): (usize, &str),
     vendors: &[PathBuf],
     hardware: &[&Path],
     variables: Vec<String>,
 ) -> String {
     let version =
         format!("{} {}", env!("CARGO_PKG_VERSION"), option_env!("RAYCL_GIT_REVISION").unwrap_or("-"));
-    let parts = [version, format!("{cores} cores"), blake3::hash(probe.as_bytes()).to_hex().to_string()];
+    let probe = blake3::hash(probe.as_bytes()).to_hex().to_string();
+    let parts = [version, format!("{cores} cores"), format!("boot {boot}"), probe];
     let vendors = vendors.iter().flat_map(|path| drivers(path));
     let hardware = hardware.iter().flat_map(|folder| accelerators(folder));
     let parts = parts.into_iter().chain(vendors).chain(hardware).chain(variables);
@@ -113,7 +119,8 @@ fn drivers(path: &Path) -> Vec<String> {
     files.iter().filter_map(named).collect()
 }
 
-/// Returns the names of possible accelerators in a folder of devices.
+/// Returns the names of possible accelerators in a folder of devices. A note is added to a name if this process may not
+/// use the accelerator, for example because the user is not in the group `render`: its driver then does not list it.
 fn accelerators(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder)
         .into_iter()
@@ -122,9 +129,26 @@ fn accelerators(folder: &Path) -> Vec<String> {
     let known = |name: &String| {
         ["nvidia", "kfd", "card", "render", "accel"].iter().any(|word| name.starts_with(word))
     };
-    let mut names: Vec<String> = names.filter(known).collect();
+    let noted = |name: String| {
+        let note = if may_use(&folder.join(&name)) { "" } else { " (may not be used)" };
+        name + note
+    };
+    let mut names: Vec<String> = names.filter(known).map(noted).collect();
     names.sort();
     names
+}
+
+/// Returns whether this process may read and write a device's file. The file is not opened, since opening it could
+/// start the device.
+#[cfg(unix)]
+fn may_use(file: &Path) -> bool {
+    use rustix::fs::{Access, access};
+    access(file, Access::READ_OK | Access::WRITE_OK).is_ok()
+}
+
+#[cfg(not(unix))]
+fn may_use(_file: &Path) -> bool {
+    true
 }
 
 #[cfg(test)]
@@ -184,21 +208,35 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let [vendors, hardware] = ["vendors", "dev"].map(|name| place.path().join(name));
         [&vendors, &hardware].into_iter().for_each(|folder| std::fs::create_dir(folder).unwrap());
-        let of = |probe: &str, cores, variables: &[&str]| {
+        let of = |probe: &str, machine, variables: &[&str]| {
             let variables = variables.iter().map(|&variable| variable.to_owned()).collect();
-            key_of(probe, cores, std::slice::from_ref(&vendors), &[hardware.as_path()], variables)
+            key_of(probe, machine, std::slice::from_ref(&vendors), &[hardware.as_path()], variables)
         };
-        let usual = || of("probe", 2, &["POCL_DEVICES=pthread"]);
+        let usual = || of("probe", (2, "boot"), &["POCL_DEVICES=pthread"]);
         let before = usual();
         assert_eq!(before, usual());
-        assert_ne!(before, of("another probe", 2, &["POCL_DEVICES=pthread"]));
-        assert_ne!(before, of("probe", 4, &["POCL_DEVICES=pthread"]));
-        assert_ne!(before, of("probe", 2, &["POCL_DEVICES=pthread pthread"]));
+        assert_ne!(before, of("another probe", (2, "boot"), &["POCL_DEVICES=pthread"]));
+        assert_ne!(before, of("probe", (4, "boot"), &["POCL_DEVICES=pthread"]));
+        assert_ne!(before, of("probe", (2, "next boot"), &["POCL_DEVICES=pthread"]));
+        assert_ne!(before, of("probe", (2, "boot"), &["POCL_DEVICES=pthread pthread"]));
         std::fs::write(vendors.join("new.icd"), "libnew.so").unwrap();
         let with_driver = usual();
         assert_ne!(before, with_driver);
         std::fs::write(hardware.join("nvidia0"), "").unwrap();
         assert_ne!(with_driver, usual());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn an_accelerator_that_may_be_used_now_changes_the_key() {
+        let hardware = tempfile::tempdir().unwrap();
+        // Nobody may use a link to nothing. A file without permissions would not do: the superuser may use it.
+        std::os::unix::fs::symlink("node", hardware.path().join("renderD128")).unwrap();
+        let key = || key_of("probe", (2, "boot"), &[], &[hardware.path()], Vec::new());
+        let before = key();
+        assert_eq!(before, key());
+        std::fs::write(hardware.path().join("node"), "").unwrap();
+        assert_ne!(before, key());
     }
 
     #[test]

@@ -73,16 +73,21 @@ const PLACES: &str = "POCL_AFFINITY=";
 
 /// Prefixes of the variables that drivers, loaders and the thread library Rayon read, including variables for caches,
 /// for logs and for hiding devices. The `environment.json` of a run contains every such variable that is set.
-const FAMILIES: [&str; 9] = [
+const FAMILIES: [&str; 14] = [
     "CL_CONFIG_",
     "CUDA_",
     "DPCPP_CPU_",
+    "GPU_",
+    "HIP_",
     "LD_PRELOAD",
     "NVIDIA_",
     "OCLGRIND_",
     "OCL_ICD_",
     "POCL_",
     "RAYON_",
+    "ROCR_",
+    "RUSTICL_",
+    "ZE_",
 ];
 
 /// A variable that is set, as `NAME=VALUE`.
@@ -162,7 +167,12 @@ mod tests {
             "CUDA_CACHE_PATH",
             "CUDA_CACHE_DISABLE",
             "CUDA_VISIBLE_DEVICES",
+            "GPU_DEVICE_ORDINAL",
+            "HIP_VISIBLE_DEVICES",
             "OCL_ICD_VENDORS",
+            "ROCR_VISIBLE_DEVICES",
+            "RUSTICL_ENABLE",
+            "ZE_AFFINITY_MASK",
         ];
         for platform in ["Portable Computing Language", "NVIDIA CUDA", "Intel(R) OpenCL"] {
             assert!(of(platform, &recorded).is_empty(), "{platform}");

@@ -125,8 +125,9 @@ impl Locks {
         self.take_all_telling(devices, &mut tells, interrupted)
     }
 
-    /// Takes the locks of several devices. All processes take the locks in the same order, so no two processes can
-    /// wait for each other. While waiting, this function calls `tells`.
+    /// Takes the locks of several devices, each lock once: two drivers may list the same GPU under different labels,
+    /// and a process that took this GPU's lock twice would wait for itself. All processes take the locks in the same
+    /// order, so no two processes can wait for each other. While waiting, this function calls `tells`.
     pub fn take_all_telling(
         &self,
         mut devices: Vec<LockName>,
@@ -134,7 +135,7 @@ impl Locks {
         interrupted: &AtomicBool,
     ) -> Result<Vec<Held>> {
         devices.sort();
-        devices.dedup();
+        devices.dedup_by(|a, b| a.file() == b.file());
         devices.iter().map(|device| self.take(device, tells, interrupted)).collect()
     }
 
@@ -176,6 +177,7 @@ fn refused(holder: &Holder, device: &LockName) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::{DeviceKind, tests::example};
     use std::sync::atomic::AtomicUsize;
 
     static OFF: AtomicBool = AtomicBool::new(false);
@@ -207,6 +209,20 @@ mod tests {
         assert_eq!(said.len(), 2, "{said:?}");
         assert!(said[0].starts_with(&format!("waiting for {process}, `")) && said[1] == "still", "{said:?}");
         drop(second);
+    }
+
+    #[test]
+    fn a_gpu_that_two_drivers_list_is_locked_once() {
+        let listed = |platform: &str| {
+            let mut gpu = example(platform, "Arc", DeviceKind::Gpu, 32);
+            gpu.label = format!("Arc ({platform})");
+            gpu.hardware.uuid = Some("00ff".into());
+            LockName::of(Some(&gpu))
+        };
+        let names = vec![listed("Intel"), cpu(), listed("rusticl")];
+        let folder = tempfile::tempdir().unwrap();
+        let held = Locks::in_folder(folder.path(), false).take_all(names, &mut |_| {}, &OFF).unwrap();
+        assert_eq!(held.len(), 2, "the GPU's lock and that of the host's processors");
     }
 
     #[test]

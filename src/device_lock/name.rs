@@ -3,12 +3,12 @@
 use crate::device::{DeviceInfo, DeviceKind};
 use std::fmt;
 
-/// The name of a lock, which is the same for all devices that share hardware. All drivers for the host's
-/// processors, and the casters on the host, share one lock.
+/// The name of a lock. All drivers for the host's processors, and the casters on the host, share one lock. Two drivers
+/// of another device share a lock if both report the same UUID or, if neither reports a UUID, the same PCI address.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct LockName {
     file: String,
-    /// The name in messages.
+    /// The name in messages. Drivers that share a lock may give the device different names.
     label: String,
 }
 

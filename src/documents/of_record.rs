@@ -48,12 +48,15 @@ const NUMBERS: [(&str, Form, Number); 19] = [
     ("spilled", Form::Count, |record| {
         record.main_kernel()?.resources.spill_store_bytes.map(|bytes| bytes as f64)
     }),
-    ("groups", Form::Count, |record| record.main_kernel()?.resident_groups.map(|count| count as f64)),
+    ("groups", Form::Count, |record| {
+        record.main_kernel_of_local_size()?.resident_groups.map(|count| count as f64)
+    }),
     ("items", Form::Count, |record| {
         let [across, down] = record.local_size?;
-        Some(record.main_kernel()?.resident_groups? as f64 * f64::from(across) * f64::from(down))
+        let groups = record.main_kernel_of_local_size()?.resident_groups?;
+        Some(groups as f64 * f64::from(across) * f64::from(down))
     }),
-    ("occupancy", Form::Percent, |record| record.main_kernel()?.occupancy),
+    ("occupancy", Form::Percent, |record| record.main_kernel_of_local_size()?.occupancy),
     ("lanes", Form::Percent, |record| {
         let [across, down] = record.local_size?;
         let items = across * down;
@@ -66,7 +69,7 @@ type Text = fn(&Record) -> Option<String>;
 
 const TEXTS: [(&str, Text); 4] = [
     ("local-size", |record| record.local_size.map(by)),
-    ("bounded-by", |record| record.main_kernel()?.occupancy_limited_by.clone()),
+    ("bounded-by", |record| record.main_kernel_of_local_size()?.occupancy_limited_by.clone()),
     ("interval", |record| {
         interval(record).map(|[low, high]| format!("{} to {}", significant(low, 3), significant(high, 3)))
     }),
@@ -174,6 +177,25 @@ mod tests {
             assert_eq!(figure(&record, name), Told::Words(words.into()), "{name}");
         }
         assert!(is_figure("ld.global") && !is_figure("naive"));
+    }
+
+    /// The main kernel of a rasteriser does not have work-groups of the point's local size.
+    #[test]
+    fn a_rasteriser_has_no_figures_of_work_groups_of_the_local_size() {
+        let mut kernel = CompiledKernel {
+            name: "raster_depth".into(),
+            resident_groups: Some(3),
+            occupancy: Some(0.5),
+            occupancy_limited_by: Some("registers".into()),
+            ..CompiledKernel::default()
+        };
+        kernel.resources.registers = Some(40);
+        let strategy = "traversal=raster".to_owned();
+        let record = Record { strategy, kernels: vec![kernel], ..measured("gpu", "raster", 8, 20.0) };
+        for name in ["groups", "items", "occupancy", "bounded-by"] {
+            assert_eq!(figure(&record, name), Told::Nothing("not reported".into()), "{name}");
+        }
+        assert_eq!(figure(&record, "registers"), Told::Number(40.0, Form::Count));
     }
 
     #[test]

@@ -40,13 +40,17 @@ impl Page {
         let mut lines = text.lines().enumerate().map(|(place, line)| (place + 1, line));
         let mut fences = Fences::default();
         while let Some((number, line)) = lines.next() {
-            match line.strip_prefix(BEGIN).and_then(|rest| rest.strip_suffix(" -->")) {
-                Some(name) => {
-                    let old: Vec<_> =
-                        lines.by_ref().take_while(|(_, line)| *line != END).map(|(_, line)| line).collect();
+            let Some(name) = block_name(line) else {
+                page.prose(number, line, sheet, &mut fences);
+                continue;
+            };
+            match block_length(lines.clone().map(|(_, line)| line)) {
+                Some(length) => {
+                    let old: Vec<_> = lines.by_ref().take(length).map(|(_, line)| line).collect();
+                    lines.next();
                     page.block(number, name, &old, sheet);
                 }
-                None => page.prose(number, line, sheet, &mut fences),
+                None => page.open_block(number, name, line),
             }
         }
         page
@@ -77,6 +81,13 @@ impl Page {
         self.push(&format!("{BEGIN}{name} -->"));
         new.iter().for_each(|line| self.push(line));
         self.push(END);
+    }
+
+    /// Leaves a block without an end as it is, since nobody knows which of the following lines belong to the block.
+    fn open_block(&mut self, line: usize, name: &str, begin: &str) {
+        let records_say = format!("nothing: no line `{END}` follows the beginning of this block");
+        self.wrong.push(Difference { line, stands: format!("the block '{name}'"), records_say });
+        self.push(begin);
     }
 
     fn prose(&mut self, number: usize, line: &str, sheet: &Sheet, fences: &mut Fences) {
@@ -124,6 +135,18 @@ impl Page {
         self.wrong.push(Difference { line, stands: stands.clone(), records_say: problem });
         stands
     }
+}
+
+/// Returns the name of the block that begins at a line.
+fn block_name(line: &str) -> Option<&str> {
+    line.trim_end().strip_prefix(BEGIN)?.strip_suffix(" -->")
+}
+
+/// Returns the number of lines in a block, from the lines after the block's beginning; `None` if another block begins,
+/// or the document ends, before the block's end.
+fn block_length<'a>(lines: impl Iterator<Item = &'a str>) -> Option<usize> {
+    let mut own = lines.take_while(|line| block_name(line).is_none());
+    own.position(|line| line.trim_end() == END)
 }
 
 /// Returns the text before a line's first comment, the comment's text, and the text after the comment.
@@ -181,7 +204,28 @@ mod tests {
         }
     }
 
-    /// Returns the page of a document of one line.
+    #[test]
+    fn a_block_without_an_end_stays_with_everything_after_it() {
+        let first = format!("{BEGIN}threads -->\n(old)\nmore text\n");
+        let second = format!("{BEGIN}threads -->\n{}\n{END}\nthe end\n", TABLE.join("\n"));
+        for text in [first.clone(), format!("{first}{second}")] {
+            let page = line(&text);
+            assert_eq!((page.text.as_str(), page.stale.len(), page.wrong.len()), (text.as_str(), 0, 1));
+            let Difference { line, stands, records_say } = &page.wrong[0];
+            assert_eq!((*line, stands.as_str()), (1, "the block 'threads'"));
+            assert!(records_say.starts_with("nothing: no line `<!-- end of figures -->`"), "{records_say}");
+        }
+    }
+
+    #[test]
+    fn spaces_after_a_marker_change_nothing() {
+        let text = format!("{BEGIN}threads --> \n{}\n{END} \nmore text\n", TABLE.join("\n"));
+        let page = line(&text);
+        assert_eq!((page.stale, page.wrong), (Vec::new(), Vec::new()));
+        assert!(page.text.ends_with(&format!("{END}\nmore text\n")), "{}", page.text);
+    }
+
+    /// Returns the page of a document with this text.
     fn line(text: &str) -> Page {
         let root = tempfile::tempdir().unwrap();
         std::fs::create_dir(root.path().join("docs")).unwrap();

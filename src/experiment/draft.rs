@@ -6,6 +6,7 @@ use crate::accel;
 use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::error::Result;
+use crate::peak::describe_test;
 use crate::program::{ProgramSpec, Sources};
 use crate::record::{HOST, Record};
 use crate::scene::{Loaded, Scene};
@@ -75,6 +76,7 @@ impl Drafter<'_> {
                 record.preset = named.preset.clone();
                 record.strategy = named.strategy.to_string();
                 record.local_size = Some(local_size);
+                describe_test(&mut record);
                 let workload = Workload::of(&at.scene, point.image_size, local_size);
                 let builtins = device.map(DeviceInfo::builtins).unwrap_or_default();
                 // The tree is not built yet, so the program's hash does not contain the tree's depth. The depth follows

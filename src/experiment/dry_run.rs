@@ -1,6 +1,7 @@
 //! Predicts what a run would do, without compiling anything.
 
-use super::{Run, Work};
+use super::pending::{Kernels, of_point};
+use super::{Point, Run, Work};
 use crate::error::Result;
 use crate::memory::Available;
 use crate::record::HOST;
@@ -10,7 +11,7 @@ use serde::Serialize;
 /// A point of a plan, with its predicted memory needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Scene, size, strategy, local size.
+    /// Scene, size, strategy, local size and, if two folders of kernels are compared, the point's folder.
     pub label: String,
     /// The device's name in records.
     pub device: String,
@@ -25,12 +26,13 @@ pub struct Forecast {
     pub scene_notes: Vec<String>,
 }
 
-/// Returns a forecast for every point of a run.
+/// Returns a forecast for every point of a run. If two folders of kernels are compared, a point that uses kernels has a
+/// forecast for each folder.
 pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
     let available = Available::read();
     let scenes = run.load_scenes()?;
-    let forecast = |point: &super::Point| {
-        let label = point.label(run.experiment);
+    let forecast = |point: &Point, kernels: &Kernels<'_>| {
+        let label = kernels.named(point, run.experiment);
         let scene_notes = scenes[point.scene].notes.clone();
         let (Work::Kernel { strategy, local_size }, Some(device)) = (point.work, point.device) else {
             let device = HOST.to_owned();
@@ -51,7 +53,13 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
             scene_notes,
         }
     };
-    Ok(run.plan().points.iter().map(forecast).collect())
+    let kernels = run.kernels()?;
+    let mut forecasts = Vec::new();
+    for point in &run.plan().points {
+        let of_folder = |one: &Kernels<'_>| one.during(|| forecast(point, one));
+        forecasts.extend(of_point(&kernels, point).iter().map(of_folder));
+    }
+    Ok(forecasts)
 }
 
 #[cfg(test)]
@@ -59,6 +67,7 @@ pub fn dry_run(run: &Run<'_>) -> Result<Vec<Forecast>> {
 mod tests {
     use super::super::{asleep, fixtures};
     use super::*;
+    use crate::program::Sources;
 
     /// The device in this test is a GPU.
     #[test]
@@ -77,5 +86,28 @@ mod tests {
         assert!(local.refused.as_ref().is_some_and(|reason| reason.contains("> 100 B")), "{local:?}");
         assert!(local.needs.as_ref().is_some_and(|needs| needs.local_bytes > 100) && local.not_for.is_none());
         assert!(wide.not_for.as_ref().is_some_and(|reason| reason.starts_with("meant for CPUs")), "{wide:?}");
+    }
+
+    #[test]
+    fn each_of_two_folders_of_kernels_has_a_forecast_by_its_own_headers() {
+        let (place, file) = (tempfile::tempdir().unwrap(), "cast/vectors/global.cl");
+        let folder = place.path().join("mine");
+        std::fs::create_dir_all(folder.join("cast/vectors")).unwrap();
+        let text = Sources::Embedded.read(file).unwrap();
+        let larger = text.replace("// bytes_per_ray: 108\n", "// bytes_per_ray: 216\n");
+        std::fs::write(folder.join(file), larger).unwrap();
+        let mine = Sources::Folder(folder);
+        let lines = "strategies = ['naive-scratch']\nlocal_sizes = [4]\nbaselines = ['serial']";
+        let experiment = fixtures::experiment_of(&format!("scenes = ['scenes/triangle.toml']\n{lines}"));
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device];
+        let run = Run { other_sources: Some(&mine), ..fixtures::run(&experiment, &devices, &locks) };
+        let all = dry_run(&run).unwrap();
+        let labels: Vec<&str> = all.iter().map(|forecast| forecast.label.as_str()).collect();
+        let point = "triangle 8x5 naive-scratch 4x4";
+        let [built_in, of_mine] = ["built in", "mine"].map(|folder| format!("{point} ({folder})"));
+        assert_eq!(labels, ["triangle 8x5 host serial-f32", built_in.as_str(), of_mine.as_str()]);
+        let bytes = |one: &Forecast| one.needs.as_ref().unwrap().scratch_bytes;
+        assert_eq!(bytes(&all[2]), 2 * bytes(&all[1]));
     }
 }

@@ -22,7 +22,8 @@ const COMPILE_MS: f64 = 300.0;
 /// The expected duration of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Expected {
-    /// Number of points to be measured, and how many of them have a time in an earlier record.
+    /// Number of points to be measured, and how many of them have a time in an earlier record. Control points that
+    /// blocks borrow are not counted.
     pub points: [usize; 2],
     /// Number of launches per point.
     pub launches: usize,
@@ -64,28 +65,33 @@ impl Run<'_> {
             least_frames: launches * self.stopping_rule().least(),
             ..Expected::default()
         };
-        let (mut all_ms, mut additional_ms) = (0.0, 0.0);
+        let (mut all, mut additional) = (Together::default(), Together::default());
         let plan = self.plan();
         let groups = self.pending_points(&plan, &self.pieces(&plan))?;
         for group in &groups {
-            let meant =
-                group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
-            let drafts: Vec<&Record> = meant.filter(|record| !done.contains(&record.key)).collect();
-            let known: Vec<Known> = drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect();
-            expected.points[0] += drafts.len();
-            expected.points[1] += known.len();
-            all_ms += self.group_ms(&known);
+            let (own, again) = left(group, done);
+            let known = |drafts: &[&Record]| -> Vec<Known> {
+                drafts.iter().filter_map(|draft| self.known(draft, of(draft)?)).collect()
+            };
+            let timed = known(&own);
+            expected.points[0] += own.len();
+            expected.points[1] += timed.len();
+            let timed = [timed, known(&again)].concat();
+            let is_on_host = group.iter().all(|pending| pending.record.is_baseline());
+            all.add(is_on_host, self.group_ms(&timed));
             if leaves_out_moved(self, group) {
-                additional_ms += self.most_additional_ms(&known);
+                additional.add(is_on_host, self.most_additional_ms(&timed));
             }
         }
-        // If only some blocks are measured, `groups` lacks the points of the other blocks, so `others` stays 0.
-        if self.blocks.is_none() {
+        // If a shard is measured, `groups` lacks the points of the other shards' blocks, so `others` stays 0.
+        if self.spread || self.blocks.is_none() {
             expected.others = not_planned(&groups, done);
         }
         // The times come from a file of records, which may contain anything; an invalid time counts as zero.
         let duration = |ms: f64| Duration::try_from_secs_f64(1e-3 * ms).unwrap_or_default();
-        (expected.time, expected.additional) = (duration(all_ms), duration(additional_ms));
+        let devices = if self.spread { self.devices.len() } else { 1 };
+        expected.time = duration(all.ms_on(devices));
+        expected.additional = duration(additional.ms_on(devices));
         Ok(expected)
     }
 
@@ -168,6 +174,45 @@ impl Run<'_> {
         let rounds = points.iter().filter_map(|point| point.rounds).max().unwrap_or(by_rule);
         rounds as f64 * round_ms
     }
+}
+
+/// The times of groups, in milliseconds.
+#[derive(Default)]
+struct Together {
+    /// The time of all groups of casters on the host.
+    host_ms: f64,
+    /// The time of all groups that are measured on devices.
+    devices_ms: f64,
+    /// The longest time of a group that is measured on a device.
+    longest_ms: f64,
+}
+
+impl Together {
+    fn add(&mut self, is_on_host: bool, ms: f64) {
+        if is_on_host {
+            self.host_ms += ms;
+        } else {
+            self.devices_ms += ms;
+            self.longest_ms = self.longest_ms.max(ms);
+        }
+    }
+
+    /// Returns the time in which the groups are measured if this many devices measure at the same time, each group on
+    /// one device. Groups of casters on the host are measured while no other group is measured.
+    fn ms_on(&self, devices: usize) -> f64 {
+        self.host_ms + self.longest_ms.max(self.devices_ms / devices.max(1) as f64)
+    }
+}
+
+/// Returns the points of a group that have to be measured, and its control point, if that is only measured again beside
+/// these points. Points whose keys are in `done` are finished.
+fn left<'a>(group: &'a [PendingPoint], done: &[String]) -> (Vec<&'a Record>, Vec<&'a Record>) {
+    let meant = group.iter().filter(|pending| pending.not_for.is_none()).map(|pending| &pending.record);
+    let is_finished = |record: &&Record| record.is_control || done.contains(&record.key);
+    let (finished, own): (Vec<_>, Vec<_>) = meant.partition(is_finished);
+    let is_again = |record: &&Record| !own.is_empty() && record.control.as_ref() == Some(&record.key);
+    let again = finished.into_iter().filter(is_again).collect();
+    (own, again)
 }
 
 /// Returns how many of the keys in `done` belong to no point of the plan.
@@ -387,6 +432,59 @@ mod tests {
         let known = of(&[failed, measured, wide]);
         assert_eq!([known[0].2, known[1].2], [true, false]);
         assert!(known[0].1 > 1e6 && guesses[0].1 < 1e6, "{known:?}");
+    }
+
+    #[test]
+    fn a_control_point_is_measured_again_only_beside_unfinished_points_of_its_block() {
+        let pending = |key: &str, is_control| {
+            let record =
+                Record { key: key.into(), control: Some("c".into()), is_control, ..Record::default() };
+            PendingPoint::new([0; 3], String::new(), record)
+        };
+        let keys = |group: &[PendingPoint], done: &[&str]| {
+            let done: Vec<String> = done.iter().map(|key| (*key).to_owned()).collect();
+            let (own, again) = left(group, &done);
+            [own, again].map(|records| records.iter().map(|one| one.key.as_str()).collect::<String>())
+        };
+        let lends = [pending("c", false), pending("a", false)];
+        assert_eq!([keys(&lends, &[]), keys(&lends, &["c"])], [["ca", ""], ["a", "c"]]);
+        let borrows = [pending("c", true), pending("b", false)];
+        assert_eq!([keys(&borrows, &["c"]), keys(&borrows, &["c", "b"])], [["b", "c"], ["", ""]]);
+    }
+
+    #[test]
+    fn devices_that_share_the_points_measure_them_at_the_same_time() {
+        let lines = "local_sizes = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]\ntiming = { launches = 2 }";
+        let experiment = fixtures::experiment(lines);
+        let (device, locks) = (crate::experiment::asleep::device(1.0), fixtures::own_locks());
+        let devices = [&device, &device];
+        let alone = fixtures::run(&experiment, &devices[..1], &locks);
+        let plan = alone.plan();
+        let groups = alone.pending_points(&plan, &plan.by_device()).unwrap();
+        let measured = |pending: &PendingPoint| Record {
+            outcome: Outcome::Measured,
+            host_median_ms: Some(1000.0),
+            samples_ms: vec![1000.0; 10],
+            ..pending.record.clone()
+        };
+        let earlier: Vec<Record> = groups.iter().flatten().map(measured).collect();
+        let blocks = crate::shard::cut(&alone.costs(&earlier).unwrap(), 2);
+        assert!(blocks.iter().any(crate::shard::Block::borrows_control), "{blocks:?}");
+        let shared =
+            Run { spread: true, blocks: Some(&blocks[..]), ..fixtures::run(&experiment, &devices, &locks) };
+        let expected = |run: &Run<'_>| run.expected(&earlier, &["of an earlier plan".to_owned()]).unwrap();
+        let (alone, shared) = (expected(&alone), expected(&shared));
+        assert_eq!((alone.points, alone.others), ([12, 12], 1));
+        assert_eq!((shared.points, shared.others), ([12, 12], 1));
+        // One of the two devices measures seven points: six of its own, and the other block's control point.
+        let share = shared.time.as_secs_f64() / alone.time.as_secs_f64();
+        assert!((0.5..0.7).contains(&share), "{share}: {blocks:?}");
+        // Groups on the host are measured while no other group is measured, and a group is not divided.
+        let mut groups = Together::default();
+        for (is_on_host, ms) in [(true, 5.0), (false, 6.0), (false, 1.0), (false, 2.0)] {
+            groups.add(is_on_host, ms);
+        }
+        assert_eq!([1, 2, 0].map(|devices| groups.ms_on(devices)), [14.0, 11.0, 14.0]);
     }
 
     #[test]

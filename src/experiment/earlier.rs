@@ -2,14 +2,14 @@
 //! changed, since one of the attempts may still be running.
 
 use crate::error::Result;
-use crate::record::journals::{RECORDS, SAMPLES};
-use crate::record::{Record, Sample, read_lines};
+use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
+use crate::record::{AnchorSample, Record, RoundLoad, Sample, read_lines};
 use serde::de::DeserializeOwned;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// The results of earlier attempts: all records, and all samples of each launch in which a point without a record was
-/// measured.
+/// The results of earlier attempts: all records, and everything that was measured in each launch in which a point
+/// without a record was measured.
 #[derive(Debug, Default)]
 pub struct Before {
     /// For each point, records of later attempts follow those of earlier attempts.
@@ -17,6 +17,10 @@ pub struct Before {
     /// Launches are renumbered, so that each number is unique. Each sample states by which attempt and launch it
     /// was taken.
     pub samples: Vec<Sample>,
+    /// The times of the anchor in these launches, under their new numbers.
+    pub anchors: Vec<AnchorSample>,
+    /// The load during the rounds of these launches, under their new numbers.
+    pub rounds: Vec<RoundLoad>,
 }
 
 /// Reads the folders of earlier attempts.
@@ -29,32 +33,53 @@ pub fn read(folders: &[PathBuf]) -> Result<Before> {
     let mut next = 0;
     for folder in folders {
         let mut samples = lines::<Sample>(&folder.join(SAMPLES))?;
-        // Samples that an attempt copied from an earlier attempt are dropped, since the earlier attempt's folder
-        // contains them too.
+        // What an attempt copied from an earlier attempt is dropped, since the earlier attempt's folder contains it
+        // too.
         samples.retain(|sample| sample.origin.is_none());
-        let open: HashSet<u32> = samples
-            .iter()
-            .filter(|sample| !done.contains(sample.key.as_str()))
-            .map(|sample| sample.launch)
-            .collect();
-        samples.retain(|sample| open.contains(&sample.launch));
-        before.samples.extend(renumbered(samples, &name(folder), &mut next));
+        // The record of a control point that a block borrows is in a journal of its own.
+        let controls = lines::<Record>(&folder.join(CONTROLS))?;
+        let is_of_control = |sample: &Sample| {
+            let has_it = |record: &Record| record.sample_launches.contains(&sample.launch);
+            controls.iter().any(|record| record.key == sample.key && has_it(record))
+        };
+        let is_open = |sample: &&Sample| !done.contains(sample.key.as_str()) && !is_of_control(sample);
+        let open: HashSet<u32> = samples.iter().filter(is_open).map(|sample| sample.launch).collect();
+        let launches = samples.iter().map(|sample| sample.launch).filter(|launch| open.contains(launch));
+        let numbers = numbers(launches, &mut next);
+        before.samples.extend(renumbered(samples, &numbers, |sample: &mut Sample| {
+            sample.origin = Some(format!("{} launch {}", name(folder), sample.launch));
+            &mut sample.launch
+        }));
+        let anchors = lines::<AnchorSample>(&folder.join(ANCHORS))?;
+        before.anchors.extend(renumbered(anchors, &numbers, |line| &mut line.launch));
+        let rounds = lines::<RoundLoad>(&folder.join(ROUNDS))?;
+        before.rounds.extend(renumbered(rounds, &numbers, |line| &mut line.launch));
     }
     Ok(before)
 }
 
-fn renumbered(samples: Vec<Sample>, attempt: &str, next: &mut u32) -> Vec<Sample> {
-    let mut numbers: HashMap<u32, u32> = HashMap::new();
-    let mut renumbered = Vec::new();
-    for mut sample in samples {
-        sample.origin = Some(format!("{attempt} launch {}", sample.launch));
-        sample.launch = *numbers.entry(sample.launch).or_insert_with(|| {
+/// Returns the new number of each launch. The launches get consecutive numbers from `next` on, in the order in which
+/// they first appear.
+fn numbers(launches: impl Iterator<Item = u32>, next: &mut u32) -> HashMap<u32, u32> {
+    let mut numbers = HashMap::new();
+    for launch in launches {
+        numbers.entry(launch).or_insert_with(|| {
             *next += 1;
             *next - 1
         });
-        renumbered.push(sample);
     }
-    renumbered
+    numbers
+}
+
+/// Returns the lines of the launches that have a new number, under this number. `launch` is called once with each line;
+/// it may change the line, and returns its launch.
+fn renumbered<T>(lines: Vec<T>, numbers: &HashMap<u32, u32>, launch: impl Fn(&mut T) -> &mut u32) -> Vec<T> {
+    let renumbered = lines.into_iter().filter_map(|mut line| {
+        let launch = launch(&mut line);
+        *launch = *numbers.get(launch)?;
+        Some(line)
+    });
+    renumbered.collect()
 }
 
 fn name(folder: &Path) -> String {
@@ -99,6 +124,15 @@ mod tests {
             "too",
             &[("open", 0, Some("one launch 3")), ("open", 1, None)],
         );
+        for (folder, launches) in [(&one, [0, 3]), (&two, [0, 1])] {
+            for launch in launches {
+                let ms = f64::from(launch) + 0.5;
+                let anchor = AnchorSample { launch, ms, ..AnchorSample::default() };
+                JsonLines::append_to(&folder.join(ANCHORS)).unwrap().append(&anchor).unwrap();
+                let load = RoundLoad { launch, ms, ..RoundLoad::default() };
+                JsonLines::append_to(&folder.join(ROUNDS)).unwrap().append(&load).unwrap();
+            }
+        }
         let before = read(&[one, two, place.path().join("gone")]).unwrap();
         assert_eq!(before.records.len(), 2);
         let samples: Vec<_> = before
@@ -110,5 +144,25 @@ mod tests {
             samples,
             [("open", 0, "one launch 3"), ("done", 0, "one launch 3"), ("open", 1, "two launch 1")]
         );
+        // The anchors and the load of these launches follow, and only theirs: the second attempt's launch 0 is a copy.
+        let anchors: Vec<_> = before.anchors.iter().map(|anchor| (anchor.launch, anchor.ms)).collect();
+        let rounds: Vec<_> = before.rounds.iter().map(|load| (load.launch, load.ms)).collect();
+        assert_eq!(anchors, [(0, 3.5), (1, 1.5)]);
+        assert_eq!(rounds, anchors);
+    }
+
+    #[test]
+    fn a_finished_block_with_a_control_point_of_another_block_is_not_taken_over() {
+        let place = tempfile::tempdir().unwrap();
+        let samples = [("done", 0, None), ("control", 0, None), ("control", 1, None)];
+        let folder = attempt(place.path(), "done", &samples[..2]);
+        let record = Record { key: "control".into(), sample_launches: vec![0; 5], ..Record::default() };
+        JsonLines::append_to(&folder.join(CONTROLS)).unwrap().append(&record).unwrap();
+        let taken = |folder: &PathBuf| read(std::slice::from_ref(folder)).unwrap().samples.len();
+        assert_eq!(taken(&folder), 0);
+        // A launch of the control point without a record in the journal is not finished.
+        let more = attempt(&place.path().join("more"), "done", &samples);
+        JsonLines::append_to(&more.join(CONTROLS)).unwrap().append(&record).unwrap();
+        assert_eq!(taken(&more), 1);
     }
 }

@@ -83,6 +83,14 @@ impl OpenGroup {
         self.points.iter_mut().for_each(|pending| pending.device = device);
     }
 
+    /// Binds the group to the device that measured its last complete launch in an earlier session, if this device is
+    /// one of the run's. On another device, the launches of earlier sessions would not count.
+    pub fn return_to_device(&mut self, run: &Run<'_>, sink: &impl ResultSink) {
+        let (_, launches) = self.past(run, sink);
+        let there = launches.last().and_then(|launch| sink.measured_on(*launch));
+        self.home = there.and_then(|there| run.devices.iter().position(|device| device.slug() == there));
+    }
+
     /// Returns whether all points of the group have their records.
     pub fn is_finished(&self) -> bool {
         self.points.is_empty()
@@ -139,19 +147,36 @@ impl OpenGroup {
         if self.has_enough(run, sink) { self.finish(run, sink) } else { Ok(()) }
     }
 
-    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
-    /// dropped, since the same worker processes must measure a whole launch, and those of the earlier session have
-    /// ended.
-    fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
+    /// Returns the samples of each point from earlier sessions, and the launches in which every point has enough
+    /// samples.
+    fn past(&self, run: &Run<'_>, sink: &impl ResultSink) -> (Vec<Vec<Taken>>, BTreeSet<u32>) {
         let least = run.stopping_rule().least();
         let past: Vec<Vec<Taken>> =
             self.points.iter().map(|pending| sink.past(&pending.record.key)).collect();
         let has = |taken: &Vec<Taken>, launch: u32| {
             taken.iter().filter(|sample| sample.launch == launch).count() >= least
         };
-        let all: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
-        for launch in all.into_iter().filter(|launch| past.iter().all(|taken| has(taken, *launch))) {
-            if !self.has_enough(run, sink) {
+        let mut launches: BTreeSet<u32> = past.iter().flatten().map(|sample| sample.launch).collect();
+        launches.retain(|launch| past.iter().all(|taken| has(taken, *launch)));
+        (past, launches)
+    }
+
+    /// Returns whether a launch of an earlier session was measured on the device on which this session measures the
+    /// group. If points are distributed over devices, the launch of a session in which they were not was measured on
+    /// the first device, which all records name.
+    fn is_of_own_device(&self, launch: u32, run: &Run<'_>, sink: &impl ResultSink) -> bool {
+        let named = run.devices.first().filter(|_| run.spread).map(|device| device.slug());
+        let mut own = self.points.iter().filter_map(|pending| device_of(run, pending));
+        sink.measured_on(launch).or(named).is_none_or(|there| own.all(|device| device.slug() == there))
+    }
+
+    /// Takes over those launches of an earlier session in which every point has enough samples. Incomplete launches are
+    /// dropped, since the same worker processes must measure a whole launch, and those of the earlier session have
+    /// ended. Launches of another device of the same model are dropped too.
+    fn adopt(&mut self, run: &Run<'_>, sink: &mut impl ResultSink) {
+        let (past, launches) = self.past(run, sink);
+        for launch in launches {
+            if !self.has_enough(run, sink) && self.is_of_own_device(launch, run, sink) {
                 self.whole.push(Launch::of(launch, past.iter().map(Vec::as_slice)));
             }
         }

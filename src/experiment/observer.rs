@@ -21,7 +21,8 @@ pub trait Observer: Send {
         // If the line cannot be written, the run continues.
         let _ = writeln!(std::io::stderr(), "{line}");
     }
-    /// Is called several times per second while the run waits for a device that another process uses.
+    /// Is called several times per second while the run waits for a device that another process uses, or for the
+    /// process that measures the devices' peak rates.
     fn waits(&mut self) {}
     /// Is called when a point is finished.
     fn finished(&mut self, record: &Record);

@@ -6,6 +6,7 @@ use super::draft::{Drafter, Hashed};
 use super::piece::Piece;
 use super::supervisor::Task;
 use super::{Built, Plan, Point, Run, Work};
+use crate::config::Experiment;
 use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::program::Sources;
@@ -97,12 +98,14 @@ impl Run<'_> {
         Ok(groups.iter().flatten().filter_map(planned).collect())
     }
 
-    /// Returns why a point is not measured on a device, if its preset is meant for another kind of device.
+    /// Returns why a point is not measured on a device, if its preset is meant for another kind of device. If the
+    /// point's strategy has several names, it is measured on every device for which one of them is meant.
     pub(super) fn not_for(&self, point: &Point, device: Option<&DeviceInfo>) -> Option<String> {
-        match point.work {
-            Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].not_for(device?.kind),
-            Work::Host(_) => None,
-        }
+        let Work::Kernel { strategy, local_size } = point.work else { return None };
+        let kind = device?.kind;
+        let names = self.experiment.names_of(strategy, local_size);
+        let reasons: Option<Vec<String>> = names.map(|named| named.not_for(kind)).collect();
+        reasons?.into_iter().next()
     }
 
     /// Returns whether a point fits on a device, as far as that is known before a tree is built.
@@ -116,7 +119,9 @@ impl Run<'_> {
     /// Returns whether the point is measured on devices of every kind.
     pub(super) fn is_for_every_kind(&self, point: &Point) -> bool {
         match point.work {
-            Work::Kernel { strategy, .. } => self.experiment.strategies[strategy].meant_for.is_none(),
+            Work::Kernel { strategy, local_size } => {
+                self.experiment.names_of(strategy, local_size).any(|named| named.meant_for.is_none())
+            }
             Work::Host(_) => true,
         }
     }
@@ -125,8 +130,7 @@ impl Run<'_> {
     /// result, and points that will not be measured (their `not_for` or `fits` says so). The function loads one scene
     /// at a time.
     pub(super) fn pending_points(&self, plan: &Plan, pieces: &[Piece]) -> Result<Vec<Vec<PendingPoint>>> {
-        let drafters = self.drafters()?;
-        let labels = self.other_sources.map(|other| labels([self.sources, other]));
+        let kernels = self.kernels()?;
         let mut groups = Vec::new();
         let mut held: Option<(usize, Hashed)> = None;
         for piece in pieces {
@@ -138,19 +142,18 @@ impl Run<'_> {
                     _ => self.experiment.scenes[point.scene].load()?.into(),
                 };
                 let device = point.device.map(|device| self.devices[device]);
-                let count = if device.is_some() { 2 } else { 1 };
-                for (place, (drafter, values)) in drafters.iter().enumerate().take(count) {
+                for (place, kernels) in of_point(&kernels, point).iter().enumerate() {
+                    let drafter = &kernels.drafter;
                     let draft = || (drafter.draft(point, device, &at), self.fits(point, device, &at.scene));
-                    let (record, fits) = values.map_or_else(draft, |values| values.during(draft));
+                    let (record, fits) = kernels.during(draft);
                     let mut record = record?;
                     record.block = piece.block;
                     record.is_control = piece.borrows(number);
-                    let of = labels.as_ref().filter(|_| device.is_some()).map(|labels| &labels[place]);
+                    let of = kernels.label_of(point);
                     of.into_iter().for_each(|label| of_kernels(&mut record, label));
-                    let name = of.map_or(String::new(), |label| format!(" ({label})"));
                     // Casters on the host have no device, so any worker can run them.
                     let job = point.device.unwrap_or(0) + place * self.devices.len().max(1);
-                    let label = point.label(self.experiment) + &name;
+                    let label = kernels.named(point, self.experiment);
                     let mut drafted = PendingPoint::new([number, job, point.scene], label, record);
                     drafted.not_for = self.not_for(point, device);
                     drafted.fits = fits;
@@ -168,15 +171,54 @@ impl Run<'_> {
     }
 }
 
+/// A folder of the run's kernels.
+pub(super) struct Kernels<'a> {
+    drafter: Drafter<'a>,
+    /// If two folders are compared, the folder's label and its values: the workers of a folder know only that folder's
+    /// headers.
+    compared: Option<(String, Values)>,
+}
+
 impl Run<'_> {
-    /// Returns what drafts points with each of the run's kernels. If two folders are compared, each one's values are
-    /// returned too, since the workers of a folder know only that folder's headers.
-    fn drafters(&self) -> Result<Vec<(Drafter<'_>, Option<Values>)>> {
+    /// Returns the run's folders of kernels: one, or the two that are compared.
+    pub(super) fn kernels(&self) -> Result<Vec<Kernels<'_>>> {
         let of = |sources| Drafter { experiment: self.experiment, sources };
-        match self.other_sources {
-            None => Ok(vec![(of(self.sources), None)]),
-            Some(_) => self.all_sources().map(|one| Ok((of(one), Some(one.values()?)))).collect(),
+        let Some(other) = self.other_sources else {
+            return Ok(vec![Kernels { drafter: of(self.sources), compared: None }]);
+        };
+        let labelled = self.all_sources().zip(labels([self.sources, other]));
+        labelled
+            .map(|(one, label)| Ok(Kernels { drafter: of(one), compared: Some((label, one.values()?)) }))
+            .collect()
+    }
+}
+
+/// Returns the folders of kernels with which a point is measured. A caster on the host uses no kernels, so it is
+/// measured once.
+pub(super) fn of_point<'k, 'a>(kernels: &'k [Kernels<'a>], point: &Point) -> &'k [Kernels<'a>] {
+    let count = if point.device.is_some() { 2 } else { 1 };
+    &kernels[..count.min(kernels.len())]
+}
+
+impl Kernels<'_> {
+    /// Calls `work`. During this call, values have the properties that the headers of this folder state.
+    pub(super) fn during<R>(&self, work: impl FnOnce() -> R) -> R {
+        match &self.compared {
+            Some((_, values)) => values.during(work),
+            None => work(),
         }
+    }
+
+    /// Returns the folder's label, if two folders are compared and the point uses kernels.
+    fn label_of(&self, point: &Point) -> Option<&str> {
+        self.compared.as_ref().filter(|_| point.device.is_some()).map(|(label, _)| label.as_str())
+    }
+
+    /// Formats a point for progress and logs, with the folder's label if two folders are compared: "teapot 800x500
+    /// naive 16x16 (mine)".
+    pub(super) fn named(&self, point: &Point, experiment: &Experiment) -> String {
+        let label = self.label_of(point).map_or(String::new(), |label| format!(" ({label})"));
+        point.label(experiment) + &label
     }
 }
 
@@ -245,6 +287,29 @@ mod tests {
     }
 
     #[test]
+    fn a_strategy_of_two_names_has_the_first_one_on_all_devices_for_which_one_of_them_is_meant() {
+        // This device is a GPU.
+        let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+        let any = "[[strategy]]\nname = 'any'\npreset = 'wide'\nlocal_sizes = [4]\nany_kind = true";
+        let experiment = fixtures::experiment_of(&format!(
+            "scenes = ['scenes/triangle.toml']\n[[strategy]]\npreset = 'wide'\nlocal_sizes = [4, 8]\n{any}"
+        ));
+        let devices = [&device];
+        let run = fixtures::run(&experiment, &devices, &locks);
+        let plan = run.plan();
+        let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
+        let told: Vec<_> = groups
+            .iter()
+            .flatten()
+            .map(|one| {
+                let is_for_every_kind = run.is_for_every_kind(&plan.points[one.point]);
+                (one.label.as_str(), one.not_for.is_none(), is_for_every_kind)
+            })
+            .collect();
+        assert_eq!(told, [("triangle 8x5 wide 4x4", true, true), ("triangle 8x5 wide 8x8", false, false)]);
+    }
+
+    #[test]
     fn two_folders_of_kernels_are_measured_on_devices_and_not_on_the_host() {
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let experiment = fixtures::experiment("baselines = ['serial']\nlocal_sizes = [4]");
@@ -291,25 +356,30 @@ mod tests {
             let folder = folders[place].path();
             std::fs::create_dir_all(folder.join("cast/intersect")).unwrap();
             let floats = ["// record_floats: 20\n", "// record_floats: 16\n"][place];
-            std::fs::write(folder.join(file), text.replace("// record_floats: 12\n", floats)).unwrap();
+            let operations = ["// operations: 40\n", "// operations: 30\n"][place];
+            let text = text.replace("// record_floats: 12\n", floats);
+            std::fs::write(folder.join(file), text.replace("// operations: 15\n", operations)).unwrap();
             Sources::Folder(folder.to_owned())
         });
         let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
         let experiment = fixtures::experiment("local_sizes = [4]");
         let devices = [&device];
         let run = fixtures::run(&experiment, &devices, &locks);
-        let keys = |run: &Run<'_>| -> Vec<String> {
+        let drafts = |run: &Run<'_>| -> Vec<(String, Option<u32>)> {
             let plan = run.plan();
             let groups = run.pending_points(&plan, &plan.by_device()).unwrap();
-            groups.into_iter().flatten().map(|pending| pending.record.key).collect()
+            let records = groups.into_iter().flatten().map(|pending| pending.record);
+            records.map(|record| (record.key, record.operations_per_test)).collect()
         };
-        // A worker of a folder knows no other headers, and its keys must be those of the run.
-        let of_worker =
-            |sources: &Sources| sources.values().unwrap().during(|| keys(&Run { sources, ..run })).remove(0);
+        // A worker of a folder knows no other headers, and its drafts must be those of the run.
+        let of_worker = |sources: &Sources| {
+            sources.values().unwrap().during(|| drafts(&Run { sources, ..run })).remove(0)
+        };
         let [one, other] = [&sources[0], &sources[1]];
-        let both = keys(&Run { sources: one, other_sources: Some(other), ..run });
+        let both = drafts(&Run { sources: one, other_sources: Some(other), ..run });
         assert_eq!(both, [of_worker(one), of_worker(other)]);
-        assert_ne!(both[0], both[1]);
+        assert_ne!(both[0].0, both[1].0);
+        assert_eq!([both[0].1, both[1].1], [Some(40), Some(30)]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! The pictures of a run, under `images/`.
 
 use crate::error::Result;
-use crate::image::{Radiance, save, save_rgb8, to_rgb8};
+use crate::image::{Radiance, save, save_rgb8, to_rgb8, to_rgba8};
 use crate::output::Target;
+use crate::record::file_name;
 use crate::scene::Display;
-use image::RgbImage;
+use image::{DynamicImage, RgbImage, RgbaImage};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -34,7 +35,8 @@ impl Pictures {
         if let Some(path) = self.saved.get(&hash) {
             return Ok(path.clone());
         }
-        let path = self.place(names, &to_rgb8(image, display), &hash);
+        let shown = to_rgba8(image, display).unwrap_or_else(|| opaque(to_rgb8(image, display)));
+        let path = self.place(names, &shown, &hash);
         save(image, display, &Target::of_results(self.folder.join(&path)))?;
         self.saved.insert(hash, path.clone());
         Ok(path)
@@ -43,19 +45,19 @@ impl Pictures {
     /// Saves a drawing (a picture that no caster made, such as a picture of differences) under `name`. If another
     /// picture has this name, the drawing's hash is added to the name. Returns the file's path.
     pub fn drawing(&self, name: &str, drawn: &RgbImage) -> Result<String> {
-        let path = self.place(&[name], drawn, &blake3::hash(drawn.as_raw()));
+        let path = self.place(&[name], &opaque(drawn.clone()), &blake3::hash(drawn.as_raw()));
         save_rgb8(drawn, &Target::of_results(self.folder.join(&path)))?;
         Ok(path)
     }
 
     /// Returns the path for the first free name of `names`. If no name is free, the picture's hash is added to the last
     /// name.
-    fn place(&self, names: &[&str], shown: &RgbImage, hash: &blake3::Hash) -> String {
+    fn place(&self, names: &[&str], shown: &RgbaImage, hash: &blake3::Hash) -> String {
         let by_hash = format!("{}-{}", names.last().unwrap_or(&"picture"), &hash.to_hex()[..8]);
         let free = |path: &String| match image::open(self.folder.join(path)) {
             // A file that is missing or cannot be read contains no other picture.
             Err(_) => true,
-            Ok(there) => there.to_rgb8() == *shown,
+            Ok(there) => there.to_rgba8() == *shown,
         };
         names.iter().map(|name| path_of(name)).find(free).unwrap_or_else(|| path_of(&by_hash))
     }
@@ -71,38 +73,20 @@ impl Pictures {
     }
 }
 
-/// The longest name of a picture without its ending, in bytes. File systems allow 255 bytes, and pictures that are
-/// derived from another one add words to its name.
-const LONGEST_NAME: usize = 200;
-
-fn path_of(name: &str) -> String {
-    format!("images/{}.png", shortened(file_name(name), name))
+fn opaque(picture: RgbImage) -> RgbaImage {
+    DynamicImage::from(picture).into_rgba8()
 }
 
-/// Returns a file's name, which has only ASCII characters. If the name is too long, its end is replaced by a hash of
-/// `full`, so that different names stay different.
-fn shortened(mut file_name: String, full: &str) -> String {
-    if file_name.len() > LONGEST_NAME {
-        let hash = &blake3::hash(full.as_bytes()).to_hex()[..16];
-        file_name.truncate(LONGEST_NAME - 1 - hash.len());
-        file_name.extend(["-", hash]);
-    }
-    file_name
+fn path_of(name: &str) -> String {
+    format!("images/{}.png", file_name(name))
 }
 
 fn hash(image: &Radiance) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
-    for pixel in &image.pixels {
-        for channel in pixel {
-            hasher.update(&channel.to_le_bytes());
-        }
+    for value in image.pixels.as_flattened().iter().chain(&image.coverage) {
+        hasher.update(&value.to_le_bytes());
     }
     hasher.finalize()
-}
-
-/// Returns a name that is valid as a single file name on every system.
-fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
 #[cfg(test)]
@@ -110,25 +94,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_name_leaves_the_folder() {
-        assert_eq!(file_name("../../etc/passwd"), "..-..-etc-passwd");
-        assert_eq!(file_name("a b/c\\d<e>"), "a-b-c-d-e-");
-    }
-
-    #[test]
     fn pictures_with_long_names_have_short_files_of_their_own() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         let long = "é".repeat(300);
-        assert_eq!(path_of(&"a".repeat(LONGEST_NAME)), format!("images/{}.png", "a".repeat(LONGEST_NAME)));
         let pictures = Pictures::of(folder.path());
         let drawn = RgbImage::from_pixel(3, 2, image::Rgb([7; 3]));
         let paths = ["a", "b"].map(|end| pictures.drawing(&format!("{long}{end}"), &drawn).unwrap());
         assert_ne!(paths[0], paths[1]);
         for path in &paths {
-            assert!(folder.path().join(path).is_file() && path.len() == "images/.png".len() + LONGEST_NAME);
+            assert!(folder.path().join(path).is_file(), "{path}");
         }
         assert_eq!(paths[0], path_of(&format!("{long}a")), "the name is the same in every process");
+    }
+
+    /// A picture with the hash of one that was verified is not verified again.
+    #[test]
+    fn pictures_that_differ_in_alpha_alone_have_hashes_and_files_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("images")).unwrap();
+        let clear = Radiance { coverage: vec![0.0; 6], ..Radiance::new(3, 2) };
+        let hidden = Radiance { coverage: vec![1.0; 6], ..clear.clone() };
+        assert_ne!(Pictures::hash(&clear), Pictures::hash(&hidden));
+        for _ in 0..2 {
+            let mut pictures = Pictures::of(folder.path());
+            let mut save = |image| pictures.picture(&["a", "a-8x8"], image, Display::default()).unwrap();
+            assert_eq!([save(&clear), save(&hidden)], ["images/a.png", "images/a-8x8.png"]);
+        }
     }
 
     #[test]

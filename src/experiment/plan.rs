@@ -1,6 +1,6 @@
 //! The plan of an experiment: all its points, in groups that are compared with each other.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use crate::config::{Baseline, Experiment, SceneChoice};
 
@@ -89,22 +89,14 @@ fn cases(experiment: &Experiment) -> Vec<(usize, [u32; 2])> {
     cases
 }
 
-/// Returns every strategy at each of its local sizes. Of several names of a strategy, the first one is used, or the
-/// first one that is meant for devices of every kind, if there is such a name.
+/// Returns every strategy at each of its local sizes. Of several names of a strategy, the first one is used.
 fn kernels(experiment: &Experiment) -> Vec<Work> {
-    let mut places = HashMap::new();
-    let mut works: Vec<Work> = Vec::new();
-    let is_for_all = |strategy: usize| experiment.strategies[strategy].meant_for.is_none();
+    let mut seen = HashSet::new();
+    let mut works = Vec::new();
     for (strategy, named) in experiment.strategies.iter().enumerate() {
         for &local_size in &named.local_sizes {
-            let place = *places.entry((named.strategy, local_size)).or_insert(works.len());
-            let work = Work::Kernel { strategy, local_size };
-            match works.get(place) {
-                None => works.push(work),
-                Some(Work::Kernel { strategy: first, .. }) if !is_for_all(*first) && is_for_all(strategy) => {
-                    works[place] = work;
-                }
-                Some(_) => {}
+            if seen.insert((named.strategy, local_size)) {
+                works.push(Work::Kernel { strategy, local_size });
             }
         }
     }
@@ -136,10 +128,8 @@ impl Point {
 mod tests {
     use super::*;
     use crate::config::{Emulate, NamedStrategy, Timing};
-    use crate::device::DeviceKind;
     use crate::strategy::PRESETS;
     use proptest::prelude::*;
-    use std::collections::HashSet;
 
     fn experiment(
         scenes: usize,
@@ -209,21 +199,6 @@ mod tests {
         twin.local_sizes.push([64, 1]);
         experiment.strategies.push(twin);
         assert_eq!(Plan::new(&experiment, 1).points.len(), 4);
-    }
-
-    #[test]
-    fn of_a_strategys_names_one_that_is_meant_for_every_kind_of_device_is_used() {
-        let mut experiment = experiment(1, 1, 1, 2, 0);
-        let first = experiment.strategies.remove(0);
-        for (name, meant_for) in [("cpus", Some(DeviceKind::Cpu)), ("all", None), ("again", None)] {
-            experiment.strategies.push(NamedStrategy { name: name.into(), meant_for, ..first.clone() });
-        }
-        let names = |experiment: &Experiment| -> Vec<String> {
-            Plan::new(experiment, 1).points.iter().map(|point| point.label(experiment)).collect()
-        };
-        assert_eq!(names(&experiment), ["s0 8x5 all 1x2", "s0 8x5 all 2x4"]);
-        experiment.strategies.swap(0, 1);
-        assert_eq!(names(&experiment), ["s0 8x5 all 1x2", "s0 8x5 all 2x4"]);
     }
 
     #[test]

@@ -131,7 +131,7 @@ pub enum Reply {
     Sample(FrameTimes),
     /// Reply to a cast that failed.
     Refused(PointFailure),
-    /// Reply to any request: an error that ends the run.
+    /// Reply to any request: an error. It ends the run, unless it is an error of the anchor.
     Failed {
         /// The problem.
         message: String,

@@ -145,11 +145,12 @@ impl<'a> RequestHandler<'a> {
             return Err(no_such_point());
         };
         let frame = |batch| entry.ready.frame(&at.scene, point.image_size, batch);
+        // A caster on the host is timed by the host's clock, even if its worker has a device.
+        let device = point.device.and(self.checker.device()).map(|device| &device.info);
         let batch = match entry.batch {
             Some(batch) => batch,
             None => {
-                let timer_ns =
-                    self.checker.device().and_then(|device| device.info.hardware.timer_resolution_ns);
+                let timer_ns = device.and_then(|device| device.hardware.timer_resolution_ns);
                 // If the timer is coarse, a sample may be a batch of frames. The time of one frame is needed
                 // to choose the batch's size, so at least one frame is cast before the sample.
                 let frames = timing.warmup.max(u32::from(timer_ns.is_some_and(|step| step > 1)));
@@ -161,10 +162,7 @@ impl<'a> RequestHandler<'a> {
         let (start, before) = (Instant::now(), processor_time());
         let sample = frame(batch);
         let used = processor_time().saturating_sub(before).as_secs_f64();
-        let casts_itself = match point.device.and(self.checker.device()) {
-            Some(device) => device.info.kind == DeviceKind::Cpu,
-            None => true,
-        };
+        let casts_itself = device.is_none_or(|device| device.kind == DeviceKind::Cpu);
         let processor_ms = casts_itself.then(|| used * 1e3 / f64::from(batch));
         let sense = |ms| self.watch.as_ref()?.sense(start, Instant::now(), ms);
         Ok(match sample {
@@ -277,20 +275,23 @@ mod tests {
         assert_eq!(warmed(0, 1000.0), (f64::INFINITY, 0));
     }
 
-    /// Checks a point and casts a frame on this machine's first device, whose properties `change` has changed.
-    /// `stands_for` is the device whose name is in records.
+    /// Checks the first point of an experiment and casts a frame of it, in a worker of this machine's first device.
+    /// `lines` are the experiment's strategies or baselines. `change` changes the device's properties. `stands_for` is
+    /// the device whose name is in records.
     fn served(
+        lines: &str,
         change: impl Fn(&mut DeviceInfo),
         stands_for: Option<DeviceInfo>,
     ) -> (DeviceInfo, Record, FrameTimes) {
-        let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 1, warmup = 0 }");
+        let timing = "scenes = ['scenes/triangle.toml']\ntiming = { launches = 1, warmup = 0 }";
+        let experiment = fixtures::experiment_of(&format!("{timing}\n{lines}"));
         let mut device = discover(&Sources::Embedded).unwrap().remove(0);
         change(&mut device.info);
         let drafter = Drafter { experiment: &experiment, sources: &Sources::Embedded };
         let plan = Plan::new(&experiment, 1);
         let at = Hashed::from(experiment.scenes[0].load().unwrap());
-        let named = stands_for.as_ref().unwrap_or(&device.info);
-        let key = drafter.draft(&plan.points[0], Some(named), &at).unwrap().key;
+        let named = plan.points[0].device.map(|_| stands_for.as_ref().unwrap_or(&device.info));
+        let key = drafter.draft(&plan.points[0], named, &at).unwrap().key;
         let folder = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         let checker = Checker::open(drafter, Some(&device), Pictures::of(folder.path())).unwrap();
@@ -304,21 +305,30 @@ mod tests {
         (device.info.clone(), *record, times)
     }
 
-    /// Casts a frame on a device of this kind with this timer.
-    fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
+    /// The lines of an experiment whose only point is cast by kernels.
+    const NAIVE: &str = "strategies = ['naive']\nlocal_sizes = [4]";
+
+    /// Casts a frame of the first point of an experiment with these strategies, in a worker of a device of this kind
+    /// with this timer.
+    fn sample_of(lines: &str, kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
         let change = |info: &mut DeviceInfo| {
             info.kind = kind;
             info.hardware.timer_resolution_ns = timer_resolution_ns;
         };
-        served(change, None).2
+        served(lines, change, None).2
+    }
+
+    /// Casts a frame on a device of this kind with this timer.
+    fn sample(kind: DeviceKind, timer_resolution_ns: Option<u64>) -> FrameTimes {
+        sample_of(NAIVE, kind, timer_resolution_ns)
     }
 
     #[test]
     fn a_record_names_the_device_for_which_another_one_of_its_model_stands() {
-        let (own, record, _) = served(|_| {}, None);
+        let (own, record, _) = served(NAIVE, |_| {}, None);
         assert_eq!((record.device, record.measured_on), (own.label.clone(), None));
         let first = DeviceInfo { label: "the first".into(), name: "first".into(), ..own.clone() };
-        let (own, record, _) = served(|_| {}, Some(first));
+        let (own, record, _) = served(NAIVE, |_| {}, Some(first));
         assert_eq!((record.device.as_str(), record.measured_on), ("the first", Some(own.slug())));
     }
 
@@ -383,5 +393,12 @@ mod tests {
         let most_ms = 1e3 * batch.host_ms;
         assert!(batch.processor_ms.is_some_and(|ms| ms < most_ms), "{batch:?}");
         assert_eq!(sample(DeviceKind::Cpu, Some(1)).batch, None);
+    }
+
+    #[test]
+    fn a_caster_on_the_host_casts_single_frames_whatever_the_timer_of_its_workers_device() {
+        // `served` checks that a sample without a batch is one frame, by which the processor time is divided.
+        let times = sample_of("baselines = ['serial']", DeviceKind::Gpu, Some(1_000_000_000));
+        assert!(times.batch.is_none() && times.processor_ms.is_some(), "{times:?}");
     }
 }

@@ -16,8 +16,8 @@ pub trait ResultSink {
     fn waits(&mut self) {}
     /// Stores a complete record.
     fn keep(&mut self, record: Record) -> Result<()>;
-    /// Stores a sample of a point.
-    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()>;
+    /// Stores a sample of a point, which has this record so far.
+    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()>;
     /// Stores the load of other processes while rounds were timed.
     fn load(&mut self, load: &RoundLoad) -> Result<()>;
     /// Stores a time of the anchor.
@@ -29,6 +29,10 @@ pub trait ResultSink {
     fn advances(&mut self, steps: usize);
     /// Returns the samples of a point from earlier sessions in the folder, or from earlier attempts.
     fn past(&self, key: &str) -> Vec<Taken>;
+    /// Returns the device that measured a launch of an earlier session or attempt, if points were distributed over
+    /// several devices of the same model. `None` if all devices that records name measured their own points, or if the
+    /// launch measured only baselines.
+    fn measured_on(&self, launch: u32) -> Option<String>;
     /// Returns the core-to-core latency of near processors in nanoseconds; infinity if it is unknown. Near processors
     /// run on cores at their usual distance. The latency is computed from all lines of the folder's journal of rounds.
     fn near_ns(&self) -> f64;
@@ -77,6 +81,10 @@ impl ResultSink for FolderSink<'_> {
         self.results.past().samples.get(key).cloned().unwrap_or_default()
     }
 
+    fn measured_on(&self, launch: u32) -> Option<String> {
+        self.results.past().devices.get(&launch).cloned()
+    }
+
     fn near_ns(&self) -> f64 {
         self.results.near_ns()
     }
@@ -95,10 +103,10 @@ impl ResultSink for FolderSink<'_> {
         Ok(())
     }
 
-    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()> {
+    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()> {
         let times = &taken.times;
         self.results.sample(&Sample {
-            key: key.to_owned(),
+            key: record.key.clone(),
             launch: taken.launch,
             round,
             at_ms: Some(taken.at_ms),
@@ -111,6 +119,7 @@ impl ResultSink for FolderSink<'_> {
             core_to_core_ns: taken.core_to_core_ns,
             batch: times.batch,
             sensed: times.sensed,
+            measured_on: record.measured_on.clone(),
             origin: None,
         })
     }
@@ -167,8 +176,10 @@ mod tests {
         let plain = Taken { launch: 3, at_ms: 11.5, core_to_core_ns: None, times };
         let mut results = Results::create(folder.path(), &Environment::default()).unwrap();
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
-        sink.sample("a", 1, &taken).unwrap();
-        sink.sample("a", 2, &plain).unwrap();
+        let record = Record { key: "a".into(), ..Record::default() };
+        let of_second = Record { measured_on: Some("the second".into()), ..record.clone() };
+        sink.sample(&of_second, 1, &taken).unwrap();
+        sink.sample(&record, 2, &plain).unwrap();
         for (launch, core_to_core_ns) in [(3, Some(20.0)), (9, Some(30.0)), (9, None), (9, Some(25.0))] {
             sink.load(&RoundLoad { launch, core_to_core_ns, ..RoundLoad::default() }).unwrap();
         }
@@ -178,6 +189,7 @@ mod tests {
         let mut sink = FolderSink { results: &mut results, observer: &mut (), done: 0 };
         assert_eq!(sink.near_ns(), 20.0);
         assert_eq!((sink.past("a"), sink.past("b")), (vec![taken, plain], Vec::new()));
+        assert_eq!((sink.measured_on(9), sink.measured_on(3)), (of_second.measured_on, None));
         assert_eq!([sink.next_launch(), sink.next_launch()], [10, 11]);
     }
 

@@ -10,8 +10,8 @@ use crate::peak::{self, Peak};
 use crate::printer;
 use crate::record::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS, SAMPLES};
 use crate::record::{
-    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Record, RoundLoad, Sample, TEMPORARY_PREFIX,
-    own_folder, read_lines, renew_intervals, sync_folder,
+    AnchorSample, CurrentPlan, Environment, Folder, JsonLines, Lines, Record, RoundLoad, Sample,
+    TEMPORARY_PREFIX, own_folder, read_lines, read_records, renew_intervals, sync_folder,
 };
 use serde::de::DeserializeOwned;
 use std::collections::HashMap;
@@ -30,8 +30,8 @@ pub struct Results {
     controls: Option<JsonLines<Record>>,
     /// The machine's name, if an experiment is measured on several machines.
     host: Option<String>,
-    /// The core-to-core latencies in all lines of the folder's journal of rounds, in nanoseconds and in ascending
-    /// order.
+    /// The core-to-core latencies in all lines of the folder's journal of rounds, except lines of earlier attempts, in
+    /// nanoseconds and in ascending order.
     latencies_ns: Vec<f64>,
     past: Past,
     peak: Vec<Peak>,
@@ -46,6 +46,8 @@ pub struct Past {
     pub records: Vec<Record>,
     /// The samples of every point, by the point's key, in the order in which they were taken.
     pub samples: HashMap<String, Vec<Taken>>,
+    /// The device that measured a launch, by the launch's number, if points were distributed over several devices.
+    pub devices: HashMap<u32, String>,
     /// The load of other processes while rounds were timed.
     pub rounds: Vec<RoundLoad>,
     /// The number of the next launch.
@@ -55,8 +57,8 @@ pub struct Past {
 /// Reads a folder's journals. Damaged lines are reported and ignored; a point whose record is damaged is measured
 /// again.
 fn past(folder: &Path) -> Result<Past> {
-    let [records, controls] = [RECORDS, CONTROLS].map(|name| lines_of::<Record>(folder, name));
-    let (records, controls) = (records?, controls?);
+    let records = told(read_records(folder)?, RECORDS);
+    let controls = lines_of::<Record>(folder, CONTROLS)?;
     let (samples, rounds) = (lines_of(folder, SAMPLES)?, lines_of::<RoundLoad>(folder, ROUNDS)?);
     let anchors = lines_of::<AnchorSample>(folder, ANCHORS)?;
     // A launch's number is never used again, even if a journal was lost or damaged: records of equal launches are
@@ -74,9 +76,13 @@ fn lines_of<T: DeserializeOwned>(folder: &Path, name: &str) -> Result<Vec<T>> {
     if !path.is_file() {
         return Ok(Vec::new());
     }
-    let read = read_lines(&path)?;
+    Ok(told(read_lines(&path)?, name))
+}
+
+/// Reports the damaged lines of a journal, and returns its other lines.
+fn told<T>(read: Lines<T>, name: &str) -> Vec<T> {
     read.damage(name).into_iter().for_each(printer::tell);
-    Ok(read.lines)
+    read.lines
 }
 
 fn cannot_make(folder: &Path, error: &std::io::Error) -> Error {
@@ -106,8 +112,8 @@ impl Results {
 
     /// Makes the folder of an attempt at a part of an experiment on this host. The attempt continues where earlier
     /// attempts ended. Points with a record in an earlier attempt count as finished. If a launch has samples of
-    /// unfinished points, all its samples are copied, each with the attempt and launch that took it. The earlier
-    /// folders are not changed.
+    /// unfinished points, all its samples, the anchor's times and the load of its rounds are copied. Each copied sample
+    /// names the attempt and launch that took it. The earlier folders are not changed.
     pub fn of_attempt(
         folder: &Path,
         environment: &Environment,
@@ -117,9 +123,11 @@ impl Results {
         let mut results = Self::create(folder, environment)?;
         results.host = Some(host.to_owned());
         let before = earlier::read(earlier)?;
-        for sample in &before.samples {
-            results.samples.append(sample)?;
-        }
+        before.samples.iter().try_for_each(|sample| results.samples.append(sample))?;
+        before.anchors.iter().try_for_each(|anchor| results.anchors.append(anchor))?;
+        // The latencies of these rounds are not used to recognise near processors, since the earlier attempt may have
+        // run on another machine.
+        before.rounds.iter().try_for_each(|load| results.rounds.append(load))?;
         results.past = Past::of(before.records, before.samples);
         Ok(results)
     }
@@ -163,8 +171,9 @@ impl Results {
         &self.peak
     }
 
-    /// Stores the devices' peak rates.
-    pub fn keep_peak(&mut self, peak: Vec<Peak>) -> Result<()> {
+    /// Stores the peak rates of devices. The folder keeps its rates of devices that `peak` does not contain.
+    pub fn keep_peak(&mut self, mut peak: Vec<Peak>) -> Result<()> {
+        Peak::add_new(&mut peak, self.peak.clone());
         Peak::write(&peak, &self.folder.join(peak::FILE))?;
         self.peak = peak;
         Ok(())
@@ -258,6 +267,7 @@ impl Past {
                 sensed: sample.sensed,
             };
             past.next_launch = past.next_launch.max(sample.launch.saturating_add(1));
+            past.devices.extend(sample.measured_on.map(|device| (sample.launch, device)));
             let taken = past.samples.entry(sample.key).or_default();
             // Samples of earlier versions of raycl state only the round in which they were taken, not the time.
             let at_ms = sample.at_ms.unwrap_or(f64::from(sample.round));
@@ -328,6 +338,66 @@ mod tests {
         assert_eq!([taken[0].at_ms, taken[1].at_ms], [0.0, 1.0], "without times, rounds order samples");
         assert!(folder.path().join("environment-1.json").exists());
         assert!(!folder.path().join("images/.raycl-abc").exists());
+    }
+
+    #[test]
+    fn the_rates_of_one_device_replace_its_own_and_no_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let peak = |device: &str, driver: &str| Peak {
+            device: device.into(),
+            driver: driver.into(),
+            ..Peak::default()
+        };
+        let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
+        first.keep_peak(vec![peak("cpu", "1"), peak("gpu", "1")]).unwrap();
+        drop(first);
+        let mut second = Results::resume(folder.path(), &Environment::default()).unwrap();
+        second.keep_peak(vec![peak("gpu", "2")]).unwrap();
+        let expected = [peak("gpu", "2"), peak("cpu", "1")];
+        assert_eq!(second.peak(), expected);
+        assert_eq!(Peak::kept_in(folder.path()).unwrap(), expected);
+    }
+
+    #[test]
+    fn an_attempt_continues_launches_of_earlier_ones_with_their_anchors_and_their_load() {
+        let place = tempfile::tempdir().unwrap();
+        let [first, second] = ["first", "second"].map(|name| place.path().join(name));
+        let mut earlier = Results::create(&first, &Environment::default()).unwrap();
+        earlier.sample(&Sample { key: "a".into(), launch: 4, ..Sample::default() }).unwrap();
+        earlier.anchor(&AnchorSample { launch: 4, ms: 2.5, ..AnchorSample::default() }).unwrap();
+        let load = RoundLoad { launch: 4, ms: 3.5, core_to_core_ns: Some(20.0), ..RoundLoad::default() };
+        earlier.load(&load).unwrap();
+        drop(earlier);
+        let results = Results::of_attempt(&second, &Environment::default(), "node7", &[first]).unwrap();
+        assert_eq!((results.past().samples["a"].len(), results.past().next_launch), (1, 1));
+        assert_eq!(results.near_ns(), f64::INFINITY, "the earlier attempt may have run on another machine");
+        let anchors = lines_of::<AnchorSample>(&second, ANCHORS).unwrap();
+        let rounds = lines_of::<RoundLoad>(&second, ROUNDS).unwrap();
+        assert_eq!((anchors[0].launch, anchors[0].ms), (0, 2.5));
+        assert_eq!((rounds[0].launch, rounds[0].ms), (0, 3.5));
+    }
+
+    #[test]
+    fn damage_to_the_only_line_of_a_journal_costs_only_this_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = Results::create(folder.path(), &Environment::default()).unwrap();
+        first.record(&record("a", Outcome::Measured)).unwrap();
+        first.plan(&CurrentPlan::default()).unwrap();
+        drop(first);
+        let resumed = || {
+            let results = Results::resume(folder.path(), &Environment::default()).unwrap();
+            results.past().records.len()
+        };
+        for name in [ANCHORS, ROUNDS, CONTROLS, SAMPLES] {
+            std::fs::write(folder.path().join(name), "nonsense\n").unwrap();
+            assert_eq!(resumed(), 1, "{name}");
+        }
+        std::fs::write(folder.path().join(RECORDS), "nonsense\n").unwrap();
+        assert_eq!(resumed(), 0);
+        // Without a plan, the file may be another program's.
+        std::fs::remove_file(folder.path().join("plan.json")).unwrap();
+        let refused = Results::resume(folder.path(), &Environment::default()).err().unwrap();
+        assert_eq!(refused.exit_code(), 2);
     }
 
     #[test]

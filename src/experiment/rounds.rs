@@ -134,6 +134,10 @@ fn sample(
         return Ok(Some(true));
     };
     let counts = rounds.sampled(point, round, &times)?;
+    // The anchor may be run after a sample, and may cost the launch its worker process.
+    if rounds.is_broken() {
+        return Ok(None);
+    }
     taken.push((times.frame_ms, counts));
     elapsed_ms.push(times.elapsed_ms());
     Ok(Some(counts))
@@ -156,6 +160,9 @@ mod tests {
         order: Vec<usize>,
         failing: Option<usize>,
         breaks_after: Option<usize>,
+        /// Number of samples taken so far, and the number of the sample after which the process is lost.
+        taken: usize,
+        breaks_at_sample: Option<usize>,
         /// The number of frames of a sample.
         batch: Option<u32>,
         /// The rounds whose samples do not count.
@@ -179,10 +186,12 @@ mod tests {
         fn sampled(&mut self, point: usize, round: u32, _times: &FrameTimes) -> Result<bool> {
             let casts = self.order.iter().filter(|&&cast| cast == point).count();
             let is_lost = point == 0 && self.counting.is_some_and(|most| casts > most);
+            self.taken += 1;
             Ok(!is_lost && !self.far.contains(&round) && !self.lost.contains(&self.order.len()))
         }
         fn is_broken(&self) -> bool {
             self.breaks_after.is_some_and(|casts| self.order.len() > casts)
+                || self.breaks_at_sample == Some(self.taken)
         }
     }
 
@@ -296,6 +305,9 @@ mod tests {
     fn a_lost_process_ends_the_launch() -> Result<()> {
         let mut fake = Fake { breaks_after: Some(4), ..Fake::default() };
         assert_eq!((measure(3, &RULE, 1, &mut fake)?, fake.order.len()), (End::Broken, 5));
+        // The anchor may lose the process even after the last sample.
+        let mut last = Fake { breaks_at_sample: Some(3 * 7), ..Fake::default() };
+        assert_eq!((measure(3, &RULE, 1, &mut last)?, last.order.len()), (End::Broken, 3 * 7));
         Ok(())
     }
 }

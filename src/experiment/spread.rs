@@ -22,7 +22,8 @@ pub fn measure_spread(
     spawners: Vec<Box<dyn Spawner + Send>>,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let (host, kernels): (Vec<_>, Vec<_>) = groups.into_iter().partition(OpenGroup::is_on_host);
+    let (host, mut kernels): (Vec<_>, Vec<_>) = groups.into_iter().partition(OpenGroup::is_on_host);
+    kernels.iter_mut().for_each(|group| group.return_to_device(run, &*sink));
     let seed = run.experiment.timing.seed;
     let (host, kernels) = (Waiting::new(host, seed), Waiting::new(kernels, seed));
     let mut spawners = spawners.into_iter().enumerate().collect::<Vec<_>>();
@@ -73,8 +74,8 @@ impl ResultSink for Shared<'_, '_, '_> {
         locked(self.0).keep(record)
     }
 
-    fn sample(&mut self, key: &str, round: u32, taken: &Taken) -> Result<()> {
-        locked(self.0).sample(key, round, taken)
+    fn sample(&mut self, record: &Record, round: u32, taken: &Taken) -> Result<()> {
+        locked(self.0).sample(record, round, taken)
     }
 
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
@@ -95,6 +96,10 @@ impl ResultSink for Shared<'_, '_, '_> {
 
     fn past(&self, key: &str) -> Vec<Taken> {
         locked(self.0).past(key)
+    }
+
+    fn measured_on(&self, launch: u32) -> Option<String> {
+        locked(self.0).measured_on(launch)
     }
 
     fn near_ns(&self) -> f64 {

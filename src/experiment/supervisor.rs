@@ -3,6 +3,7 @@
 
 use super::point_failure::PointFailure;
 use super::protocol::{Reply, Request};
+use crate::anchor;
 use crate::error::{Error, Result};
 use crate::launch::FrameTimes;
 use crate::record::{Outcome, Record};
@@ -227,17 +228,23 @@ impl<'a> Supervisor<'a> {
     }
 
     /// Runs the anchor of the device on which a point was cast. Returns `None` if the point has no worker, or if the
-    /// anchor fails. On a device on which it failed, the anchor is not run again.
-    pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<FrameTimes>> {
+    /// anchor has failed on the device before, since it is then not run again. If the anchor fails, returns the reason,
+    /// which does not end the run, and drops the worker: the context of a GPU may be unusable after a fault, and every
+    /// later point of this worker would fail too.
+    pub fn anchor(&mut self, task: Task<'_>) -> Result<Option<Result<FrameTimes>>> {
         if self.without_anchor.contains(&task.device) || !self.posts.contains_key(&task.post()) {
             return Ok(None);
         }
-        if let Ok(Reply::Sample(times)) = self.ask(task, &Request::Anchor)? {
-            return Ok(Some(times));
-        }
-        // If the anchor has killed the worker, the next cast starts a new worker.
+        let error = match self.ask(task, &Request::Anchor)? {
+            Ok(Reply::Sample(times)) => return Ok(Some(Ok(times))),
+            Ok(reply) => unexpected(reply),
+            Err(loss) => anchor::failed_because(&format!("its process {}", loss.describe())),
+        };
+        self.posts.remove(&task.post());
+        // Samples of one launch come from the same workers, so the launch is repeated.
+        self.losses += 1;
         self.without_anchor.insert(task.device);
-        Ok(None)
+        Ok(Some(Err(error)))
     }
 
     /// Sends a request to a point's worker, which is started if necessary. A worker that did not reply is
@@ -319,17 +326,12 @@ impl<'a> Supervisor<'a> {
     /// Returns the failure of a point whose worker was lost; `None` if the point is to be tried again.
     fn refusal(&mut self, task: Task<'_>, loss: Loss) -> Option<PointFailure> {
         self.losses += 1;
-        let death = match loss {
-            Loss::HungFor(limit) => {
-                let reason = format!(
-                    "its process did not answer within {} s and was ended; if the point needs more time, \
-                     raise `raycl run --hang-limit`",
-                    limit.as_secs_f64()
-                );
-                return Some(PointFailure::new(Outcome::TimedOut, reason));
-            }
-            Loss::Died(death) => death,
-        };
+        let end = loss.describe();
+        if matches!(loss, Loss::HungFor(_)) {
+            let reason =
+                format!("its process {end}; if the point needs more time, raise `raycl run --hang-limit`");
+            return Some(PointFailure::new(Outcome::TimedOut, reason));
+        }
         let deaths = self.deaths.entry((task.device, task.point)).or_default();
         *deaths += 1;
         if *deaths < ATTEMPTS && self.given_up < PATIENCE {
@@ -337,7 +339,7 @@ impl<'a> Supervisor<'a> {
         }
         self.given_up += 1;
         let twice = if *deaths > 1 { "on both attempts its process" } else { "its process" };
-        let reason = format!("{twice} {}", death.describe());
+        let reason = format!("{twice} {end}");
         Some(PointFailure::new(Outcome::Crashed, reason))
     }
 }
@@ -354,6 +356,18 @@ fn is_failed_launch(reply: &Reply) -> bool {
 /// Tells all workers to end, so that they end at the same time. Dropping a worker waits until the worker has ended.
 fn dismiss(mut workers: Vec<Box<dyn Worker>>) {
     workers.iter_mut().for_each(|worker| worker.dismiss());
+}
+
+impl Loss {
+    /// Formats the loss for a sentence whose subject is the worker: "was killed by SIGSEGV".
+    fn describe(&self) -> String {
+        match self {
+            Self::Died(death) => death.describe(),
+            Self::HungFor(limit) => {
+                format!("did not answer within {} s and was ended", limit.as_secs_f64())
+            }
+        }
+    }
 }
 
 impl Death {

@@ -89,11 +89,19 @@ fn format_of(target: &Target) -> Result<Format> {
 ///
 /// A missing file, a file that is not a picture, or a picture that does not fit into memory is a user error.
 pub fn read_picture(path: &Path) -> Result<Radiance> {
+    read_within(path, Available::read)
+}
+
+/// Reads a picture, as [`read_picture`] does. `available` returns the memory that is available when it is called.
+fn read_within(path: &Path, available: impl Fn() -> Available) -> Result<Radiance> {
     let unreadable = |why: &dyn std::fmt::Display| {
         Error::input(format!("cannot read the picture '{}': {why}", path.display()))
             .with_help("raycl reads .png, .jpg, .exr and .hdr pictures")
     };
-    let bytes = reader::bytes(path, reader::Kind::Picture).map_err(|error| unreadable(&error))?;
+    let file = reader::open(path).map_err(|error| unreadable(&error))?;
+    let length = file.metadata().map_err(|error| unreadable(&error))?.len();
+    available().hold(length, &format!("reading the picture '{}'", path.display()), "the file's length")?;
+    let bytes = reader::rest(file, Vec::new(), reader::Kind::Picture).map_err(|error| unreadable(&error))?;
     let mut picture = image::ImageReader::new(std::io::Cursor::new(bytes));
     if let Ok(format) = image::ImageFormat::from_path(path) {
         picture.set_format(format);
@@ -102,7 +110,7 @@ pub fn read_picture(path: &Path) -> Result<Radiance> {
     // The crate's usual limit, 512 MiB, has nothing to do with the memory of this machine.
     picture.no_limits();
     let decoder = picture.into_decoder().map_err(|error| unreadable(&error))?;
-    room_for(&decoder, path, &Available::read())?;
+    room_for(&decoder, path, &available())?;
     Ok(radiance(DynamicImage::from_decoder(decoder).map_err(|error| unreadable(&error))?))
 }
 
@@ -136,7 +144,7 @@ pub fn save_frame(image: &Radiance, display: Display, key: &str, target: &Target
 /// Returns the key that identifies a frame, from the frame's PNG file. Returns `None` if raycl did not write the file
 /// as a frame, or if the file has been changed since.
 pub fn frame_key(path: &Path) -> Option<String> {
-    mark::key(&mut std::fs::File::open(path).ok()?)
+    mark::key(&mut reader::open(path).ok()?)
 }
 
 /// Checks a target of [`save_rgb8`] for which PNG is the only permitted format.
@@ -447,14 +455,35 @@ mod tests {
         let path = folder.path().join("a.png");
         image::DynamicImage::new_rgba16(1, 1).save(&path).unwrap();
         let mut bytes = std::fs::read(&path).unwrap();
-        // The header is made to promise 70,000 x 1000 pixels of 8 bytes, so the file seems to be cut off.
-        bytes[16..24].copy_from_slice(&[70_000_u32.to_be_bytes(), 1000_u32.to_be_bytes()].concat());
+        // The header is made to promise a row of 70 million pixels of 8 bytes, so the file seems to be cut off. The
+        // decoder of PNG files compares only the length of a row with its limit.
+        bytes[16..24].copy_from_slice(&[70_000_000_u32.to_be_bytes(), 1_u32.to_be_bytes()].concat());
         let mut check = flate2::Crc::new();
         check.update(&bytes[12..29]);
         bytes[29..33].copy_from_slice(&check.sum().to_be_bytes());
         std::fs::write(&path, bytes).unwrap();
-        let refused = read_picture(&path).unwrap_err().to_string();
+        let refused = read_within(&path, || memory(u64::MAX)).unwrap_err().to_string();
+        assert!(refused.starts_with("cannot read the picture"), "{refused}");
         assert!(!refused.contains("limit"), "{refused}");
+    }
+
+    /// Returns available memory of this many bytes.
+    fn memory(bytes: u64) -> Available {
+        Available { bytes, source: "a test".to_owned() }
+    }
+
+    #[test]
+    fn a_file_that_does_not_fit_into_memory_is_refused_before_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        std::fs::File::create(&path).unwrap().set_len(1_000_000).unwrap();
+        let refused = |bytes| read_within(&path, || memory(bytes)).unwrap_err().to_string();
+        let large = refused(999_999);
+        assert!(large.starts_with("reading the picture '"), "{large}");
+        assert!(large.contains("needs about 1.0 MB"), "{large}");
+        assert!(large.contains("(the file's length = 1000000 B)"), "{large}");
+        let no_picture = refused(1_000_000);
+        assert!(no_picture.starts_with("cannot read the picture"), "{no_picture}");
     }
 
     #[test]
@@ -475,10 +504,8 @@ mod tests {
                 Ok(())
             }
         }
-        let told = |bytes| {
-            let available = Available { bytes, source: "a test".to_owned() };
-            room_for(&Large, Path::new("a.exr"), &available).map_err(|error| error.to_string())
-        };
+        let told =
+            |bytes| room_for(&Large, Path::new("a.exr"), &memory(bytes)).map_err(|error| error.to_string());
         assert_eq!(told(9_600_000_000), Ok(()));
         let refused = told(9_599_999_999).unwrap_err();
         assert!(refused.starts_with("the picture 'a.exr' needs about 9.6 GB"), "{refused}");

@@ -14,7 +14,7 @@ pub use colour::{COUNT_SCALE_HEIGHT, draw_count_scale, viridis};
 pub use compare::{
     RELATIVE_LIMIT, alpha_difference, dark_floor, difference_image, psnr_db, relative_difference,
 };
-pub use display::{Shown, TOGETHER, to_rgb8};
+pub use display::{Shown, TOGETHER, to_rgb8, to_rgba8};
 pub use file::{
     check_alpha, check_png, check_target, frame_key, read_picture, save, save_frame, save_rgb8, shows_8_bits,
 };

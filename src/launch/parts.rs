@@ -15,14 +15,17 @@ use ocl::enums::{KernelWorkGroupInfo, KernelWorkGroupInfoResult};
 use ocl::prm::Float4;
 use ocl::{Buffer, Kernel};
 
-/// Number of triangles that a work-group prepares.
-const PREPARED_TOGETHER: usize = 64;
+/// Number of triangles that a work-group prepares or rasterises.
+const TRIANGLES_TOGETHER: usize = 64;
+
+/// Number of blocks of pixels, across and down, in which a work-group shows the sky.
+const SKY_GROUP: [usize; 2] = [8, 8];
 
 /// Sets one work-item per triangle and ray origin. The work-group size is set explicitly, since OpenCL would choose
 /// a divisor of the number of triangles, perhaps 1.
-pub(super) fn size_for_preparing(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
-    kernel.global_work_size([triangles.next_multiple_of(PREPARED_TOGETHER), origins]);
-    kernel.local_work_size([PREPARED_TOGETHER, 1]);
+pub(super) fn size_for_triangles(kernel: &mut KernelBuilder<'_>, triangles: usize, origins: usize) {
+    kernel.global_work_size([triangles.next_multiple_of(TRIANGLES_TOGETHER), origins]);
+    kernel.local_work_size([TRIANGLES_TOGETHER, 1]);
 }
 
 /// The inputs of all kernels of a frame.
@@ -133,7 +136,11 @@ impl<'a> Parts<'a> {
         let mut kernel = self.builder(self.kernel_for(Role::Background)?, &arguments)?;
         let [width, height] = self.setup.workload.image_size.map(|side| side as usize);
         let (across, down) = self.setup.strategy.block();
-        kernel.global_work_size([width.div_ceil(across), height.div_ceil(down)]);
+        kernel.global_work_size([
+            width.div_ceil(across).next_multiple_of(SKY_GROUP[0]),
+            height.div_ceil(down).next_multiple_of(SKY_GROUP[1]),
+        ]);
+        kernel.local_work_size(SKY_GROUP);
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
@@ -154,7 +161,7 @@ impl<'a> Parts<'a> {
             return Ok(None);
         }
         let mut kernel = self.builder(self.kernel_for(Role::Prepare)?, &self.arguments)?;
-        size_for_preparing(&mut kernel, uploaded.triangle_count, 1 + uploaded.light_count);
+        size_for_triangles(&mut kernel, uploaded.triangle_count, 1 + uploaded.light_count);
         Ok(Some((phase, Step::Run(kernel.build()?))))
     }
 
@@ -174,7 +181,7 @@ impl<'a> Parts<'a> {
         let arguments = arguments.clone().with("depth", &depth);
         for role in [Role::Primary, Role::Resolve] {
             let mut kernel = builder(queue, program, strategy, self.kernel_for(role)?, &arguments)?;
-            kernel.global_work_size(self.setup.uploaded.triangle_count);
+            size_for_triangles(&mut kernel, self.setup.uploaded.triangle_count, 1);
             steps.push((Phase::Primary, Step::Run(kernel.build()?)));
         }
         Ok(steps)

@@ -11,6 +11,7 @@ use crate::program::preprocess::Preprocessed;
 use crate::program::{BuildError, BuiltProgram, CompiledKernel, Kept, ProgramSpec};
 use crate::scene::{Light, Sampling, Scene};
 use crate::strategy::{Requirements, Strategy, Workload};
+use ocl::Kernel;
 use std::sync::Arc;
 
 /// A strategy with its program built and its scene uploaded, made by [`Session`](super::Session).
@@ -91,12 +92,15 @@ impl Prepared {
     }
 
     /// Returns properties of a frame's compiled kernels, from the build log and from `ptx`. `ptx` is the program's
-    /// binary if that is PTX, else empty.
+    /// binary if that is PTX, else empty. The occupancy of a kernel is predicted for the local size with which a frame
+    /// starts it: kernels that prepare or rasterise triangles, or show the sky, do not have the workload's local size.
     pub fn made(&self, caster: &Caster, log: &str, ptx: &str) -> Vec<CompiledKernel> {
-        let items = self.workload.local_size.iter().product();
-        let made = |kernel| {
+        let made = |kernel: &Kernel| {
             let made = CompiledKernel::of(kernel, self.queue.device, log, ptx);
-            made.predicted(self.compute_capability.as_deref(), items)
+            match group_items(kernel) {
+                Some(items) => made.predicted(self.compute_capability.as_deref(), items),
+                None => made,
+            }
         };
         caster.kernels().map(made).collect()
     }
@@ -127,6 +131,12 @@ impl Prepared {
     }
 }
 
+/// Returns the number of work-items in a kernel's work-groups; `None` if the driver chooses it.
+fn group_items(kernel: &Kernel) -> Option<u32> {
+    let [x, y, z] = kernel.default_local_work_size().to_lens().ok()?;
+    u32::try_from(x * y * z).ok()
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
@@ -136,7 +146,7 @@ mod tests {
     use crate::launch::Session;
     use crate::program::Sources;
     use crate::reference::reference;
-    use crate::scene::{Sky, load_scene};
+    use crate::scene::{Sky, SkyPicture, load_scene};
     use crate::strategy::{Intersector, preset};
     use crate::verify::verify;
     use glam::Vec3;
@@ -195,5 +205,52 @@ mod tests {
         let expected = reference(&scene, SIZE, strategy.culling);
         let verdict = verify(&image, Some(hits), &expected, scene.display);
         assert!(verdict.ok, "{verdict:?}");
+    }
+
+    #[test]
+    fn each_kernels_occupancy_is_that_of_the_local_size_with_which_it_is_started() {
+        let scene = Arc::new(scene("pyramid-lower.toml"));
+        let planes = Strategy { intersector: Intersector::COMMON_ORIGIN, ..deferred() };
+        let raster = preset("raster").unwrap().strategy;
+        for (strategy, expected) in [
+            (planes, [("prepare_origins", 64), ("cast_primary", 1), ("shade_nearest", 1)]),
+            (raster, [("raster_depth", 64), ("raster_nearest", 64), ("shade_nearest", 1)]),
+        ] {
+            let (mut prepared, caster) = prepare(&scene, &strategy);
+            prepared.compute_capability = Some("9.0".to_owned());
+            let entry = |(name, _): &(&str, u32)| {
+                format!("Compiling entry function '{name}' for 'sm_90'\nUsed 48 registers\n")
+            };
+            let log: String = expected.iter().map(entry).collect();
+            let made = prepared.made(&caster, &log, "");
+            assert_eq!(made.len(), expected.len());
+            for (kernel, (name, items)) in made.iter().zip(expected) {
+                assert_eq!(kernel.name, name);
+                assert!(kernel.occupancy.is_some(), "{name}");
+                assert_eq!(kernel.clone().predicted(Some("9.0"), items), *kernel, "{name}");
+            }
+        }
+    }
+
+    /// Neither the number of triangles nor the numbers of pixels are multiples of the local sizes.
+    #[test]
+    fn work_groups_that_reach_beyond_the_triangles_or_the_image_change_nothing() {
+        let lower = Arc::new(scene("pyramid-lower.toml"));
+        let raster = preset("raster").unwrap().strategy;
+        let (_, rasterising) = prepare(&lower, &raster);
+        let (image, hits) = cast(&rasterising);
+        let verdict = verify(&image, Some(hits), &reference(&lower, SIZE, raster.culling), lower.display);
+        assert!(verdict.ok, "{verdict:?}");
+        let texels = vec![[0.125; 3]; 2].into();
+        let picture = Some(Arc::new(SkyPicture { size: [2, 1], texels, ahead: Vec3::X, is_seen: true }));
+        let sky = Sky { zenith: Vec3::ZERO, horizon: Vec3::ZERO, up: Vec3::Y, reach: 10.0, picture };
+        let under_sky = Arc::new(Scene { sky: Some(sky), ..scene("triangle.toml") });
+        let (_, showing_sky) = prepare(&under_sky, &deferred());
+        let (image, hits) = cast(&showing_sky);
+        let is_sky = |pixel: &&[f32; 3]| pixel.iter().all(|channel| (channel - 0.125).abs() < 1e-5);
+        assert_eq!(image.pixels.iter().filter(is_sky).count() + hits, image.pixels.len());
+        for caster in [rasterising, showing_sky] {
+            assert!(caster.kernels().all(|kernel| group_items(kernel).is_some()));
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! Casts arbitrary rays, not only a camera's.
 
 use super::buffers::{allocate, upload};
-use super::parts::{builder, size_for_preparing};
+use super::parts::{builder, size_for_triangles};
 use super::records::Records;
 use super::scene::DeviceScene;
 use super::setup::{scene_arguments, soft_arguments};
@@ -113,7 +113,7 @@ fn prepare(
         .with("step_y", camera)
         .with("prepared", &prepared);
     let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
-    size_for_preparing(&mut kernel, scene.triangle_count, 1);
+    size_for_triangles(&mut kernel, scene.triangle_count, 1);
     let kernel = kernel.build()?;
     // SAFETY: the kernel's arguments were checked; `prepared` has one row per triangle.
     unsafe { kernel.cmd().queue(&queue.commands).enq()? };

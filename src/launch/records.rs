@@ -3,7 +3,7 @@
 use super::arguments::Arguments;
 use super::buffers::allocate;
 use super::frame::duration_ms;
-use super::parts::{builder, size_for_preparing};
+use super::parts::{builder, size_for_triangles};
 use super::{LaunchError, Queue};
 use crate::manifest::Role;
 use crate::program::BuiltProgram;
@@ -39,7 +39,7 @@ impl Records {
         {
             let arguments = scene.with("records", &buffer);
             let mut kernel = builder(queue, program, strategy, kernel, &arguments)?;
-            size_for_preparing(&mut kernel, triangles, 1);
+            size_for_triangles(&mut kernel, triangles, 1);
             let kernel = kernel.build()?;
             // SAFETY: the kernel's arguments were checked; the kernel writes one record per triangle, and the buffer
             // has room for all records.

@@ -70,7 +70,9 @@ impl Samples {
     pub fn mark_kernel(&self, parts: &Parts<'_>, image: &Buffer<Float4>) -> Result<Kernel, LaunchError> {
         let setup = &parts.setup;
         let arguments = parts.arguments.clone().with("means", image);
+        let alpha_scale = if setup.scene.transparent { 255.0_f32 } else { 0.0 };
         let arguments = arguments.with("exposure", setup.scene.display.exposure);
+        let arguments = arguments.with("alpha_scale", alpha_scale);
         let arguments = arguments.with("first", 0_u32).with("most", 0_u32);
         let role = parts.kernel_for(Role::Mark)?;
         let mut kernel = builder(setup.queue, setup.program, setup.strategy, role, &arguments)?;
@@ -205,19 +207,29 @@ mod tests {
 
         fn new() -> Self {
             let before = "#define MARK_ROUGH_PARAMETERS __global uint *wanted, const __global float4 *means, \
-                          int2 image_size, float exposure, uint first, uint most, \
+                          int2 image_size, float exposure, float alpha_scale, uint first, uint most, \
                           __global uint *rough, volatile __global uint *rough_counter";
             let options = format!("-D SAMPLED_BLOCK={SAMPLED_BLOCK} -D ROUGH_STEPS={ROUGH_STEPS}");
             let files = ["common/samples.cl", "common/mark_rough.cl"];
             Self { device: Alone::of([before, ""], &files, &options) }
         }
 
-        /// Returns the columns and rows of the blocks that get more samples.
+        /// Returns the columns and rows of the blocks that get more samples in an opaque picture.
         fn rough(&self, pixel: impl Fn(usize, usize) -> [f32; 3]) -> Vec<[usize; 2]> {
+            let opaque = |[red, green, blue]: [f32; 3]| [red, green, blue, 1.0];
+            self.rough_with_alpha(0.0, |x, y| opaque(pixel(x, y)))
+        }
+
+        /// Returns the columns and rows of the blocks that get more samples. `pixel` returns colour and alpha.
+        fn rough_with_alpha(
+            &self,
+            alpha_scale: f32,
+            pixel: impl Fn(usize, usize) -> [f32; 4],
+        ) -> Vec<[usize; 2]> {
             let [width, height] = Self::SIDES;
             let means: Vec<Float4> = (0..width * height)
                 .map(|at| pixel(at % width, at / width))
-                .map(|[red, green, blue]| Float4::new(red, green, blue, 1.0))
+                .map(|[red, green, blue, alpha]| Float4::new(red, green, blue, alpha))
                 .collect();
             let means = upload(&self.device.queue, &means).unwrap();
             let across = width.div_ceil(SAMPLED_BLOCK as usize);
@@ -227,8 +239,8 @@ mod tests {
             let counter: Buffer<u32> = upload(&self.device.queue, &[0]).unwrap();
             let wanted: Vec<u32> = self.device.results(blocks, |wanted| {
                 let mut kernel = self.device.kernel("mark_rough", blocks);
-                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(2_u32).arg(8_u32);
-                kernel.arg(&listed).arg(&counter).build()
+                kernel.arg(wanted).arg(&means).arg(size).arg(Self::EXPOSURE).arg(alpha_scale);
+                kernel.arg(2_u32).arg(8_u32).arg(&listed).arg(&counter).build()
             });
             assert!(wanted.iter().all(|wanted| [2, 8].contains(wanted)), "{wanted:?}");
             let rough = wanted.iter().enumerate().filter(|(_, wanted)| **wanted == 8);
@@ -293,5 +305,18 @@ mod tests {
             assert!(!steps(shown + limit - 0.1, shown) && steps(shown + limit + 0.1, shown), "{shown}");
         }
         assert!(!steps(255.0, 1000.0) && !steps(1000.0, 255.0 - limit + 0.1));
+    }
+
+    /// A dark surface differs from a transparent background in alpha alone.
+    #[test]
+    fn before_a_transparent_background_a_block_is_rough_where_only_alpha_differs() {
+        let marking = Marking::new();
+        let rough = |alpha_scale: f32, alpha: f32| {
+            let pixel = |x: usize, _: usize| [0.0, 0.0, 0.0, if x < 6 { alpha } else { 0.0 }];
+            !marking.rough_with_alpha(alpha_scale, pixel).is_empty()
+        };
+        let limit = ROUGH_STEPS as f32 / 255.0;
+        assert!(rough(255.0, 1.0) && rough(255.0, limit + 1e-3) && !rough(255.0, limit - 1e-3));
+        assert!(!rough(0.0, 1.0), "the alpha of an opaque picture is not shown");
     }
 }

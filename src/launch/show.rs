@@ -2,7 +2,8 @@
 //! transferred instead of sixteen.
 
 use super::buffers::{allocate, upload};
-use super::{LaunchError, Queue};
+use super::{LaunchError, Queue, Refused};
+use crate::device::DeviceInfo;
 use crate::error::Result;
 use crate::image::Shown;
 use crate::program::{BuildError, BuiltProgram, Kept, ProgramSpec, Sources};
@@ -36,12 +37,36 @@ impl ShowProgram {
             Shown::VALUES,
             Shown::PLACE_SHIFT
         );
-        Ok(ProgramSpec { source: sources.read(FILE)?, options: defines, files: vec![FILE.to_owned()] })
+        Ok(ProgramSpec { source: sources.read_joined(FILE)?, options: defines, files: vec![FILE.to_owned()] })
     }
 
     /// Builds the program for an open device, or takes it from the cache.
     pub fn build(queue: &Queue, spec: &ProgramSpec, kept: &Kept) -> std::result::Result<Self, BuildError> {
         Ok(Self { built: BuiltProgram::build(&queue.context, queue.device, spec, kept)? })
+    }
+
+    /// Builds the program like [`build`](Self::build). Returns `None` if the device's compiler refuses raycl's own
+    /// file; the host then applies the display transform.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the file is the user's and does not compile.
+    pub fn usable(
+        queue: &Queue,
+        spec: &ProgramSpec,
+        kept: &Kept,
+        (sources, device): (&Sources, &DeviceInfo),
+    ) -> Result<Option<Self>> {
+        let error = match Self::build(queue, spec, kept) {
+            Ok(program) => return Ok(Some(program)),
+            Err(error) => error,
+        };
+        if !sources.own_files()?.iter().any(|file| spec.files.contains(file)) {
+            return Ok(None);
+        }
+        // The program has no other file, so the mistake is in this file even if the compiler does not name it.
+        let error = BuildError { in_own_file: true, ..error.located(sources, &spec.files) };
+        Err(Refused::Build(error).into_error(device))
     }
 
     /// Returns how long the build took.

@@ -6,6 +6,7 @@
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread::Builder;
 use std::time::{Duration, Instant};
 
 /// The number of round trips in one timed piece of the measurement. A piece takes tens of microseconds, so few pieces
@@ -30,23 +31,34 @@ const OVER: u32 = 2;
 
 /// Returns the time in nanoseconds that a cache line takes to move from one processor to another: half a round trip.
 /// The two processors are the first ones on which the calling thread may run. Returns `None` if the thread may run on
-/// only one processor, if the system does not pin threads, or if other programs keep the processors busy.
+/// only one processor, if the system does not pin threads or starts no more of them, or if other programs keep the
+/// processors busy.
 pub fn core_to_core_ns() -> Option<f64> {
-    let [first, second] = two_processors()?;
+    between(two_processors()?, [Builder::new(), Builder::new()])
+}
+
+/// Measures between two processors, with a thread on each of them.
+fn between([first, second]: [usize; 2], [timer, partner]: [Builder; 2]) -> Option<f64> {
     let (word, end) = (Word(AtomicU32::new(PING)), Instant::now() + PATIENCE);
     std::thread::scope(|scope| {
-        scope.spawn(|| {
+        let answering = || {
             let pinned = pin(second);
             while pinned && pass(&word, [PONG, PING], end) {}
             word.0.store(OVER, Ordering::Release);
-        });
-        let timed = scope.spawn(|| {
+        };
+        partner.spawn_scoped(scope, answering).ok()?;
+        let timing = || {
             let pinned = pin(first);
             let piece = |_| if pinned { piece_ns(&word, end) } else { None };
             let fastest = (0..PIECES).map(piece).try_fold(f64::INFINITY, |least, ns| Some(least.min(ns?)));
             word.0.store(OVER, Ordering::Release);
             fastest
-        });
+        };
+        let Ok(timed) = timer.spawn_scoped(scope, timing) else {
+            // The other thread must not wait for a turn that nobody gives back.
+            word.0.store(OVER, Ordering::Release);
+            return None;
+        };
         timed.join().ok().flatten()
     })
 }
@@ -106,6 +118,15 @@ mod tests {
             assert!(ns > 1.0 && ns < 1e6, "{ns} ns");
         }
         assert_eq!(processors(), before);
+    }
+
+    #[test]
+    fn without_one_of_its_threads_there_is_no_result() {
+        let Some(processors) = two_processors() else { return };
+        // No address space can hold such a stack.
+        let refused = || Builder::new().stack_size(1 << (usize::BITS - 1));
+        assert_eq!(between(processors, [Builder::new(), refused()]), None);
+        assert_eq!(between(processors, [refused(), Builder::new()]), None);
     }
 
     #[test]

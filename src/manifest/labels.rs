@@ -9,7 +9,7 @@ use crate::program::frame_kernels;
 use crate::program::preprocess::{canonical, preprocess};
 use crate::scene::load_scene;
 use crate::sources::Sources;
-use crate::strategy::{AXES, AxisInfo, PRESETS, Strategy};
+use crate::strategy::{AXES, AxisInfo, PRESETS, Strategy, Workload};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -45,13 +45,13 @@ fn a_files_change_changes_the_hash_of_what_is_made_of_it_and_no_other() {
 }
 
 /// Returns everything that a value of an axis can change in the program for a fixed scene: the preprocessed source, the
-/// options, and the kernels of a frame.
+/// options, and the kernels that frames need.
 fn decided(strategy: &Strategy) -> String {
     let spec = spec(strategy);
     let text =
         preprocess(&spec.source, &spec.options, &BTreeMap::new()).unwrap_or_else(|error| panic!("{error}"));
     let options: Vec<_> = spec.options.split(' ').filter(|word| word.starts_with("-cl")).collect();
-    format!("{options:?} {:?}\n{}", frame_kernels(strategy), canonical(&text.text()))
+    format!("{options:?} {:?}\n{}", frame_kernels(strategy, &Workload::CUBE), canonical(&text.text()))
 }
 
 /// Returns the tree of a scene that is large enough for every leaf size and node width to make a difference.

@@ -10,10 +10,11 @@ const PREFIXES: [&str; 10] =
 /// kernel: padding, marks of branch targets, traps, `vzeroupper` and prefetches.
 const FILLERS: [&str; 6] = ["nop", "endbr", "vzero", "int3", "ud2", "prefetch"];
 /// Beginnings of the names of instructions that copy values, possibly between lanes.
-const MOVES: [&str; 19] = [
+const MOVES: [&str; 26] = [
     "mov",
     "vmov",
     "cmov",
+    "kmov",
     "vbroadcast",
     "vpbroadcast",
     "vinsert",
@@ -28,6 +29,12 @@ const MOVES: [&str; 19] = [
     "vpmov",
     "vgather",
     "vpgather",
+    "vscatter",
+    "vpscatter",
+    "vcompress",
+    "vpcompress",
+    "vexpand",
+    "vpexpand",
     "vmaskmov",
     "vpmaskmov",
 ];
@@ -143,6 +150,14 @@ mod tests {
             ("lea    (%rsi,%rdx,1),%rdi", &[Arithmetic]),
             ("vfmadd231ss -0x8(%rbp),%xmm1,%xmm2", &[Load(Private), Arithmetic]),
             ("vgatherdps %ymm1,(%rax,%ymm2,4),%ymm3", &[Load(Generic)]),
+            ("vpscatterdd %zmm0,(%rax,%zmm1,4){%k1}", &[Store(Generic)]),
+            ("vscatterdps %zmm0,(%rax,%zmm1,4){%k1}", &[Store(Generic)]),
+            ("vcompressps %zmm0,(%rax){%k1}", &[Store(Generic)]),
+            ("vpcompressd %zmm0,%zmm1{%k1}{z}", &[Move]),
+            ("vexpandps (%rax),%zmm0{%k1}{z}", &[Load(Generic)]),
+            ("vpexpandd %zmm0,%zmm1{%k1}{z}", &[Move]),
+            ("kmovw  %eax,%k1", &[Move]),
+            ("kmovw  (%rax),%k1", &[Load(Generic)]),
             ("push   %rbp", &[Store(Private)]),
             ("jmp    1195 <_pocl_kernel_x_workgroup+0x65>", &[Branch]),
             ("call   1040 <sinf@plt>", &[Call]),

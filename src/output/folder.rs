@@ -7,7 +7,7 @@ use crate::record::{ordinary, own_folder, write_page};
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Result as IoResult, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// The name of the file that lists raycl's files in a folder. Each line of the list has the format of `b3sum`: a hash,
 /// two spaces, a name.
@@ -67,8 +67,14 @@ impl OutFolder {
     }
 
     /// Writes files, given as names and contents. If one of these files exists and may not be replaced, none
-    /// is written.
+    /// is written. The names are paths in the folder; a name that leads out of the folder is an error.
     pub fn write(&mut self, files: &[(String, Vec<u8>)]) -> Result<()> {
+        if let Some((name, _)) = files.iter().find(|(name, _)| !is_inside(name)) {
+            let folder = self.path.display();
+            return Err(Error::fault(format!(
+                "cannot write '{name}', which is not in the folder '{folder}'"
+            )));
+        }
         let new: BTreeSet<_> = files.iter().map(|(name, bytes)| (hash(bytes), name.clone())).collect();
         if !self.results {
             for (name, bytes) in files {
@@ -163,6 +169,12 @@ impl OutFolder {
     }
 }
 
+/// Returns whether a name stays in the folder to which it is joined: `Path::join` would replace the folder by an
+/// absolute path.
+fn is_inside(name: &str) -> bool {
+    Path::new(name).components().all(|part| matches!(part, Component::Normal(_)))
+}
+
 fn hash(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex().to_string()
 }
@@ -213,6 +225,19 @@ mod tests {
         assert_eq!(std::fs::read(out.join("plots/one.svg")).unwrap(), b"four");
         write(&out, KEEP, "five").unwrap();
         assert_eq!(std::fs::read_to_string(out.join(LIST)).unwrap().lines().count(), 2);
+    }
+
+    #[test]
+    fn no_name_leads_out_of_the_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let absolute = folder.path().join("other.txt").display().to_string();
+        for name in [absolute.as_str(), "../other.txt", "plots/../../other.txt"] {
+            let out = folder.path().join("out");
+            let files = [("page.html".to_owned(), b"page".to_vec()), (name.to_owned(), b"other".to_vec())];
+            let error = OutFolder::open(&out, KEEP).unwrap().write(&files).unwrap_err();
+            assert!(error.to_string().contains(&format!("cannot write '{name}'")), "{error}");
+            assert!(!folder.path().join("other.txt").exists() && !out.exists(), "{name}");
+        }
     }
 
     #[test]

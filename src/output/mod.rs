@@ -15,4 +15,6 @@ mod target;
 pub use folder::OutFolder;
 pub use place::Choice;
 pub use results::refuse_other_folders;
+#[cfg(test)]
+pub use stale::is_of_report;
 pub use target::Target;

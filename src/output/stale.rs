@@ -7,16 +7,18 @@ pub const FOLDERS: [&str; 2] = ["plots", "exports"];
 
 /// Prefixes of the names of a report's plots and exports. The two exports that every report writes
 /// (`t4-results.json`, `points.csv`) are left out, since a new report replaces them.
-const BEGINNINGS: [&str; 10] = [
+const BEGINNINGS: [&str; 12] = [
     "devices",
     "heat-",
     "kernel-tuner-",
     "local-size-",
+    "losses-by-device",
     "occupancy-",
     "pixels",
     "roofline",
     "samples-",
     "scenes",
+    "strategies-by-device",
     "triangles",
 ];
 

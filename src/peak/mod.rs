@@ -125,17 +125,38 @@ impl Peak {
         write_whole(path, format!("{text}\n").as_bytes())
     }
 
+    /// Adds the rates of devices that are not in the list yet.
+    pub fn add_new(all: &mut Vec<Self>, more: Vec<Self>) {
+        for peak in more {
+            if all.iter().all(|known| known.device != peak.device) {
+                all.push(peak);
+            }
+        }
+    }
+
     /// Computes the rate of operations of a record's ray-triangle tests as a share of the device's peak rate of
-    /// multiply-adds. Adds this share, the peak rate and the number of operations per test to the record.
+    /// multiply-adds. Adds this share and the peak rate to the record.
     pub fn apply(all: &[Self], record: &mut Record) {
         let Some(peak) = all.iter().find(|one| one.device == record.device) else { return };
         record.fma_per_s = Some(peak.fma_per_s.median).filter(|rate| *rate > 0.0);
-        record.operations_per_test = operations_per_test(&record.strategy);
         if let (Some(tests), Some(operations), Some(fma)) =
             (record.tests_per_s, record.operations_per_test, record.fma_per_s)
         {
             record.limit_fraction = Some(tests * f64::from(operations) / fma);
         }
+    }
+}
+
+/// Adds to the draft of a record how many operations the strategy's ray-triangle test takes, and how many bytes it
+/// reads, by the headers of the strategy's files. The record keeps these numbers, since other processes may know other
+/// files.
+pub fn describe_test(record: &mut Record) {
+    record.operations_per_test = operations_per_test(&record.strategy);
+    if let Some(traffic) = Traffic::by_headers(record) {
+        record.triangle_bytes_per_test = Some(traffic.triangle_bytes);
+        record.triangle_memory = Some(traffic.triangle_in.to_owned());
+        record.ray_bytes_per_test = Some(traffic.ray_bytes);
+        record.ray_memory = Some(traffic.ray_in.to_owned());
     }
 }
 
@@ -153,14 +174,35 @@ mod tests {
         let strategy = "traversal=exhaustive intersector=common-origin vectors=private".to_owned();
         let mut record = Record { device: "gpu".into(), strategy, ..Record::default() };
         record.tests_per_s = Some(1.0e11);
+        // The count is that of the record: the headers that this process knows may be those of another folder.
+        record.operations_per_test = Some(7);
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut record);
-        let operations = record.operations_per_test.expect("a count");
-        assert_eq!(record.fma_per_s, Some(3.0e12));
-        assert_eq!(record.limit_fraction, Some(1.0e11 * f64::from(operations) / 3.0e12));
+        assert_eq!((record.operations_per_test, record.fma_per_s), (Some(7), Some(3.0e12)));
+        assert_eq!(record.limit_fraction, Some(1.0e11 * 7.0 / 3.0e12));
         let mut other = Record { device: "other".into(), ..record.clone() };
         other.limit_fraction = None;
         Peak::apply(&[peak("cpu"), peak("gpu")], &mut other);
         assert_eq!(other.limit_fraction, None);
+    }
+
+    #[test]
+    fn a_draft_states_the_operations_and_the_bytes_of_its_test() {
+        let described = |name: &str| {
+            let strategy = crate::strategy::preset(name).unwrap().strategy.to_string();
+            let mut record = Record { strategy, ..Record::default() };
+            describe_test(&mut record);
+            record
+        };
+        let naive = described("naive");
+        assert_eq!(naive.operations_per_test, Some(15));
+        let memories = [&naive.triangle_memory, &naive.ray_memory].map(Option::as_deref);
+        assert_eq!(memories, [Some("global"); 2]);
+        assert_eq!((naive.triangle_bytes_per_test, naive.ray_bytes_per_test), (Some(36.0), Some(24.0)));
+        assert_eq!(Traffic::of(&naive), Traffic::by_headers(&naive));
+        let moved = Record { triangle_bytes_per_test: Some(5.0), ..naive };
+        assert_eq!(Traffic::of(&moved).map(|traffic| traffic.bytes()), Some(29.0));
+        let bvh = described("bvh");
+        assert!(bvh.operations_per_test.is_some() && bvh.triangle_bytes_per_test.is_none());
     }
 
     #[test]

@@ -12,23 +12,35 @@ const FLOAT_BYTES: f64 = 4.0;
 /// The bytes that the test of one ray against one triangle reads. Caches are not considered: these numbers count the
 /// bytes that work-items request, not the bytes that come from a device's memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Traffic {
+pub struct Traffic<'a> {
     /// Bytes of the triangle, divided by the number of rays of a work-item, since a work-item reads a triangle once for
     /// all its rays.
     pub triangle_bytes: f64,
     /// The memory that contains the triangle.
-    pub triangle_in: &'static str,
+    pub triangle_in: &'a str,
     /// Bytes of the ray; 0 if it is in registers.
     pub ray_bytes: f64,
     /// The memory that contains the ray.
-    pub ray_in: &'static str,
+    pub ray_in: &'a str,
 }
 
-impl Traffic {
-    /// Returns the bytes that each test of a record's strategy reads; `None` for baselines, and for strategies that
-    /// do not test every ray against every triangle. Their number of tests is unknown, so the bytes per test do not
-    /// yield the bytes of a frame.
-    pub fn of(record: &Record) -> Option<Self> {
+impl<'a> Traffic<'a> {
+    /// Returns the bytes that each test of a record reads, as the record states them. Records of earlier versions do
+    /// not state them; for these records, the bytes follow from the headers that this process has read.
+    pub fn of(record: &'a Record) -> Option<Self> {
+        let Some(triangle_bytes) = record.triangle_bytes_per_test else { return Self::by_headers(record) };
+        Some(Self {
+            triangle_bytes,
+            triangle_in: record.triangle_memory.as_deref()?,
+            ray_bytes: record.ray_bytes_per_test?,
+            ray_in: record.ray_memory.as_deref()?,
+        })
+    }
+
+    /// Returns the bytes that each test of a record's strategy reads, by the headers of the files of the strategy's
+    /// values. Returns `None` for baselines, and for strategies that do not test every ray against every triangle.
+    /// Their number of tests is unknown, so the bytes per test do not yield the bytes of a frame.
+    pub fn by_headers(record: &Record) -> Option<Self> {
         if record.is_baseline() || !record.tests_every_triangle() {
             return None;
         }
@@ -78,13 +90,13 @@ mod tests {
     use super::*;
     use crate::strategy::preset;
 
-    fn traffic(strategy: &str) -> Option<Traffic> {
+    fn traffic(strategy: &str) -> Option<Traffic<'static>> {
         let (name, set) = strategy.split_once(',').unwrap_or((strategy, ""));
         let mut strategy = preset(name).expect("a preset").strategy;
         if let Some((axis, value)) = set.split_once('=') {
             strategy.set(axis, value).expect("a value");
         }
-        Traffic::of(&Record { strategy: strategy.to_string(), ..Record::default() })
+        Traffic::by_headers(&Record { strategy: strategy.to_string(), ..Record::default() })
     }
 
     #[test]

@@ -1,34 +1,34 @@
-//! Determines which kernels of a program a frame can run.
+//! Determines which kernels of a program frames can need.
 
 use crate::manifest::Role;
-use crate::strategy::Strategy;
+use crate::strategy::{Strategy, Workload};
 
-/// Returns the kernels that a frame can run, in the order in which they first run. Assumes that the scene has lights,
-/// and that the frame casts one sample per pixel.
-pub fn frame_kernels(strategy: &Strategy) -> Vec<&'static str> {
+/// Returns the kernels that frames with one sample per pixel can need, in the order in which they first run. A kernel
+/// that prepares records is one of them, although it runs only once per scene.
+pub fn frame_kernels(strategy: &Strategy, workload: &Workload) -> Vec<&'static str> {
+    let has_light = workload.lights > 0 || workload.sky;
+    let is_needed = |role: Role| match role {
+        Role::Records | Role::Prepare | Role::Frame | Role::Primary | Role::Resolve => true,
+        Role::Shadow | Role::LeftOver => has_light,
+        Role::Shade | Role::Background => true,
+        Role::Rays | Role::Mark | Role::FilterLight | Role::ApplyLight => false,
+    };
     let kernels = strategy.family().kernels.iter();
-    let run = kernels.filter(|kernel| strategy.holds(kernel.when) && takes_part(kernel.role));
-    run.map(|kernel| kernel.name).collect()
-}
-
-/// Returns whether kernels of a role take part in a frame with lights and one sample per pixel.
-fn takes_part(role: Role) -> bool {
-    match role {
-        Role::Prepare | Role::Frame | Role::Primary | Role::Resolve => true,
-        Role::Shadow | Role::LeftOver | Role::Shade => true,
-        Role::Background | Role::Rays | Role::Records => false,
-        Role::Mark | Role::FilterLight | Role::ApplyLight => false,
-    }
+    let needed = kernels.filter(|kernel| strategy.holds_of(kernel.when, workload) && is_needed(kernel.role));
+    needed.map(|kernel| kernel.name).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::strategy::{Passes, preset};
+    use crate::strategy::{Passes, Records, preset};
+
+    fn strategy(name: &str) -> Strategy {
+        preset(name).unwrap_or_else(|error| panic!("{error}")).strategy
+    }
 
     fn kernels(name: &str, passes: Passes) -> Vec<&'static str> {
-        let strategy = preset(name).unwrap_or_else(|error| panic!("{error}")).strategy;
-        frame_kernels(&Strategy { passes, ..strategy })
+        frame_kernels(&Strategy { passes, ..strategy(name) }, &Workload::CUBE)
     }
 
     #[test]
@@ -45,5 +45,24 @@ mod tests {
             kernels("tile-group-watertight", separate),
             ["tile_primary", "tile_shadow", "tile_left_over", "tile_shade"]
         );
+    }
+
+    #[test]
+    fn a_frame_casts_shadow_rays_only_if_there_is_light() {
+        let of = |name: &str, sky| {
+            let workload = Workload { lights: 0, sky, ..Workload::CUBE };
+            frame_kernels(&strategy(name), &workload)
+        };
+        assert_eq!(of("tile-group", false), ["tile_prepare", "tile_primary", "tile_shade"]);
+        assert_eq!(of("tile-group", true), ["tile_prepare", "tile_cast", "tile_shadow", "tile_shade"]);
+        assert_eq!(of("bvh", false), ["cast_primary", "shade_nearest"]);
+    }
+
+    #[test]
+    fn records_and_a_picture_of_the_sky_need_kernels_of_their_own() {
+        let workload = Workload { sky: true, sky_texels: 1, ..Workload::CUBE };
+        let strategy = Strategy { records: Records::Once, passes: Passes::Separate, ..strategy("bvh") };
+        let expected = ["prepare_records", "cast_primary", "shade_nearest", "show_sky"];
+        assert_eq!(frame_kernels(&strategy, &workload), expected);
     }
 }

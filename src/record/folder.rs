@@ -3,6 +3,7 @@
 
 use super::anchors::AnchorSample;
 use super::hosts::hosts_that_differ;
+use super::journal::FOLDER;
 use super::journals::{ANCHORS, CONTROLS, RECORDS, ROUNDS};
 use super::plan::CurrentPlan;
 use super::rounds::{RoundLoad, disturbance, moved_processors};
@@ -57,11 +58,12 @@ impl Folder {
         };
         if !journal.is_file() {
             let error = Error::input(format!("{} holds no results: {RECORDS} is missing", path.display()));
-            return Err(
-                error.with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
-            );
+            return Err(error.with_help(FOLDER));
         }
-        let lines = read_lines::<Record>(&journal)?;
+        let lines = match path.is_file() {
+            true => read_lines::<Record>(&journal)?.refuse_if_all_damaged(&journal)?,
+            false => read_records(folder)?,
+        };
         let lines_damage = lines.damage(RECORDS);
         let (environment, unknown) = environment(folder);
         let plan = CurrentPlan::read(folder)?;
@@ -146,6 +148,14 @@ fn of_merge(folder: &Path) -> Vec<String> {
         .and_then(|text| serde_json::from_slice(&text).ok());
     let notes = merge.and_then(|merge| Some(merge["notes"].as_array()?.clone())).unwrap_or_default();
     notes.iter().filter_map(|note| note.as_str().map(str::to_owned)).collect()
+}
+
+/// Reads a folder's journal of records. If the folder has no plan and no line of the journal can be read, the file is
+/// probably not raycl's, and an input error is returned.
+pub fn read_records(folder: &Path) -> Result<Lines<Record>> {
+    let journal = folder.join(RECORDS);
+    let lines = read_lines(&journal)?;
+    if CurrentPlan::is_in(folder) { Ok(lines) } else { lines.refuse_if_all_damaged(&journal) }
 }
 
 /// Reads a journal, or returns no lines if the file is missing, as in folders of earlier versions.
@@ -419,6 +429,27 @@ mod tests {
             assert_eq!(notes.iter().filter(|note| note.starts_with(&expected)).count(), 1, "{notes:?}");
         }
         assert_eq!(Folder::read(folder.path()).unwrap().damage.len(), 4);
+        // Damage to the only line of a journal costs no more than that line.
+        for name in [CONTROLS, ROUNDS, ANCHORS] {
+            std::fs::write(place(name), "nonsense\n").unwrap();
+        }
+        let read = Folder::read(folder.path()).unwrap();
+        assert_eq!((read.records.len(), read.controls.len(), read.damage.len()), (1, 0, 4));
+        assert!(read.rounds.is_empty() && read.anchors.is_empty());
+    }
+
+    #[test]
+    fn a_journal_of_records_without_a_whole_line_is_raycls_if_the_folder_has_a_plan() {
+        let folder = tempfile::tempdir().unwrap();
+        let journal = folder.path().join(RECORDS);
+        std::fs::write(&journal, "nonsense\n").unwrap();
+        let refused = |path: &Path| Folder::read(path).unwrap_err().to_string();
+        let expected = "records.jsonl:1: neither this line nor any other line of the file is a record";
+        assert!(refused(folder.path()).contains(expected), "{}", refused(folder.path()));
+        CurrentPlan::of(&[record("a", "bvh", 1.0)]).write(folder.path()).unwrap();
+        let read = Folder::read(folder.path()).unwrap();
+        assert_eq!((read.records.len(), read.damage.len()), (0, 1));
+        assert!(refused(&journal).contains(expected), "a file was given, not a folder");
     }
 
     #[test]

@@ -58,11 +58,13 @@ pub struct Lines<T> {
     pub torn: bool,
     /// The numbers, counted from 1, of the damaged lines, which were left out because they cannot be read.
     pub damaged: Vec<usize>,
+    /// Why the last damaged line cannot be read; empty if no line is damaged.
+    reason: String,
 }
 
 impl<T> Default for Lines<T> {
     fn default() -> Self {
-        Self { lines: Vec::new(), torn: false, damaged: Vec::new() }
+        Self { lines: Vec::new(), torn: false, damaged: Vec::new(), reason: String::new() }
     }
 }
 
@@ -75,18 +77,34 @@ impl<T> Lines<T> {
             "raycl ignores {lines} of {name}; the first is line {first}. `raycl repair` removes damaged lines and keeps a copy of the file."
         ))
     }
+
+    /// Returns an input error if no line of the file can be read, although the file has complete lines: such a file is
+    /// probably not a journal. `path` is the file's path.
+    pub fn refuse_if_all_damaged(self, path: &Path) -> Result<Self> {
+        match (&self.lines[..], &self.damaged[..]) {
+            ([], [.., last]) => {
+                let message = format!(
+                    "{}:{last}: neither this line nor any other line of the file is a record: {}",
+                    path.display(),
+                    self.reason
+                );
+                Err(Error::input(message).with_help(FOLDER))
+            }
+            _ => Ok(self),
+        }
+    }
 }
 
+/// The help in an error about a folder or a file that holds no results.
+pub(super) const FOLDER: &str = "give the path of a folder that `raycl run` wrote, such as results/quick";
+
 /// Reads a file of JSON lines. An incomplete last line and damaged lines are left out and reported.
-/// If every line is damaged, the file is not a journal, and an input error is returned.
 pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
-    let unreadable = |error| {
-        Error::input(format!("cannot read {}: {error}", path.display()))
-            .with_help("give the path of a folder that `raycl run` wrote, such as results/quick")
-    };
+    let unreadable =
+        |error| Error::input(format!("cannot read {}: {error}", path.display())).with_help(FOLDER);
     let mut file = BufReader::new(reader::open(path).map_err(unreadable)?);
-    let mut read = Lines { lines: Vec::new(), torn: false, damaged: Vec::new() };
-    let (mut line, mut reason) = (Vec::new(), String::new());
+    let mut read = Lines::default();
+    let mut line = Vec::new();
     for number in 1.. {
         line.clear();
         if file.read_until(b'\n', &mut line).map_err(unreadable)? == 0 {
@@ -100,22 +118,12 @@ pub fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Lines<T>> {
             Ok(value) => read.lines.push(value),
             Err(_) if line.trim_ascii().is_empty() => {}
             Err(error) => {
-                reason = without_position(&error);
+                read.reason = without_position(&error);
                 read.damaged.push(number);
             }
         }
     }
-    match (&read.lines[..], &read.damaged[..]) {
-        ([], [.., last]) => {
-            let message = format!(
-                "{}:{last}: neither this line nor any other line of the file is a record: {reason}",
-                path.display()
-            );
-            Err(Error::input(message)
-                .with_help("give the path of a folder that `raycl run` wrote, such as results/quick"))
-        }
-        _ => Ok(read),
-    }
+    Ok(read)
 }
 
 /// Returns the message of serde's error without the position. Serde counts lines within one record, so this position
@@ -196,8 +204,11 @@ mod tests {
                 .unwrap()
                 .starts_with("raycl ignores 2 damaged lines of samples.jsonl; the first is line 2.")
         );
+        assert!(read.refuse_if_all_damaged(&path).is_ok());
         std::fs::write(&path, "nonsense\n").unwrap();
-        let Err(Error::Input(error)) = read_lines::<Sample>(&path) else { panic!("it was read") };
+        let read = read_lines::<Sample>(&path).unwrap();
+        assert_eq!((read.lines.len(), &read.damaged[..]), (0, &[1][..]));
+        let Err(Error::Input(error)) = read.refuse_if_all_damaged(&path) else { panic!("it is a journal") };
         assert!(error.message.ends_with("is a record: expected ident"), "{}", error.message);
         assert!(
             error.message.contains("samples.jsonl:1: neither this line nor any other"),

@@ -4,6 +4,7 @@
 
 use serde_json::{Map, Value, json};
 
+use super::file_names::file_names;
 use super::parameters::{joined, parameters};
 use super::summary::{Group, groups};
 use super::types::{HOST, Outcome, Record};
@@ -11,22 +12,8 @@ use super::types::{HOST, Outcome, Record};
 /// Returns the cache files: each file's name without extension, and its text.
 pub fn kernel_tuner_caches(records: &[Record]) -> Vec<(String, String)> {
     let groups = groups(records);
-    let mut caches: Vec<(String, String)> = Vec::new();
-    for group in groups.iter().filter(|group| group.device != HOST) {
-        let mut name = file_name(group);
-        // "a/scene" and "a-scene" are different scenes and need different file names.
-        while caches.iter().any(|(taken, _)| *taken == name) {
-            name.push('_');
-        }
-        caches.push((name, cache(group)));
-    }
-    caches
-}
-
-fn file_name(group: &Group<'_>) -> String {
-    let [width, height] = group.image_size;
-    let name = format!("{}-{width}x{height}-{}", group.scene, group.device);
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
+    let named = file_names(&groups).into_iter().zip(&groups);
+    named.filter(|(_, group)| group.device != HOST).map(|(name, group)| (name, cache(group))).collect()
 }
 
 fn cache(group: &Group<'_>) -> String {

@@ -108,11 +108,11 @@ fn speed_ups(group: &Group<'_>, groups: &[Group<'_>], best: &Record) -> String {
     others.map(than).collect()
 }
 
-/// Names the points that have too few samples to be ranked.
+/// Names the points that cannot be ranked.
 fn unranked(records: &[&Record]) -> String {
     match records.is_empty() {
         true => String::new(),
-        false => format!(" Not enough samples to rank: {}.", few_names(records, title)),
+        false => format!(" Points without a rank: {}.", few_names(records, title)),
     }
 }
 
@@ -307,14 +307,14 @@ mod tests {
         let text = summary_markdown(&records, &[], "Which is best?", "Wide is.");
         for expected in [
             "Fastest: **wide at 1 x 1** at 10.00 ms. Against serial-f32: not enough samples (n = 1). Against naive at 8 x 8: \
-             not enough samples (n = 3). Not enough samples to rank: naive at 8 x 8 (n = 3).",
+             not enough samples (n = 3). Points without a rank: naive at 8 x 8 (n = 3).",
             "| not enough samples (n = 1) |",
         ] {
             assert!(text.contains(expected), "{expected:?} is not in\n{text}");
         }
         assert!(!text.contains("times as fast") && !text.contains("1798 to"), "{text}");
         let none = summary_markdown(&records[..2], &[], "Which is best?", "Wide is.");
-        assert!(none.contains("No winner. Not enough samples to rank: naive at 8 x 8 (n = 3).\n"), "{none}");
+        assert!(none.contains("No winner. Points without a rank: naive at 8 x 8 (n = 3).\n"), "{none}");
     }
 
     #[test]
@@ -327,7 +327,7 @@ mod tests {
         let of_ten = Record { q1_ms: Some(9.5), q3_ms: Some(11.0), ..measured("gpu", "naive", 8, 10.0) };
         let records = judged([of_ten, measured("gpu", "wide", 8, 1234.5)]);
         let text = summary_markdown(&records, &[], "?", "!");
-        assert!(!text.contains("Not enough samples to rank"), "{text}");
+        assert!(!text.contains("without a rank"), "{text}");
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| ")).collect();
         let cells = |row: &str| row.split('|').map(str::to_owned).collect::<Vec<_>>();
         let [naive, wide] =

@@ -37,18 +37,28 @@ pub struct PlannedPoint {
     pub name: String,
     /// The preset's name; null if an axis differs from the preset.
     pub preset: Option<String>,
+    /// The folder of the point's kernels, if two folders of kernels are compared. Plans of earlier versions do not
+    /// have this field.
+    #[serde(default)]
+    pub kernels_of: Option<String>,
 }
 
 impl PlannedPoint {
     /// Returns the point of a record.
     pub fn of(record: &Record) -> Self {
-        let Record { key, scene, scene_file, scene_values, device, name, preset, .. } = record.clone();
-        Self { key, scene, scene_file, scene_values, device, name, preset }
+        let Record { key, scene, scene_file, scene_values, device, name, preset, kernels_of, .. } =
+            record.clone();
+        Self { key, scene, scene_file, scene_values, device, name, preset, kernels_of }
     }
 
     /// Changes a record's names to those in the plan.
     fn name(&self, record: &mut Record) {
-        let Self { key: _, scene, scene_file, scene_values, device, name, preset } = self.clone();
+        let Self { key: _, scene, scene_file, scene_values, device, name, preset, kernels_of } = self.clone();
+        // A plan of an earlier version does not name the folder of kernels. The point's name contains the folder, so a
+        // record of the same name has the same folder.
+        if kernels_of.is_some() || record.name != name {
+            record.kernels_of = kernels_of;
+        }
         (record.scene, record.scene_file, record.scene_values) = (scene, scene_file, scene_values);
         (record.device, record.name, record.preset) = (device, name, preset);
     }
@@ -66,6 +76,11 @@ impl CurrentPlan {
     pub fn write(&self, folder: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).map_err(|error| Error::fault(error.to_string()))?;
         write_whole(&folder.join(FILE), format!("{text}\n").as_bytes())
+    }
+
+    /// Returns whether a folder has a plan.
+    pub fn is_in(folder: &Path) -> bool {
+        folder.join(FILE).is_file()
     }
 
     /// Reads the plan of a folder; `None` if it has no plan, like folders of raycl before 0.2 and
@@ -120,11 +135,20 @@ mod tests {
             device: "gpu, 1".into(),
             name: "mine".into(),
             preset: Some("naive".into()),
+            kernels_of: Some("new".into()),
             ..Record::default()
         };
         let plan = CurrentPlan::of([&planned]);
         let mut record = Record { key: "k".into(), median_ms: Some(2.0), ..Record::default() };
         plan.points[0].name(&mut record);
         assert_eq!(record, Record { median_ms: Some(2.0), ..planned });
+        // A plan of an earlier version does not name the folder of kernels.
+        let earlier = PlannedPoint { kernels_of: None, ..plan.points[0].clone() };
+        earlier.name(&mut record);
+        assert_eq!(record.kernels_of.as_deref(), Some("new"));
+        // Two folders are no longer compared.
+        let alone = PlannedPoint { name: "alone".into(), ..earlier };
+        alone.name(&mut record);
+        assert_eq!((record.name.as_str(), record.kernels_of), ("alone", None));
     }
 }

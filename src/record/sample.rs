@@ -44,6 +44,10 @@ pub struct Sample {
     /// Readings of the device's sensors during the frame.
     #[serde(default)]
     pub sensed: Option<SensorReading>,
+    /// The device that measured the sample, if points were distributed over several devices of the same model; absent
+    /// for a baseline.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured_on: Option<String>,
     /// The attempt and the launch that measured the sample, if a later attempt copied the sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<String>,

@@ -110,7 +110,7 @@ impl<'a> Row<'a> {
             limit_fraction: record.limit_fraction,
             registers: record.main_kernel().and_then(|kernel| kernel.resources.registers),
             spill_store_bytes: record.main_kernel().and_then(|kernel| kernel.resources.spill_store_bytes),
-            occupancy: record.main_kernel().and_then(|kernel| kernel.occupancy),
+            occupancy: record.main_kernel_of_local_size().and_then(|kernel| kernel.occupancy),
             clock_mhz: record.sensed.and_then(|sensed| sensed.clock_mhz),
             energy_mj: record.sensed.and_then(|sensed| sensed.energy_mj),
             preempted_samples: record.preempted_samples,

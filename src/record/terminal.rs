@@ -207,7 +207,7 @@ fn obstacle(reason: &str) -> &'static str {
         "the device or the host has too little memory"
     } else if reason.contains("does not support") {
         "the strategy does not support something that the scene has"
-    } else if reason.contains("work-group") || reason.contains("work-items") {
+    } else if reason.starts_with("work-group") || reason.contains("the local size") {
         "the device or the kernel does not support the local size"
     } else {
         "the point exceeds a limit of its strategy or its device"
@@ -241,13 +241,21 @@ mod tests {
     }
 
     #[test]
-    fn the_legend_blames_memory_only_for_memory() {
+    fn the_legend_blames_memory_and_the_local_size_only_for_what_they_cause() {
         let told = |reason: &str| summary_terminal(&[infeasible("gpu", "naive", 32, reason)], false);
         let cases = [
             ("__local memory: 108 B x 32 x 32 = 110592 B > 49152 B", "has too little memory"),
             ("traversal = raster does not support a sky, which the scene has", "that the scene has, for"),
             ("work-group: 64 x 64 = 4096 work-items > the device's 1024", "support the local size"),
+            (
+                "the local size has 1024 work-items; the compiled kernel cast_frame supports at most 256",
+                "support the local size",
+            ),
             ("16-bit indices: 70000 entries > 65536", "exceeds a limit of its strategy"),
+            (
+                "heap: 27 values x 16384 x 10000 work-items = 4423680000 > 4294967295",
+                "exceeds a limit of its strategy",
+            ),
         ];
         for (reason, expected) in cases {
             let text = told(reason);

@@ -75,9 +75,13 @@ impl Table {
     }
 
     /// Returns the machine and the devices that measured the records. Another machine, or another device of the same
-    /// machine, may differ from launch to launch by another amount.
-    fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String)> {
-        let of = |place: &usize| (records[*place].host.clone(), records[*place].device.clone());
+    /// machine, may differ from launch to launch by another amount. If devices of the same model share the points, all
+    /// records name the first device, and only `measured_on` tells which one measured them.
+    fn machine(&self, records: &[Record]) -> BTreeSet<(Option<String>, String, Option<String>)> {
+        let of = |place: &usize| {
+            let Record { host, device, measured_on, .. } = &records[*place];
+            (host.clone(), device.clone(), measured_on.clone())
+        };
         self.places.iter().map(of).collect()
     }
 

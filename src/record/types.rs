@@ -244,6 +244,19 @@ pub struct Record {
     /// Number of floating-point operations of a ray-triangle test; a multiply-add counts as one.
     #[serde(default)]
     pub operations_per_test: Option<u32>,
+    /// Bytes of the triangle that a ray-triangle test reads, divided by the number of rays of a work-item, since a
+    /// work-item reads a triangle once for all its rays. Null unless every ray is tested against every triangle.
+    #[serde(default)]
+    pub triangle_bytes_per_test: Option<f64>,
+    /// The memory that contains the triangles that tests read: `global`, `__constant` or `__local`.
+    #[serde(default)]
+    pub triangle_memory: Option<String>,
+    /// Bytes of the ray that a ray-triangle test reads from a memory; 0 if the ray is in registers.
+    #[serde(default)]
+    pub ray_bytes_per_test: Option<f64>,
+    /// The memory that contains the rays that tests read: `global` or `__local`, or `registers`.
+    #[serde(default)]
+    pub ray_memory: Option<String>,
     /// The device's measured peak rate of multiply-adds per second.
     #[serde(default)]
     pub fma_per_s: Option<f64>,
@@ -307,9 +320,21 @@ impl Record {
         matches!(self.axis("traversal"), Some("bvh" | "tile"))
     }
 
+    /// Returns whether the point's primary rays are rasterised: each triangle's pixels are found by one work-item.
+    pub fn rasterises(&self) -> bool {
+        self.axis("traversal") == Some("raster")
+    }
+
     /// Returns the kernel that casts primary rays, alone or with the rest of the frame.
     pub fn main_kernel(&self) -> Option<&CompiledKernel> {
         self.kernels.iter().find(|kernel| manifest::is_main(&kernel.name))
+    }
+
+    /// Returns the main kernel if its work-groups have the point's local size. The occupancy of a rasteriser's main
+    /// kernel does not depend on this size, since its work-groups have a fixed size. In records of earlier versions,
+    /// this occupancy is wrong: it was predicted for the point's local size, although the driver chose another size.
+    pub fn main_kernel_of_local_size(&self) -> Option<&CompiledKernel> {
+        self.main_kernel().filter(|_| !self.rasterises())
     }
 
     /// Returns the primary rays per second of the primary pass; `None` if passes are fused.
@@ -390,6 +415,9 @@ mod tests {
             let record =
                 Record { kernels: names.iter().map(|name| kernel(name)).collect(), ..Record::default() };
             assert_eq!(record.main_kernel().map(|kernel| kernel.name.as_str()), main);
+            let raster = Record { strategy: "traversal=raster".into(), ..record.clone() };
+            assert_eq!(raster.main_kernel_of_local_size(), None);
+            assert_eq!(record.main_kernel_of_local_size(), record.main_kernel());
         }
     }
 

@@ -4,7 +4,8 @@ use super::cast::Caster;
 use super::intersect::Hit;
 use super::pixel_sample::{PixelSample, Reach};
 use super::ray::Ray;
-use super::shade::Sight;
+use super::shade::{Sight, sights, surface_at};
+use super::shadow_end::gap_before_hit;
 use super::soft::Seen;
 use crate::scene::PixelFrame;
 use glam::DVec3;
@@ -75,6 +76,33 @@ impl Asked<'_> {
         }
     }
 
+    /// Includes in `sample` the values of a hit's radiance if shadow rays end as far from the hit as those that a
+    /// device casts from a distant light, and if rounding moves this end away from the hit by as much again. `radiance`
+    /// returns the value for shadow rays that end at a given distance from the hit.
+    fn end_at_gaps(
+        &self,
+        sample: &mut PixelSample,
+        (ray, hit): (&Ray<f64>, &Hit<f64>),
+        radiance: impl Fn(&dyn Fn(&Sight<f64>) -> f64) -> DVec3,
+    ) {
+        let [point, normal] = surface_at(self.caster.scene(), ray, hit);
+        let gap = |sight: &Sight<f64>| match self.is_light(sight) {
+            true => gap_before_hit(self.bias, sight, normal),
+            false => self.bias,
+        };
+        // Without a distant light, these are the values with the bias and with twice the bias.
+        if sights(&self.seen, point, normal).any(|sight| gap(&sight) > self.bias) {
+            for factor in [1.0, 2.0] {
+                sample.consider(radiance(&|sight| factor * gap(sight)));
+            }
+        }
+    }
+
+    /// Returns true for a light, false for the sky.
+    fn is_light(&self, sight: &Sight<f64>) -> bool {
+        sight.light < self.seen.lights.len()
+    }
+
     /// Returns the length by which rounding errors at a light are scaled: a relative error times
     /// this length is an absolute error.
     fn scale(&self, sight: &Sight<f64>) -> f64 {
@@ -89,6 +117,7 @@ impl Asked<'_> {
 /// - The pixel's ray is nudged in each direction along the image's axes.
 /// - The shadow bias is halved, and doubled.
 /// - Shadow rays start a little above, and below, the plane of the hit.
+/// - Shadow rays end as far from the hit as those that a device casts from a distant light.
 /// - Surfaces near lights are included as occluders, and left out.
 /// - Triangles become larger and holes smaller by rounding, and the reverse.
 /// - For grazing light, every result that rounding allows is included.
@@ -116,6 +145,9 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         for factor in [0.5, 2.0] {
             sample.consider(caster.radiance(seen, &ray, Some(hit), bias * factor));
         }
+        asked.end_at_gaps(&mut sample, (&ray, hit), |gap| {
+            caster.shaded(seen, &ray, Some(hit), &|sight| caster.reaches(sight, gap(sight)))
+        });
         for part in [AT_LIGHT, -AT_LIGHT] {
             let reaches = |sight: &Sight<f64>| {
                 caster.reaches_within(sight, bias, sight.distance - part * asked.scale(sight))

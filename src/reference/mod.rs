@@ -21,6 +21,7 @@ pub mod ray;
 pub mod real;
 pub mod rough;
 pub mod shade;
+pub mod shadow_end;
 pub mod shadows;
 pub mod soft;
 pub mod texture;
@@ -34,7 +35,7 @@ pub use cast::{cast_parallel_f32, cast_serial_f32, cast_serial_f64};
 pub use fingerprint::fingerprint;
 
 use crate::image::{Radiance, dark_floor};
-use crate::scene::{Display, Sample, Scene};
+use crate::scene::{Sample, Scene};
 use crate::strategy::Culling;
 use cast::Caster;
 use certainty::{Asked, quick_sample, sample};
@@ -54,7 +55,7 @@ const EXHAUSTIVE_TRIANGLES: usize = 64;
 /// The expected image of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
-    /// Each pixel's radiance, computed in double precision.
+    /// Each pixel's radiance, computed in double precision, and its alpha if the background is transparent.
     pub radiance: Radiance,
     /// Whether each pixel is certain, in the order of `radiance.pixels`. The radiance of a certain pixel changes by a
     /// fraction of less than 1e-3 under nudges of its ray and other small changes (see [`certainty`]). Pixels that were
@@ -121,7 +122,7 @@ pub fn reference_of(
     }
     let cast = |pixel| count(pixel).min(of_pixel.len() as u32);
     all.iter_mut().zip(pixels).for_each(|(sum, pixel)| sum.divide(f64::from(cast(*pixel))));
-    judged(&all, size, pixels, scene.display)
+    judged(&all, size, pixels, &scene)
 }
 
 /// Returns the index of every pixel in an image.
@@ -143,12 +144,16 @@ fn count(size: [u32; 2]) -> usize {
 }
 
 /// Makes a reference from the samples of some pixels.
-fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], display: Display) -> Reference {
+fn judged(samples: &[PixelSample], size: [u32; 2], pixels: &[usize], scene: &Scene) -> Reference {
     let mut radiance = Radiance::new(size[0], size[1]);
+    if scene.transparent {
+        radiance.coverage = vec![0.0; count(size)];
+        pixels.iter().zip(samples).for_each(|(&pixel, sample)| radiance.coverage[pixel] = sample.coverage);
+    }
     for (&pixel, sample) in pixels.iter().zip(samples) {
         radiance.pixels[pixel] = sample.radiance.as_vec3().to_array();
     }
-    let floor = dark_floor(&radiance, display);
+    let floor = dark_floor(&radiance, scene.display);
     let (mut certain, mut doubts) = (vec![false; count(size)], Vec::new());
     for (&pixel, sample) in pixels.iter().zip(samples) {
         certain[pixel] = is_certain(sample, floor);

@@ -10,6 +10,9 @@ pub struct PixelSample {
     pub radiance: DVec3,
     /// True if the ray hits something.
     pub hit: bool,
+    /// The share of the pixel's samples that hit something, from 0 to 1: the pixel's alpha before a transparent
+    /// background.
+    pub coverage: f32,
     /// True if a nudge changes a hit to a miss or the reverse.
     pub turns: bool,
     /// The largest change of a channel under any nudge; infinite if a hit becomes a miss or the reverse.
@@ -24,7 +27,8 @@ pub struct PixelSample {
 impl PixelSample {
     /// Returns a sample that no nudge has changed yet.
     pub(super) fn of(radiance: DVec3, hit: bool) -> Self {
-        Self { radiance, hit, turns: false, change: 0.0, near_change: 0.0, range: [radiance; 2] }
+        let (coverage, range) = (f32::from(hit), [radiance; 2]);
+        Self { radiance, hit, coverage, turns: false, change: 0.0, near_change: 0.0, range }
     }
 
     /// Includes another possible value of the radiance in the changes and in the range.
@@ -57,6 +61,7 @@ impl PixelSample {
         let surely = |sample: &Self| sample.hit && !sample.turns;
         self.turns = (self.turns || other.turns) && !surely(self) && !surely(other);
         self.hit |= other.hit;
+        self.coverage += other.coverage;
         self.change += other.change;
         self.near_change += other.near_change;
         self.range = [self.range[0] + other.range[0], self.range[1] + other.range[1]];
@@ -65,6 +70,7 @@ impl PixelSample {
     /// Divides the sum of several samples by their number.
     pub fn divide(&mut self, count: f64) {
         self.radiance /= count;
+        self.coverage /= count as f32;
         self.change /= count;
         self.near_change /= count;
         self.range = self.range.map(|end| end / count);
@@ -108,6 +114,7 @@ mod tests {
         one.add(&PixelSample::of(DVec3::splat(3.0), false));
         one.divide(2.0);
         assert_eq!((one.radiance, one.change, one.hit), (DVec3::splat(2.0), 0.375, true));
+        assert_eq!(one.coverage, 0.5, "one of two samples hits something");
         assert_eq!(one.range, [DVec3::splat(1.625), DVec3::splat(2.25)]);
         // If one sample certainly hits something, the pixel certainly hits something. If no sample
         // certainly does, but some sample may, it is uncertain whether the pixel does.

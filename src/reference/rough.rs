@@ -6,7 +6,8 @@ use crate::manifest::SAMPLED_BLOCK;
 
 /// Returns the largest difference of neighbouring pixels in each block and in the ring of pixels around the block;
 /// blocks are in order, row by row. `means` contains the mean of the first samples of each pixel. Differences are
-/// computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed differences.
+/// computed with a gamma of 2, in 8-bit steps, so they nearly equal the displayed differences. Differences of alpha
+/// count too if the background is transparent.
 pub fn steps_of_blocks(means: &Radiance, exposure: f32) -> Vec<f64> {
     let [across, down] = [means.width, means.height].map(|side| side.div_ceil(SAMPLED_BLOCK));
     let blocks = (0..down).flat_map(|y| (0..across).map(move |x| [x, y].map(|at| at * SAMPLED_BLOCK)));
@@ -24,14 +25,17 @@ fn steps_of_block(means: &Radiance, exposure: f32, start: [u32; 2]) -> f64 {
     steps.fold(0.0, f64::max)
 }
 
-/// Returns a pixel's channels as displayed, from 0 to 255; pixels beyond the image repeat those at its border.
-fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 3] {
+/// Returns a pixel's channels as displayed and its alpha, from 0 to 255. Without a transparent background, alpha is 0.
+/// Pixels beyond the image repeat those at its border.
+fn displayed(means: &Radiance, exposure: f32, [x, y]: [i64; 2]) -> [f64; 4] {
     let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as usize;
-    let pixel = means.pixels[inside(y, means.height) * means.width as usize + inside(x, means.width)];
-    pixel.map(|channel| 255.0 * (f64::from(exposure) * f64::from(channel)).clamp(0.0, 1.0).sqrt())
+    let place = inside(y, means.height) * means.width as usize + inside(x, means.width);
+    let shown = |channel: f32| 255.0 * (f64::from(exposure) * f64::from(channel)).clamp(0.0, 1.0).sqrt();
+    let [red, green, blue] = means.pixels[place].map(shown);
+    [red, green, blue, 255.0 * means.coverage.get(place).map_or(0.0, |alpha| f64::from(*alpha))]
 }
 
-fn largest_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
+fn largest_difference(a: [f64; 4], b: [f64; 4]) -> f64 {
     a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
@@ -51,6 +55,15 @@ mod tests {
             let expected = [[true, true, false, false], [true, true, false, false], [false; 4]];
             assert_eq!(rough, expected.concat(), "{at}: {steps:?}");
         }
+    }
+
+    #[test]
+    fn a_dark_pixel_differs_from_a_transparent_background_in_alpha() {
+        let mut means = Radiance::new(4, 4);
+        assert_eq!(steps_of_blocks(&means, 1.0), [0.0]);
+        means.coverage = vec![0.0; 16];
+        means.coverage[5] = 0.5;
+        assert_eq!(steps_of_blocks(&means, 1.0), [127.5]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 
 use super::beam::Beam;
 use super::certainty::AT_LIGHT;
+use super::shadow_end::gap;
 use super::soft::Seen;
 use super::tree::Tree;
 use glam::DVec3;
@@ -26,6 +27,8 @@ pub struct Points {
     pub triangle: u32,
     /// The point at the centre.
     pub centre: DVec3,
+    /// The unit normal at the centre, with which lights are shaded.
+    pub normal: DVec3,
     /// The largest distance of a point from the centre.
     pub spread: f64,
 }
@@ -58,11 +61,13 @@ impl<'a> Shadows<'a> {
     /// Searches from the light, where all shadow rays meet.
     fn find(&self, light: usize) -> Reaches {
         let position = self.seen.lights[light].position.as_dvec3();
-        let Points { triangle, centre, spread } = self.points;
+        let Points { triangle, centre, normal, spread } = self.points;
         let off = centre - position;
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
-        let [least, most] = [distance - spread - 2.0 * self.bias, distance + spread - 0.5 * self.bias];
+        // Twice the gap also allows for rounding of this gap.
+        let gap = gap(self.bias, distance, -off.dot(normal) / distance);
+        let [least, most] = [distance - spread - 2.0 * gap, distance + spread - 0.5 * self.bias];
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }
@@ -90,7 +95,7 @@ mod tests {
         let distance = point.distance(scene.lights[0].position.as_dvec3());
         let find = |part: f64| {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
-            let points = Points { triangle, centre: point, spread: part * distance };
+            let points = Points { triangle, centre: point, normal: DVec3::Y, spread: part * distance };
             Shadows::new(&seen, &tree, points, 1e-3).find(0)
         };
         assert_eq!([find(1e-6), find(0.02)], [Some(true), None]);
@@ -103,7 +108,7 @@ mod tests {
         let seen = Seen::of(&scene, Sample::CENTRE, [0, 0]);
         let find = |centre: DVec3, spread: f64| {
             let triangle = scene.mesh.triangles.len() as u32 - 1;
-            Shadows::new(&seen, &tree, Points { triangle, centre, spread }, 1e-3).find(0)
+            Shadows::new(&seen, &tree, Points { triangle, centre, normal: DVec3::Y, spread }, 1e-3).find(0)
         };
         // The points lie on the ground, from far outside the triangle's shadow to its centre.
         let light = scene.lights[0].position.as_dvec3();

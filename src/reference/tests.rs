@@ -250,6 +250,25 @@ fn what_is_nearer_than_the_bias_casts_no_shadow() {
     assert_eq!((lit(5e-3), lit(2e-2)), (true, false));
 }
 
+/// A device that casts shadow rays from a light 100,000 away ends them 0.05 before the hit. Whether it meets an
+/// occluder that is nearer to the hit depends on where its rays start.
+#[test]
+fn a_distant_lights_shadow_is_uncertain_right_in_front_of_a_surface() {
+    let certain = |gap: f32| {
+        let mut scene = fixtures::single_triangle();
+        scene.mesh_mut().normals.fill(Vec3::NEG_Z);
+        scene.lights[0].position = vec3(0.0, 0.0, -1e5);
+        scene.lights[0].power = Vec3::splat(1e12);
+        scene.shadow_bias = 1e-3;
+        let mut behind = (*scene.mesh).clone();
+        behind.positions.iter_mut().for_each(|corner| corner.z -= gap);
+        scene.mesh_mut().append(behind);
+        let found = reference(&scene, [1, 1], Culling::None);
+        (found.certain[0], found.radiance.pixels[0] == [0.0; 3])
+    };
+    assert_eq!([0.02, 0.08, 0.2].map(certain), [(false, true), (false, true), (true, true)]);
+}
+
 /// The shadow ray of one of the pixel's samples rises 0.3 degrees above its triangle towards a light of the room, and
 /// runs 0.2 degrees below a neighbouring triangle. All kernels find this ray blocked, since rounding lifts the ray's
 /// start off the plane of its triangle.

@@ -34,9 +34,6 @@ pub struct Answer {
     pub sure: String,
     /// Points that could not run: their number and the reason.
     pub refused: Vec<Refused>,
-    /// The path of the best record's picture, relative to the folder of results; `None` if there is no winner or no
-    /// picture.
-    pub image: Option<String>,
 }
 
 /// A winner.
@@ -95,8 +92,7 @@ fn answer(group: &Group<'_>, groups: &[Group<'_>]) -> Answer {
         sureness,
         sure,
         refused: refused(group),
-        image: best.and_then(|record| record.image.clone()),
-        nobody: if ranking.unranked.is_empty() { NOTHING } else { "no winner: not enough samples" },
+        nobody: if ranking.unranked.is_empty() { NOTHING } else { "no winner: no point can be ranked" },
         winners: ranking.winners.iter().map(|record| winner(record)).collect(),
     }
 }
@@ -141,7 +137,7 @@ const NOTHING: &str = "nothing measured";
 fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     let unranked = match ranking.unranked.is_empty() {
         true => String::new(),
-        false => format!(" Not enough samples to rank: {}.", few_names(&ranking.unranked, title)),
+        false => format!(" Points without a rank: {}.", few_names(&ranking.unranked, title)),
     };
     let Some(best) = ranking.winners.first() else {
         let nothing = if unranked.is_empty() { "Nothing could be measured." } else { "No winner." };
@@ -166,7 +162,7 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
             ("unsure", format!("The winner is faster than all other points; {rests}.{look}"))
         }
         1 if may_be_faster(ranking) => {
-            ("unsure", "A point with too few samples may be as fast as the winner.".to_owned())
+            ("unsure", "A point without a rank may be as fast as the winner.".to_owned())
         }
         1 => ("clear", format!("Every other point certainly takes longer; {rests}.")),
         several => (
@@ -179,8 +175,8 @@ fn sure(ranking: &Ranking<&Record>) -> (&'static str, String) {
     (sureness, format!("{said}{behind}{unranked}"))
 }
 
-/// Returns whether a point with too few samples to be ranked may be faster than the winner, because the point's median
-/// is not above the upper end of the winner's 95% interval.
+/// Returns whether a point without a rank may be faster than the winner, because the point's median is not above the
+/// upper end of the winner's 95% interval.
 fn may_be_faster(ranking: &Ranking<&Record>) -> bool {
     let high = ranking.winners.first().and_then(|best| interval(best)).map_or(0.0, |[_, high]| high);
     ranking.unranked.iter().any(|record| median(record).is_some_and(|ms| ms <= high))
@@ -242,8 +238,9 @@ fn who_wins(answers: &[Answer]) -> String {
     }
     let measured = answers.iter().filter(|one| !one.winners.is_empty()).count();
     let Some(most) = names.iter().map(|(_, count)| *count).max() else {
-        let few = answers.iter().any(|one| one.nobody != NOTHING);
-        return if few { "No winner: not enough samples" } else { "Nothing could be measured" }.to_owned();
+        let unranked = answers.iter().any(|one| one.nobody != NOTHING);
+        let why = if unranked { "No winner: no point can be ranked" } else { "Nothing could be measured" };
+        return why.to_owned();
     };
     let best: Vec<_> = names.iter().filter(|(_, count)| *count == most).map(|(name, _)| *name).collect();
     let whom = match best.as_slice() {
@@ -303,7 +300,7 @@ mod tests {
         let of = |records: &[Record]| answers(&groups(&judged(records))).remove(0);
         let one = of(&records);
         assert_eq!(one.sureness, "clear");
-        assert!(one.sure.ends_with("Not enough samples to rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);
+        assert!(one.sure.ends_with("Points without a rank: naive at 8 x 8 (n = 3)."), "{}", one.sure);
         let told: Vec<_> =
             one.speedups.iter().map(|told| (told.factor.as_str(), told.range.as_str())).collect();
         assert_eq!(told, [("?", "not enough samples (n = 1)"), ("?", "not enough samples (n = 3)")]);
@@ -311,8 +308,19 @@ mod tests {
         let faster = Record { median_ms: Some(9.0), ..slow.clone() };
         assert_eq!(of(&[faster, records[2].clone()]).sureness, "unsure");
         let none = of(&[slow]);
-        assert_eq!((none.nobody, none.time.as_str()), ("no winner: not enough samples", "-"));
-        assert_eq!(headline(&[none]), "No winner: not enough samples");
+        assert_eq!((none.nobody, none.time.as_str()), ("no winner: no point can be ranked", "-"));
+        assert_eq!(headline(&[none]), "No winner: no point can be ranked");
+    }
+
+    #[test]
+    fn times_of_zero_are_not_called_few() {
+        let zero = few("gpu", "naive", 8, 0.0, 30);
+        for records in [vec![zero.clone()], vec![zero, measured("gpu", "wide", 4, 11.0)]] {
+            let one = answers(&groups(&judged(records))).remove(0);
+            let told = format!("{}. {}", headline(std::slice::from_ref(&one)), one.sure);
+            assert!(told.contains("naive at 8 x 8 (times below the timer's resolution)"), "{told}");
+            assert!(!told.contains("samples to rank") && !told.contains("too few"), "{told}");
+        }
     }
 
     #[test]

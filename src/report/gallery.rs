@@ -1,12 +1,13 @@
 //! Reads pictures from folders of results, to embed them in a page.
 
+use super::merged::Origins;
 use crate::reader;
-use crate::record::{Folder, Record, by};
+use crate::record::{Record, by};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use std::collections::HashMap;
 use std::io::Cursor;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Limit on the total size of a page's pictures in bytes, so that the page stays below 15 MB.
 /// Beyond this limit, only the paths of pictures are shown.
@@ -43,11 +44,18 @@ pub struct Scene {
 
 /// Reads the pictures of a page. A picture has no data if this data would increase the total size beyond
 /// `PICTURE_BYTES`.
-#[derive(Debug)]
-pub struct Pictures<'a> {
-    folders: &'a [Folder],
+#[derive(Debug, Default)]
+pub struct Pictures {
     spent: usize,
-    read: HashMap<String, Option<Vec<u8>>>,
+    /// The files that were read, by folder and path; `None` for a file that cannot be read.
+    read: HashMap<(PathBuf, String), Option<File>>,
+}
+
+/// A picture's file.
+#[derive(Debug)]
+struct File {
+    bytes: Vec<u8>,
+    hash: blake3::Hash,
 }
 
 /// Reads a file of a folder; `None` if the path, after links are followed, leads out of the folder or is not an
@@ -58,36 +66,30 @@ fn read_inside(folder: &Path, path: &str) -> Option<Vec<u8>> {
     inside.then(|| reader::bytes(&found, reader::Kind::Shown).ok())?
 }
 
-impl<'a> Pictures<'a> {
-    /// Prepares to read pictures of these folders.
-    pub fn of(folders: &'a [Folder]) -> Self {
-        Self { folders, spent: 0, read: HashMap::new() }
-    }
-
-    /// Returns a picture's bytes, from the first folder that has it.
-    fn bytes(&mut self, path: &str) -> Option<&[u8]> {
-        let folders = self.folders;
-        let found = self
-            .read
-            .entry(path.to_owned())
-            .or_insert_with(|| folders.iter().find_map(|folder| read_inside(&folder.path, path)));
-        found.as_deref()
+impl Pictures {
+    /// Returns the file of a picture in a folder.
+    fn file(&mut self, folder: &Path, path: &str) -> Option<&File> {
+        let read = || {
+            let bytes = read_inside(folder, path)?;
+            Some(File { hash: blake3::hash(&bytes), bytes })
+        };
+        self.read.entry((folder.to_owned(), path.to_owned())).or_insert_with(read).as_ref()
     }
 
     /// Returns whether a folder has this picture.
-    pub fn has(&mut self, path: Option<&str>) -> bool {
-        path.is_some_and(|path| self.bytes(path).is_some())
+    pub fn has(&mut self, folder: &Path, path: Option<&str>) -> bool {
+        path.is_some_and(|path| self.file(folder, path).is_some())
     }
 
     /// Returns a picture for the page. The picture's data is left out if, with this data, the page's pictures would
     /// exceed `PICTURE_BYTES`.
-    pub fn picture(&mut self, path: &str, kind: String, caption: String) -> Picture {
-        Picture { kind, caption, data: self.whole(path), path: path.to_owned() }
+    pub fn picture(&mut self, folder: &Path, path: &str, kind: String, caption: String) -> Picture {
+        Picture { kind, caption, data: self.whole(folder, path), path: path.to_owned() }
     }
 
     /// Returns a small version of a picture as a `data:` URL.
-    pub fn thumbnail(&mut self, path: &str) -> Option<String> {
-        let picture = image::load_from_memory(self.bytes(path)?).ok()?;
+    pub fn thumbnail(&mut self, folder: &Path, path: &str) -> Option<String> {
+        let picture = image::load_from_memory(&self.file(folder, path)?.bytes).ok()?;
         let height = (THUMBNAIL * picture.height()).div_ceil(picture.width().max(1));
         let small = picture.thumbnail(THUMBNAIL, height.max(1)).to_rgb8();
         let mut bytes = Cursor::new(Vec::new());
@@ -95,9 +97,9 @@ impl<'a> Pictures<'a> {
         Some(data_address("image/png", bytes.get_ref()))
     }
 
-    fn whole(&mut self, path: &str) -> Option<String> {
+    fn whole(&mut self, folder: &Path, path: &str) -> Option<String> {
         let spent = self.spent;
-        let bytes = self.bytes(path)?;
+        let bytes = &self.file(folder, path)?.bytes;
         let cost = bytes.len() * 4 / 3;
         if spent + cost > PICTURE_BYTES {
             return None;
@@ -108,11 +110,15 @@ impl<'a> Pictures<'a> {
     }
 
     /// Returns every scene's pictures: the reference, the uncertain pixels, the cost of rays, every strategy's picture,
-    /// and this picture's differences from the reference.
-    pub fn gallery(&mut self, records: &[Record]) -> Vec<Scene> {
+    /// and this picture's differences from the reference. Each record's pictures come from the record's own folder. If
+    /// several folders have the same picture under the same name, it is shown once.
+    pub fn gallery(&mut self, records: &[Record], origins: &Origins<'_>) -> Vec<Scene> {
         let mut scenes: Vec<Scene> = Vec::new();
-        let mut shown: Vec<(usize, String)> = Vec::new();
+        let mut shown: Vec<(usize, String, Option<blake3::Hash>)> = Vec::new();
         for record in records {
+            let Some(folder) = origins.folder(record) else { continue };
+            let from =
+                origins.label(record).map_or(String::new(), |label| format!(" From the folder {label}."));
             let size = by(record.image_size);
             let place = scenes.iter().position(|scene| scene.name == record.scene && scene.size == size);
             let place = place.unwrap_or_else(|| {
@@ -125,10 +131,10 @@ impl<'a> Pictures<'a> {
                 scenes.len() - 1
             });
             for (path, kind, caption) in pictures_of(record) {
-                if !shown.contains(&(place, path.clone())) {
-                    let data = self.whole(&path);
-                    shown.push((place, path.clone()));
-                    scenes[place].pictures.push(Picture { kind, caption, data, path });
+                let content = (place, path.clone(), self.file(folder, &path).map(|file| file.hash));
+                if !shown.contains(&content) {
+                    shown.push(content);
+                    scenes[place].pictures.push(self.picture(folder, &path, kind, caption + &from));
                 }
             }
         }
@@ -207,22 +213,23 @@ fn data_address(kind: &str, bytes: &[u8]) -> String {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
+    use super::super::merged::merged;
     use super::*;
+    use crate::record::Folder;
     use crate::record::fixtures::measured;
 
-    /// Returns a folder of results with pictures of these names, each of 400 x 100 pixels.
-    fn folder(names: &[&str]) -> (tempfile::TempDir, [Folder; 1]) {
+    /// Returns a folder with pictures of these names, each of 400 x 100 pixels.
+    fn folder(names: &[&str]) -> tempfile::TempDir {
         let place = tempfile::tempdir().unwrap();
         for name in names {
             image::RgbImage::new(400, 100).save(place.path().join(name)).unwrap();
         }
-        let folder = Folder { path: place.path().to_owned(), ..Folder::default() };
-        (place, [folder])
+        place
     }
 
     #[test]
     fn each_picture_of_a_scene_is_shown_once_and_the_reference_first() {
-        let (_place, folders) = folder(&["reference.png", "naive.png", "wide.png"]);
+        let place = folder(&["reference.png", "naive.png", "wide.png"]);
         let with = |name: &str, scene: &str, image: &str| Record {
             scene: scene.into(),
             image: Some(image.into()),
@@ -236,7 +243,9 @@ mod tests {
             Record { image_size: [80, 50], ..with("naive", "teapot", "naive.png") },
             Record { image: None, reference_image: None, ..with("naive", "room", "") },
         ];
-        let scenes = Pictures::of(&folders).gallery(&records);
+        let path = place.path().to_owned();
+        let folders = [Folder { path, records: records.to_vec(), ..Folder::default() }];
+        let scenes = Pictures::default().gallery(&records, &Origins::of(&folders));
         let shown = |scene: &Scene| scene.pictures.iter().map(|one| one.path.clone()).collect::<Vec<_>>();
         assert_eq!(
             scenes.iter().map(|one| (&*one.name, &*one.size)).collect::<Vec<_>>(),
@@ -245,6 +254,52 @@ mod tests {
         assert_eq!(shown(&scenes[0]), ["reference.png", "naive.png", "wide.png"]);
         assert_eq!(shown(&scenes[1]), ["reference.png", "naive.png"]);
         assert!(scenes[0].pictures.iter().all(|one| one.data.is_some()));
+    }
+
+    /// Returns the gallery of two folders, in which scenes with these hashes have the same name. The folders' pictures
+    /// have the same names too. The references are equal, and the pictures of `naive` are not.
+    fn of_two_folders(hashes: [&str; 2]) -> Vec<Scene> {
+        let place = tempfile::tempdir().unwrap();
+        let folder = |label: &str, hash: &str, grey: u8| {
+            let path = place.path().join(label);
+            std::fs::create_dir(&path).unwrap();
+            for (name, grey) in [("reference.png", 7), ("naive.png", grey)] {
+                image::RgbImage::from_pixel(3, 2, image::Rgb([grey; 3])).save(path.join(name)).unwrap();
+            }
+            let record = Record {
+                key: label.into(),
+                scene_hash: Some(hash.into()),
+                image: Some("naive.png".into()),
+                reference_image: Some("reference.png".into()),
+                ..measured("gpu", "naive", 8, 1.0)
+            };
+            Folder { path, label: label.into(), records: vec![record], ..Folder::default() }
+        };
+        let folders = [folder("before", hashes[0], 1), folder("after", hashes[1], 2)];
+        Pictures::default().gallery(&merged(&folders), &Origins::of(&folders))
+    }
+
+    #[test]
+    fn pictures_come_from_their_records_own_folder() {
+        let data = |scene: &Scene, path: &str| -> Vec<_> {
+            let own = scene.pictures.iter().filter(|one| one.path == path);
+            own.map(|one| one.data.clone().unwrap()).collect()
+        };
+        let two = of_two_folders(["1", "2"]);
+        let names: Vec<_> = two.iter().map(|scene| scene.name.as_str()).collect();
+        assert_eq!(names, ["teapot (before)", "teapot (after)"]);
+        assert_ne!(data(&two[0], "naive.png"), data(&two[1], "naive.png"));
+        assert_eq!(data(&two[0], "reference.png"), data(&two[1], "reference.png"));
+        let one = of_two_folders(["1", "1"]);
+        let captions: Vec<_> = one[0].pictures.iter().map(|one| one.caption.as_str()).collect();
+        let expected = [
+            "Cast on the host, in double precision. From the folder before.",
+            "Cast on gpu (before). From the folder before.",
+            "Cast on gpu (after). From the folder after.",
+        ];
+        assert_eq!((one.len(), captions), (1, expected.to_vec()));
+        let [before, after] = &data(&one[0], "naive.png")[..] else { panic!("two pictures") };
+        assert_ne!(before, after);
     }
 
     #[test]
@@ -262,20 +317,20 @@ mod tests {
 
     #[test]
     fn a_picture_is_there_only_if_it_lies_in_the_folder() {
-        let (place, folders) = folder(&["a.png"]);
+        let place = folder(&["a.png"]);
         let elsewhere = tempfile::tempdir().unwrap();
         image::RgbImage::new(4, 1).save(elsewhere.path().join("b.png")).unwrap();
         let outside = elsewhere.path().join("b.png").display().to_string();
-        let mut pictures = Pictures::of(&folders);
+        let mut pictures = Pictures::default();
         let has = [Some("a.png"), Some("b.png"), Some(outside.as_str()), Some("../a.png"), None]
-            .map(|path| pictures.has(path));
+            .map(|path| pictures.has(place.path(), path));
         assert_eq!(has, [true, false, false, false, false], "{}", place.path().display());
     }
 
     #[test]
     fn a_thumbnail_keeps_the_pictures_shape() {
-        let (_place, folders) = folder(&["a.png"]);
-        let address = Pictures::of(&folders).thumbnail("a.png").unwrap();
+        let place = folder(&["a.png"]);
+        let address = Pictures::default().thumbnail(place.path(), "a.png").unwrap();
         let bytes = STANDARD.decode(address.strip_prefix("data:image/png;base64,").unwrap()).unwrap();
         let small = image::load_from_memory(&bytes).unwrap();
         assert_eq!((small.width(), small.height()), (THUMBNAIL, THUMBNAIL / 4));

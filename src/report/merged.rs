@@ -2,6 +2,7 @@
 
 use crate::record::{Folder, Record, latest, point};
 use std::collections::{HashMap, HashSet};
+use std::path::Path;
 
 /// Returns the records of all folders. If two folders measured the same point under different conditions (driver,
 /// machine, program or timing), the keys of the two records differ. In this case, each folder's label is added to the
@@ -10,10 +11,50 @@ use std::collections::{HashMap, HashSet};
 /// all baselines in the folder's records. The labels are also added to the names of scenes that have the same name but
 /// different content. If a point was measured twice under the same conditions, the later folder's record is used.
 pub fn merged(folders: &[Folder]) -> Vec<Record> {
-    let labels = labels(folders);
-    let mut all = with_one_name_a_scene(folders, &labels);
+    latest(labelled(folders, &labels(folders)).concat(), point)
+}
+
+/// The folders from which the records of [`merged`] come.
+#[derive(Debug)]
+pub struct Origins<'a> {
+    folders: &'a [Folder],
+    labels: Vec<String>,
+    /// For each point of the merged records, the index of the folder that its record comes from.
+    places: HashMap<String, usize>,
+}
+
+impl<'a> Origins<'a> {
+    /// Finds the folder of each record that `merged` returns for these folders.
+    pub fn of(folders: &'a [Folder]) -> Self {
+        let labels = labels(folders);
+        let all = labelled(folders, &labels);
+        let points = |(place, records): (usize, &Vec<Record>)| -> Vec<(String, usize)> {
+            records.iter().map(|record| (point(record), place)).collect()
+        };
+        // If several folders have a point, the later one counts, as in `merged`.
+        let places = all.iter().enumerate().flat_map(points).collect();
+        Self { folders, labels, places }
+    }
+
+    /// Returns the path of a merged record's folder; `None` if the record is not one of the merged ones.
+    pub fn folder(&self, record: &Record) -> Option<&'a Path> {
+        let place = *self.places.get(&point(record))?;
+        Some(self.folders[place].path.as_path())
+    }
+
+    /// Returns the label of a merged record's folder if there are several folders.
+    pub fn label(&self, record: &Record) -> Option<&str> {
+        let place = self.places.get(&point(record)).filter(|_| self.folders.len() > 1)?;
+        Some(self.labels[*place].as_str())
+    }
+}
+
+/// Returns the records of each folder. Labels are added to the names of devices, baselines and scenes as [`merged`]
+/// says.
+fn labelled(folders: &[Folder], labels: &[String]) -> Vec<Vec<Record>> {
+    let mut all = with_one_name_a_scene(folders, labels);
     let clashing = clashing(&all);
-    for (records, label) in all.iter_mut().zip(&labels) {
+    for (records, label) in all.iter_mut().zip(labels) {
         for record in records.iter_mut().filter(|record| clashing.contains(&record.device)) {
             if record.is_baseline() {
                 record.name = format!("{} ({label})", record.name);
@@ -23,7 +64,7 @@ pub fn merged(folders: &[Folder]) -> Vec<Record> {
             }
         }
     }
-    latest(all.concat(), point)
+    all
 }
 
 /// Returns a label for each folder: the folder's name, or its path if another folder has the same name.

@@ -17,7 +17,8 @@ const REGISTERS: u32 = 63;
 /// The compute capability that raycl assumes for the paper's device. The paper does not name its device.
 const PAPER: &str = "2.0";
 
-/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark. If `compute_capability` is
+/// Plots measured speed over predicted occupancy. Each point with enough samples has a mark, except those of
+/// rasterisers, whose main kernel does not have work-groups of the point's local size. If `compute_capability` is
 /// `None`, the prediction is for the paper's device. Returns `None` if all strategies have fewer than three marks, or
 /// if raycl has no data on the compute capability.
 pub fn plot(group: &Group<'_>, looks: &Looks, compute_capability: Option<&str>, name: &str) -> Option<Plot> {
@@ -99,7 +100,11 @@ fn ranking(ranks: &[f64]) -> String {
     format!("Rank correlation (Spearman), mean over strategies: {mean:.2}; {verdict}.")
 }
 
+/// Returns the mark of a record; `None` if the point's main kernel does not have work-groups of the point's local size.
 fn mark(record: &Record, sm: &Multiprocessor, best: f64) -> Option<Mark> {
+    if record.rasterises() {
+        return None;
+    }
     let [across, down] = record.local_size?;
     let (registers, local_bytes) = known(record);
     let predicted = occupancy(sm, registers.unwrap_or(REGISTERS), local_bytes, across * down);
@@ -192,6 +197,8 @@ mod tests {
         kernel.resources.registers = Some(20);
         record.kernels = vec![kernel];
         assert_eq!(at(&record), Some((100.0, 25.0)));
+        let raster = Record { strategy: "traversal=raster".into(), ..record.clone() };
+        assert_eq!(at(&raster), None, "the local size is not that of the main kernel");
         assert_eq!(at(&Record { local_size: None, ..record }), None);
     }
 

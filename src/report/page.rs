@@ -3,15 +3,15 @@
 use super::answer::{self, Answer, answers, headline};
 use super::environment::{self, EnvironmentView, Program};
 use super::gallery::{self, Pictures};
-use super::merged::{labels, merged};
+use super::merged::{Origins, labels, merged};
 use super::plot::Plot;
 use super::plot::scale::Kind;
 use super::words::{Looks, first_line, group_title, interval_text, series_name, size_name};
 use super::{growth, microscope, occupancy, overview, roofline, side_by_side, view};
 use crate::error::{Error, Result};
 use crate::record::{
-    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, groups, interval, is_shown_as, median, ms,
-    not_enough, percent, ratio, significant, to_mind, two_modes,
+    AtHost, Folder, Group, HOST, Outcome, Record, by, controls, file_names, groups, interval, is_shown_as,
+    median, ms, not_enough, percent, ratio, significant, to_mind, two_modes,
 };
 use askama::Template;
 use serde_json::Value;
@@ -100,14 +100,12 @@ impl Page {
         let records = merged(folders);
         let groups = groups(&records);
         let looks = Looks::of(&groups);
-        let mut pictures = Pictures::of(folders);
+        let (mut pictures, origins) = (Pictures::default(), Origins::of(folders));
         let answers = answers(&groups);
         let headline = headline(&answers);
-        let with_picture = |answer: Answer| {
-            let picture = answer.image.as_deref().and_then(|path| pictures.thumbnail(path));
-            (answer, picture)
-        };
-        let answers: Vec<_> = answers.into_iter().map(with_picture).collect();
+        let kernels = groups.iter().filter(|group| group.device != HOST);
+        let thumbnails = kernels.map(|group| thumbnail(group, &mut pictures, &origins));
+        let answers: Vec<_> = answers.into_iter().zip(thumbnails).collect();
         let mut overview = overview::scenes(&groups, &looks);
         overview.extend(overview::device_against_device(&groups, &looks));
         overview.extend(side_by_side::side_by_side(&groups));
@@ -125,7 +123,7 @@ impl Page {
             answers,
             overview,
             views: views(&groups, &looks, folders),
-            gallery: pictures.gallery(&records),
+            gallery: pictures.gallery(&records, &origins),
             hosts: folders.iter().flat_map(hosts).collect(),
             environments: folders.iter().map(environment::view).collect(),
             programs: environment::programs(&records),
@@ -146,6 +144,12 @@ impl Page {
             .flat_map(|view| view.heat.iter().chain(view.lines.iter().flatten()).chain(&view.others));
         self.overview.iter().chain(views).collect()
     }
+}
+
+/// Returns a small version of the picture that a group's best point cast; `None` without a winner or its picture.
+fn thumbnail(group: &Group<'_>, pictures: &mut Pictures, origins: &Origins<'_>) -> Option<String> {
+    let best = group.ranking().winners.first().copied()?;
+    pictures.thumbnail(origins.folder(best)?, best.image.as_deref()?)
 }
 
 /// Returns a nonce: a random number with which the page allows only its own script to run. The
@@ -232,29 +236,31 @@ fn counts(records: &[Record], groups: &[Group<'_>]) -> Vec<(String, String)> {
 }
 
 fn views(groups: &[Group<'_>], looks: &Looks, folders: &[Folder]) -> Vec<View> {
-    let kernels = groups.iter().filter(|group| group.device != HOST);
+    let files = file_names(groups);
+    let kernels = groups.iter().zip(&files).filter(|(group, _)| group.device != HOST);
     let mut views: Vec<View> = kernels
         .clone()
         .enumerate()
-        .map(|(place, group)| one_view(place, group, groups, looks, folders))
+        .map(|(place, (group, file))| one_view(place, group, file, groups, looks, folders))
         .collect();
     let triangles = |group: &Group<'_>| group.records.iter().filter_map(|record| record.triangles).max();
-    let largest = kernels.enumerate().max_by_key(|(_, group)| triangles(group)).map(|(place, _)| place);
+    let largest = kernels.enumerate().max_by_key(|(_, (group, _))| triangles(group)).map(|(place, _)| place);
     if let Some(view) = largest.and_then(|place| views.get_mut(place)) {
         view.first = true;
     }
     views
 }
 
+/// Returns the view of a group; `file` is the group's part of the names of its plots' files.
 fn one_view(
     place: usize,
     group: &Group<'_>,
+    file: &str,
     groups: &[Group<'_>],
     looks: &Looks,
     folders: &[Folder],
 ) -> View {
-    let [width, height] = group.image_size;
-    let file = |what: &str| file_name(&format!("{what}-{}-{width}x{height}-{}", group.scene, group.device));
+    let file = |what: &str| format!("{what}-{file}");
     let lines = |kind, what: &str| view::lines(group, looks, kind, &file(what), true);
     let mut others = Vec::new();
     others.extend(view::strip(group, &file("samples")));
@@ -314,11 +320,6 @@ fn command(folders: &[Folder], record: &Record) -> Option<String> {
 fn entries<'a>(folders: &'a [Folder], shown: &'a str) -> impl Iterator<Item = &'a Value> {
     let devices = folders.iter().filter_map(|folder| folder.environment["devices"].as_array()).flatten();
     devices.filter(move |entry| entry["device"].as_str().is_some_and(|name| is_shown_as(name, shown)))
-}
-
-/// Returns a name that is valid as a single file name on every system.
-pub fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || "-_.".contains(c) { c } else { '-' }).collect()
 }
 
 fn row(record: &Record, best: Option<&Record>, wins: bool) -> Row {

@@ -79,7 +79,9 @@ fn roofline(
 /// operations and bytes per test, are known.
 fn mark(group: &Group<'_>, record: &Record) -> Option<Mark> {
     let (tests_per_s, traffic) = (record.tests_per_s?, Traffic::of(record)?);
-    let operations = f64::from(operations_per_test(&record.strategy)?);
+    // Records of earlier versions state the operations only if the device's peak rate was known.
+    let operations = record.operations_per_test.or_else(|| operations_per_test(&record.strategy))?;
+    let operations = f64::from(operations);
     let tip = format!(
         "{}\n{}\n{operations} operations per test; {} B of the triangle from {} memory{}",
         group.scene,
@@ -218,6 +220,28 @@ mod tests {
         let group = &groups(&records)[0];
         let found = mark(group, &records[0]).unwrap();
         assert_eq!((found.x, found.y), (15.0 / 60.0, 15.0));
+    }
+
+    /// The process that writes a report may not know the files of the strategy's values.
+    #[test]
+    fn a_record_states_the_operations_and_bytes_of_its_test() {
+        let private = record("private", Some(1e9));
+        let own = Record {
+            strategy: private.strategy.replace("intersector=moller-trumbore", "intersector=mine"),
+            operations_per_test: Some(7),
+            triangle_bytes_per_test: Some(14.0),
+            triangle_memory: Some("__local".into()),
+            ray_bytes_per_test: Some(0.0),
+            ray_memory: Some("registers".into()),
+            ..private
+        };
+        assert!(own.strategy.contains("intersector=mine"), "{}", own.strategy);
+        let records = judged(vec![own]);
+        let group = &groups(&records)[0];
+        let found = mark(group, &records[0]).unwrap();
+        assert_eq!((found.x, found.y), (0.5, 7.0));
+        let told = "7 operations per test; 14.0 B of the triangle from __local memory";
+        assert!(found.tip.ends_with(told), "{}", found.tip);
     }
 
     #[test]

@@ -81,7 +81,8 @@ pub fn made(record: &Record) -> Option<String> {
     let kernel = record.main_kernel()?;
     let registers = kernel.resources.registers.map(|count| format!("{count} registers"));
     let spilled = kernel.resources.spill_store_bytes.filter(|bytes| *bytes > 0);
-    let occupancy = kernel.occupancy.map(|part| format!("occupancy {}", percent(part)));
+    let predicted = record.main_kernel_of_local_size().and_then(|kernel| kernel.occupancy);
+    let occupancy = predicted.map(|part| format!("occupancy {}", percent(part)));
     let spilled = spilled.map(|bytes| format!("{bytes} B spilled"));
     let parts: Vec<String> = registers.into_iter().chain(spilled).chain(occupancy).collect();
     (!parts.is_empty()).then(|| parts.join(", "))

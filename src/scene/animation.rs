@@ -55,8 +55,8 @@ impl Animation {
         if let Some(rate) = &frames_per_second {
             in_range((*rate.get_ref()).into(), MAX_RATE.into(), rate.span())?;
         }
-        let tracks: Vec<Track> =
-            track.into_iter().map(|track| Track::of(&document, track, frames)).collect::<Result<_>>()?;
+        let tracks = track.into_iter().enumerate().map(|track| Track::of(&document, track, frames));
+        let tracks = tracks.collect::<Result<Vec<Track>>>()?;
         for (number, track) in tracks.iter().enumerate() {
             tracks[..number].iter().try_for_each(|earlier| track.refuse_to_hide(&document, earlier))?;
         }
@@ -140,7 +140,8 @@ impl Animation {
         let text = toml::to_string(table).map_err(|error| {
             Error::input(format!("{} at frame {frame}: {error}", self.document.name)).with_help(KEYS)
         })?;
-        let of_tracks = self.tracks.iter().map(|track| track.setting(&self.document, frame)).collect();
+        let quotes = self.document.quotes;
+        let of_tracks = self.tracks.iter().map(|track| track.setting(frame, quotes)).collect();
         Ok(self.document.at_frame(frame, text, of_tracks))
     }
 
@@ -185,8 +186,9 @@ impl Animation {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
-    use crate::scene::load_scene;
+    use crate::scene::{load_scene, load_scene_with};
     use glam::Vec3;
+    use toml::Value;
 
     /// Writes a scene file with a triangle and with an animation of three frames, which has these tracks. Returns the
     /// file's folder, the scene of frame 1, and the animation.
@@ -279,6 +281,18 @@ mod tests {
         assert_eq!(crate::error::line_of(&text, span.offset()), text.lines().count());
         let help = &error.help;
         assert!(help.ends_with("a.toml:12: track `camera.position` at frame 3"), "{help}");
+
+        // An option changes another value, or the value of the keyframe.
+        let path = folder.path().join("a.toml");
+        let middle = Value::Array([0, 0, 0].map(Value::from).to_vec());
+        let places = [format!("{}:12", path.display()), format!("animation.track.0.values.1 = {middle}")];
+        let settings = [("display.exposure", Value::from(10)), ("animation.track.0.values.1", middle)];
+        for ((key, value), place) in settings.into_iter().zip(places) {
+            let loaded = load_scene_with(&path, &[(key.to_owned(), value)]).unwrap();
+            let error = loaded.animation.unwrap().scene(3, &loaded.scene).unwrap_err();
+            let expected = format!("; {place}: track `camera.position` at frame 3");
+            assert!(error.remedy().ends_with(&expected), "{}", error.remedy());
+        }
 
         // The track's own value is the mistake.
         let tracks = "[[animation.track]]\npath = \"object.0.faces\"\nvalues = [[[0, 1, 2]], [[0, 1, 7]]]\n\

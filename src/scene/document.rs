@@ -1,6 +1,6 @@
 //! The text of a scene file, and the locations of mistakes in it.
 
-use super::setting::{Changed, Origin, Setting};
+use super::setting::{Changed, Origin, Setting, TrackValue, error_in};
 use super::{INPUTS, files, overrides};
 use crate::error::{Error, Result, line_of, shortened};
 use crate::filetype::{MeshFormat, Opened, STANDARD_INPUT, Wanted, unpacked_name};
@@ -110,7 +110,8 @@ impl Document {
             Error::input(format!("{}, with the changed values: {error}", self.name)).with_help(KEYS)
         })?;
         let original = std::mem::replace(&mut self.text, text);
-        self.changed = Some(Changed { settings: settings.to_vec(), original });
+        let file = self.name.clone();
+        self.changed = Some(Changed { settings: settings.to_vec(), tracks: Vec::new(), file, original });
         Ok(())
     }
 
@@ -130,11 +131,7 @@ impl Document {
     /// Returns the place of a part of the text: `FILE:LINE`, or the setting from which the part comes; only the file's
     /// name if neither is known.
     pub fn place_of(&self, span: &Range<usize>) -> String {
-        match self.origin(span) {
-            Origin::Setting(setting) => shortened(&*setting.origin),
-            Origin::File(span) => format!("{}:{}", self.name, line_of(self.original(), span.start)),
-            Origin::Unknown => self.name.clone(),
-        }
+        self.origin(span).place(&self.name, self.original())
     }
 
     /// Returns `FILE:LINE` of the file's last line.
@@ -144,23 +141,21 @@ impl Document {
 
     /// Adds the names of all settings to the remedy of an error whose mistake lies in no setting.
     pub fn with_settings(&self, error: Error) -> Error {
-        let Some(changed) = self.changed.as_ref().filter(|changed| !changed.settings.is_empty()) else {
-            return error;
-        };
-        let remedy = format!("{}; {}", error.remedy(), changed.told());
+        let Some(told) = self.changed.as_ref().and_then(Changed::told) else { return error };
+        let remedy = format!("{}; {told}", error.remedy());
         error.with_help(remedy)
     }
 
-    /// Returns the document of one frame, with this text. The text contains the values `of_tracks`, which tracks set
-    /// for the frame. If this document has opened the file of a mesh and not read it yet, the new document takes over
-    /// the open file.
-    pub fn at_frame(&self, frame: u32, text: String, of_tracks: Vec<Setting>) -> Self {
-        let settings = self.changed.as_ref().map_or(&[][..], |changed| &changed.settings);
-        let settings = settings.iter().cloned().chain(of_tracks).collect();
+    /// Returns the document of one frame, with this text. The text contains the values `tracks`, which tracks set for
+    /// the frame. If this document has opened the file of a mesh and not read it yet, the new document takes over the
+    /// open file.
+    pub fn at_frame(&self, frame: u32, text: String, tracks: Vec<TrackValue>) -> Self {
+        let settings = self.changed.as_ref().map(|changed| changed.settings.clone()).unwrap_or_default();
+        let (file, original) = (self.name.clone(), self.original().to_owned());
         Self {
             name: format!("{} at frame {frame}", self.name),
             text,
-            changed: Some(Changed { settings, original: self.original().to_owned() }),
+            changed: Some(Changed { settings, tracks, file, original }),
             folder: self.folder.clone(),
             stem: self.stem.clone(),
             held: RefCell::new(self.held.take()),
@@ -178,7 +173,9 @@ impl Document {
         };
         let found = match self.origin(&error.span().unwrap_or(0..0)) {
             // The setting is the user's own text, so the message may quote its value.
-            Origin::Setting(setting) => return setting.error(&told.message).with_help(told.remedy(KEYS)),
+            Origin::Setting(setting) => {
+                return error_in(&setting, &told.message).with_help(told.remedy(KEYS));
+            }
             Origin::File(span) if self.quotes => told.in_file(&self.name, self.original(), span, KEYS),
             Origin::File(span) => {
                 Error::withheld(&self.name, line_of(self.original(), span.start), &expected())
@@ -208,7 +205,7 @@ impl Document {
             false => format!("expected {expected}"),
         };
         let found = match self.origin(&span) {
-            Origin::Setting(setting) => return setting.error(message).with_help(KEYS),
+            Origin::Setting(setting) => return error_in(&setting, message).with_help(KEYS),
             Origin::File(span) if self.quotes => {
                 Error::in_file(&self.name, self.original(), span, message, label).with_help(KEYS)
             }

@@ -1,6 +1,8 @@
-//! Values that options or a config set in a scene, and the places of mistakes in a scene with such values.
+//! Values that options, a config or the tracks of an animation set in a scene, and the places of mistakes in a scene
+//! with such values.
 
-use crate::error::{Error, shortened};
+use crate::error::{Error, line_of, shortened};
+use std::borrow::Cow;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
@@ -31,54 +33,120 @@ impl Setting {
 
     /// Returns the error for a mistake in this setting.
     pub(super) fn error(&self, message: impl std::fmt::Display) -> Error {
-        Error::input(format!("{}: {message}", shortened(&*self.origin)))
+        error_in(&self.origin, message)
     }
+}
 
-    fn keys(&self) -> Vec<&str> {
-        self.path.split('.').collect()
+/// Returns the error for a mistake in a setting that messages show as `origin`.
+pub(super) fn error_in(origin: &str, message: impl std::fmt::Display) -> Error {
+    Error::input(format!("{}: {message}", shortened(origin)))
+}
+
+/// A value that a track of an animation sets in one frame.
+#[derive(Debug, PartialEq)]
+pub(super) struct TrackValue {
+    /// The value's dotted path in the scene file: `light.0.power`.
+    pub path: String,
+    /// The dotted path of the keyframe's value from which this value is computed: `animation.track.0.values.2`. Its
+    /// line is only found if a message needs it, because few frames have a message, and the file must be parsed.
+    pub keyframe: String,
+    /// The track and the frame, for messages.
+    pub name: String,
+}
+
+/// A value that was set in a document.
+#[derive(Clone, Copy)]
+enum Change<'a> {
+    Setting(&'a Setting),
+    Track(&'a TrackValue),
+}
+
+impl<'a> Change<'a> {
+    fn keys(self) -> Vec<&'a str> {
+        let (Self::Setting(Setting { path, .. }) | Self::Track(TrackValue { path, .. })) = self;
+        path.split('.').collect()
     }
 }
 
 /// The origin of a part of a document.
 pub(super) enum Origin<'a> {
-    /// A setting, from which the whole part comes.
-    Setting(&'a Setting),
+    /// A setting or a track, from which the whole part comes, as messages show it.
+    Setting(Cow<'a, str>),
     /// This range of the file's text.
     File(Range<usize>),
     /// The origin cannot be determined; for example, the mistake may be a missing key.
     Unknown,
 }
 
-/// The settings of a document, and the text of its file.
+impl Origin<'_> {
+    /// Returns the place for messages: `FILE:LINE`, or the setting; only the file's name if neither is known. `text` is
+    /// the file's text.
+    pub fn place(&self, file: &str, text: &str) -> String {
+        match self {
+            Self::Setting(setting) => shortened(&**setting),
+            Self::File(span) => format!("{file}:{}", line_of(text, span.start)),
+            Self::Unknown => file.to_owned(),
+        }
+    }
+}
+
+/// The values that were set in a document, and its file.
 pub(super) struct Changed {
     pub settings: Vec<Setting>,
+    /// The values that tracks set in one frame, after all settings; empty for a document that is not one frame.
+    pub tracks: Vec<TrackValue>,
+    /// The file's name.
+    pub file: String,
+    /// The file's text.
     pub original: String,
 }
 
 impl Changed {
-    /// Returns the origin of the range `span` of `text`, the document with all settings.
+    /// Returns the origin of the range `span` of `text`, the document with all values.
     pub fn origin(&self, text: &str, span: &Range<usize>) -> Origin<'_> {
         let table = DeTable::parse(text).ok();
         let Some(place) = table.and_then(|table| Place::find(table.get_ref(), span)) else {
             return Origin::Unknown;
         };
         let path: Vec<&str> = place.path.iter().map(String::as_str).collect();
-        let mut latest = self.settings.iter().rev();
-        if let Some(setting) = latest.clone().find(|setting| path.starts_with(&setting.keys())) {
-            return Origin::Setting(setting);
-        }
-        let original = DeTable::parse(&self.original).ok();
-        if let Some(span) = original.and_then(|table| span_in(table.get_ref(), &path, place.is_key)) {
-            return Origin::File(span);
-        }
-        // The file does not have this path, so a setting created the path and everything below it.
-        latest.find(|setting| setting.keys().starts_with(&path)).map_or(Origin::Unknown, Origin::Setting)
+        self.origin_of(&path, place.is_key, &self.tracks)
     }
 
-    /// Returns a sentence that names all settings, for the help in an error about a mistake that is in no setting.
-    pub fn told(&self) -> String {
-        let origins: Vec<_> = self.settings.iter().map(|setting| shortened(&*setting.origin)).collect();
-        format!("values of the scene were changed: {}", origins.join("; "))
+    /// Returns the origin of a key or a value after all settings, and then `tracks`, have set their values.
+    fn origin_of<'a>(&'a self, path: &[&str], is_key: bool, tracks: &'a [TrackValue]) -> Origin<'a> {
+        let settings = self.settings.iter().map(Change::Setting);
+        let mut latest = settings.chain(tracks.iter().map(Change::Track)).rev();
+        if let Some(change) = latest.clone().find(|change| path.starts_with(&change.keys())) {
+            return Origin::Setting(self.shown(change));
+        }
+        let original = DeTable::parse(&self.original).ok();
+        if let Some(span) = original.and_then(|table| span_in(table.get_ref(), path, is_key)) {
+            return Origin::File(span);
+        }
+        // The file does not have this path, so a change created the path and everything below it.
+        let created = latest.find(|change| change.keys().starts_with(path));
+        created.map_or(Origin::Unknown, |change| Origin::Setting(self.shown(change)))
+    }
+
+    /// Returns a change as messages show it: a setting as the user wrote it, or a track with the place of its value.
+    fn shown<'a>(&self, change: Change<'a>) -> Cow<'a, str> {
+        match change {
+            Change::Setting(setting) => Cow::Borrowed(&setting.origin),
+            Change::Track(TrackValue { keyframe, name, .. }) => {
+                let path: Vec<&str> = keyframe.split('.').collect();
+                let place = self.origin_of(&path, false, &[]).place(&self.file, &self.original);
+                Cow::Owned(format!("{place}: {name}"))
+            }
+        }
+    }
+
+    /// Returns a sentence that names all values that were set, for the help in an error about a mistake that is in none
+    /// of them; `None` if there are none.
+    pub fn told(&self) -> Option<String> {
+        let settings = self.settings.iter().map(Change::Setting);
+        let all = settings.chain(self.tracks.iter().map(Change::Track));
+        let shown: Vec<_> = all.map(|change| shortened(self.shown(change))).collect();
+        (!shown.is_empty()).then(|| format!("values of the scene were changed: {}", shown.join("; ")))
     }
 }
 

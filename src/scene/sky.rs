@@ -1,7 +1,8 @@
 //! The sky: light from all directions, either a gradient around the zenith or from a picture.
 
-use super::INPUTS;
+use super::{INPUTS, files};
 use crate::filetype::FileType;
+use crate::memory::Available;
 use crate::reader::{self, Kind};
 use glam::{DQuat, DVec3, Vec3};
 use image::{ImageFormat, ImageReader};
@@ -13,6 +14,9 @@ use std::sync::Arc;
 const MOST_ACROSS: u32 = 1 << 13;
 /// Largest memory for decoding a picture, in bytes: two copies of four floats per texel.
 const DECODING_BYTES: u64 = 32 * (MOST_ACROSS as u64) * (MOST_ACROSS as u64);
+/// Memory for a texel while a picture is read, in bytes. Decoding takes up to two copies of four floats (32 bytes);
+/// later, up to three copies of three floats (36 bytes) are in memory. The rest is a reserve.
+const TEXEL_BYTES: u64 = 40;
 
 /// A sky: light from all directions, unless something occludes it.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,11 +63,16 @@ impl SkyPicture {
     /// Reads a picture (Radiance HDR or OpenEXR). An error's text is meant to follow the file's name in a message.
     pub(super) fn read(path: &Path) -> Result<FileTexels, String> {
         INPUTS.add(path);
-        let unreadable = |error: &dyn std::fmt::Display| format!("cannot be read ({error})");
-        let bytes = reader::bytes(path, Kind::Texture).map_err(|error| unreadable(&error))?;
-        let format = image::guess_format(&bytes).ok();
+        let bytes =
+            reader::bytes(path, Kind::Texture).map_err(|error| format!("cannot be read ({error})"))?;
+        Self::decoded(&bytes, &Available::read())
+    }
+
+    /// Decodes a picture, if the available memory is enough.
+    fn decoded(bytes: &[u8], available: &Available) -> Result<FileTexels, String> {
+        let format = image::guess_format(bytes).ok();
         let Some(format @ (ImageFormat::Hdr | ImageFormat::OpenExr)) = format else {
-            return Err(match FileType::of(&bytes, bytes.len() as u64) {
+            return Err(match FileType::of(bytes, bytes.len() as u64) {
                 FileType::Foreign(foreign) => {
                     format!("is {}; expected a Radiance HDR or an OpenEXR", foreign.name)
                 }
@@ -71,15 +80,15 @@ impl SkyPicture {
             });
         };
         let damaged = |error: image::ImageError| format!("cannot be decoded ({error})");
-        let size =
-            ImageReader::with_format(Cursor::new(&bytes), format).into_dimensions().map_err(damaged)?;
+        let size = ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(damaged)?;
         if size.0 == 0 || size.1 == 0 || size.0.max(size.1) > MOST_ACROSS {
             return Err(format!(
                 "has {} x {} texels; expected 1 to {MOST_ACROSS} in each direction",
                 size.0, size.1
             ));
         }
-        let mut reader = ImageReader::with_format(Cursor::new(&bytes), format);
+        files::room_for(size, TEXEL_BYTES, available)?;
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
         let mut limits = image::Limits::no_limits();
         limits.max_alloc = Some(DECODING_BYTES);
         reader.limits(limits);
@@ -138,6 +147,21 @@ mod tests {
         image::Rgb32FImage::from_vec(2, 1, texels.to_vec()).unwrap().save(&path).unwrap();
         let (size, texels) = SkyPicture::read(&path).unwrap();
         assert_eq!((size, &*texels), ([2, 1], &[[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]][..]));
+    }
+
+    #[test]
+    fn a_picture_that_does_not_fit_into_the_memory_is_refused_before_it_is_decoded() {
+        let mut bytes = Cursor::new(Vec::new());
+        image::Rgb32FImage::new(8, 8).write_to(&mut bytes, ImageFormat::OpenExr).unwrap();
+        let decoded = |available: u64| {
+            let available = Available { bytes: available, source: "a test".to_owned() };
+            SkyPicture::decoded(bytes.get_ref(), &available).map(|(size, _)| size)
+        };
+        assert_eq!(decoded(40 * 64), Ok([8, 8]));
+        let told = decoded(40 * 64 - 1).unwrap_err();
+        let expected =
+            "is too large (decoding it needs about 2.6 kB of this machine's memory (40 B x 8 x 8 texels";
+        assert!(told.starts_with(expected), "{told}");
     }
 
     #[test]

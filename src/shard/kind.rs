@@ -64,7 +64,11 @@ impl Kind {
             .filter(|path| path.extension().is_some_and(|ending| ending == "jsonl"))
             .collect();
         files.sort();
-        let read: Result<Vec<_>> = files.iter().map(|path| Ok(read_lines::<Self>(path)?.lines)).collect();
+        // Such a file has one line, so damage to it would hide all points of the kind.
+        let lines = |path: &PathBuf| -> Result<Vec<Self>> {
+            Ok(read_lines(path)?.refuse_if_all_damaged(path)?.lines)
+        };
+        let read: Result<Vec<_>> = files.iter().map(lines).collect();
         let mut kinds: Vec<Self> = read?.into_iter().flatten().collect();
         kinds.sort_by_key(|kind| kind.device != crate::record::HOST);
         // Two kinds have the same points if they differ only in the build of raycl or in the device's name on its

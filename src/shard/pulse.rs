@@ -24,8 +24,8 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 pub struct Beat {
     /// The number of counts so far; the process counts once per second.
     pub beats: u64,
-    /// The number of counts since the last step, or since the attempt last waited for a device that another process
-    /// uses.
+    /// The number of counts since the last step, or since the attempt last waited for another process: one that uses a
+    /// device, or one that measures the device's peak rates for the attempt.
     pub quiet: u64,
     /// The number of steps so far: builds, checks and casts that have begun, and launches (of worker processes) and
     /// points that have finished.
@@ -40,7 +40,7 @@ impl Beat {
         Some(Self { beats: numbers.next()??, quiet: numbers.next()??, steps: numbers.next()?? })
     }
 
-    /// Returns the next count. `waits` is true if the attempt has waited for a device since the last count.
+    /// Returns the next count. `waits` is true if the attempt has waited for another process since the last count.
     fn after(self, steps: u64, waits: bool) -> Self {
         let quiet = if steps == self.steps && !waits { self.quiet + 1 } else { 0 };
         Self { beats: self.beats + 1, quiet, steps }
@@ -63,7 +63,7 @@ pub struct Steps<'a> {
 /// A thread that counts until this value is dropped.
 pub struct Pulse {
     steps: Arc<AtomicU64>,
-    /// True if the attempt has waited for a device since the last count.
+    /// True if the attempt has waited for another process since the last count.
     waits: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,

@@ -12,7 +12,7 @@ pub enum State {
     /// The attempt has made its folder, but its counter has not started yet.
     Begun,
     /// The attempt's counter increases, and the attempt has made progress within the time limit of a step, or waits for
-    /// a device that another process uses.
+    /// another process: one that uses a device, or one that measures the device's peak rates for the attempt.
     Going,
     /// The attempt's counter increases, but the attempt has made no progress for longer than the time limit of a step.
     /// The value is the number of seconds without progress.

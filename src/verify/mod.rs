@@ -8,11 +8,13 @@
 //! range differs from the reference by more than the relative limit. Such a pixel is judged almost like a certain one.
 //! Pixels outside their range are counted, and only few of them are allowed (see [`unexplained_limit`]). The number of
 //! pixels that hit something must also lie in the range that the reference allows, since the result
-//! `shadow_rays_per_s` is computed from this number.
+//! `shadow_rays_per_s` is computed from this number. If the background is transparent, the alpha of certain pixels must
+//! agree with the reference too.
 
-use crate::image::{RELATIVE_LIMIT, Radiance, relative_difference, to_rgb8};
+use crate::image::{RELATIVE_LIMIT, Radiance, alpha_difference, relative_difference, to_rgb8};
 use crate::reference::{Doubt, Reference};
 use crate::scene::Display;
+use crate::words::counted;
 
 /// Largest difference that is allowed for a certain pixel as displayed, in 8-bit steps.
 const STEPS_OF_256: u8 = 1;
@@ -57,6 +59,7 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
     let reason = match worst {
         Some(finding) if finding.wrong => Some(finding.sentence(wrong_pixels)),
         _ => too_many_unexplained(unexplained_pixels, reference.judged)
+            .or_else(|| wrong_alpha(image, reference))
             .or_else(|| hits.and_then(|hits| wrong_hits(hits, reference))),
     };
     Verdict {
@@ -68,6 +71,23 @@ pub fn verify(image: &Radiance, hits: Option<usize>, reference: &Reference, disp
         ok: reason.is_none(),
         reason,
     }
+}
+
+/// Returns why the alpha of certain pixels is wrong; `None` if it is right, or if one of the two pictures has no alpha.
+/// The samples of a certain pixel certainly hit or miss, so the pixel's alpha does not depend on rounding.
+fn wrong_alpha(image: &Radiance, reference: &Reference) -> Option<String> {
+    let alphas = image.coverage.iter().zip(&reference.radiance.coverage);
+    let certain = alphas.enumerate().filter(|(pixel, _)| reference.certain[*pixel]);
+    let differences = certain.map(|(pixel, (found, expected))| {
+        (pixel, alpha_difference(Some(found), Some(expected)), [found, expected])
+    });
+    let wrong: Vec<_> = differences.filter(|(_, difference, _)| *difference > RELATIVE_LIMIT).collect();
+    let (pixel, _, [found, expected]) = wrong.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let [x, y] = [*pixel as u32 % image.width, *pixel as u32 / image.width];
+    let pixels = counted(wrong.len(), "pixel");
+    Some(format!(
+        "the alpha of {pixels} is wrong; the worst, ({x}, {y}), has {found} and should have {expected}"
+    ))
 }
 
 /// Returns the number of pixels that are not certain and lie outside the range of their values under narrow nudges.

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::reference::{fixtures, reference, reference_of, some_pixels};
-use crate::scene::Sample;
+use crate::scene::{Sample, Scene};
 use crate::strategy::Culling;
 
 fn judged() -> Reference {
@@ -145,6 +145,32 @@ fn hits_that_cannot_be_are_noticed() {
         let reason = verdict(Some(hits)).reason.unwrap_or_default();
         assert_eq!(reason, format!("the rays of {hits} pixels hit something; expected {fewest} to {most}"));
     }
+}
+
+#[test]
+fn before_a_transparent_background_the_alpha_of_certain_pixels_must_agree() {
+    let scene = Scene { transparent: true, ..fixtures::figure_4() };
+    let reference = reference(&scene, [80, 50], Culling::None);
+    let at = |certain: bool, alpha: f32| {
+        let is_it =
+            |at: &usize| reference.certain[*at] == certain && reference.radiance.coverage[*at] == alpha;
+        (0..4000).find(is_it).expect("a pixel")
+    };
+    let reason = |pixel: usize, alpha: f32| {
+        let mut image = reference.radiance.clone();
+        image.coverage[pixel] = alpha;
+        judge(&image, &reference).reason.unwrap_or_default()
+    };
+    let [surface, nothing, doubtful] = [at(true, 1.0), at(true, 0.0), at(false, 1.0)];
+    let [x, y] = [surface % 80, surface / 80];
+    let expected = format!("the alpha of 1 pixel is wrong; the worst, ({x}, {y}), has 0.5 and should have 1");
+    assert_eq!(reason(surface, 0.5), expected);
+    assert_eq!([reason(surface, 0.9995), reason(nothing, 0.0005), reason(doubtful, 0.5)], [""; 3]);
+    assert!(reason(nothing, 0.002).contains("has 0.002 and should have 0"));
+    assert!(reason(nothing, f32::NAN).contains("has NaN"));
+    // Casters on the host make pictures without alpha.
+    let opaque = Radiance { coverage: Vec::new(), ..reference.radiance.clone() };
+    assert!(judge(&opaque, &reference).ok);
 }
 
 #[test]

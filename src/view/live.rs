@@ -11,7 +11,7 @@ use crate::device::{Device, DeviceInfo, discover};
 use crate::error::{Error, Result};
 use crate::image::to_rgb8;
 use crate::launch::{Caster, FrameTimes, Prepared, Queue, Refused, Session, ShowProgram};
-use crate::program::{BuildError, Kept, Sources};
+use crate::program::{Kept, Sources};
 use crate::scene::{Camera, Light, Loaded, Sample, Sampling, Scene};
 use crate::strategy::Strategy;
 use image::RgbImage;
@@ -294,15 +294,7 @@ fn show(queue: &Queue, sources: &Sources, device: &DeviceInfo) -> Result<Option<
         return Ok(None);
     }
     let spec = ShowProgram::spec(sources)?;
-    let is_own = sources.own_files()?.iter().any(|file| spec.files.contains(file));
-    match ShowProgram::build(queue, &spec, &Kept::of(Cache::of_user(), device)) {
-        Ok(program) => Ok(Some(program)),
-        // The compiler does not know the file's name, so its messages do not say that the mistake is the user's.
-        Err(error) if is_own => {
-            Err(Refused::Build(BuildError { in_own_file: true, ..error }).into_error(device))
-        }
-        Err(_) => Ok(None),
-    }
+    ShowProgram::usable(queue, &spec, &Kept::of(Cache::of_user(), device), (sources, device))
 }
 
 /// Returns the choices of the strategy and of the local size. Each list begins with the user's choice or, if the user
@@ -473,6 +465,7 @@ mod tests {
         write(&own.replace(red, "bytes[3 * i] = ;"));
         let error = live.reload().expect_err("it does not compile").to_string();
         assert!(error.starts_with("a kernel file does not compile: "), "{error}");
+        assert!(error.contains(&format!("{}:", folder.path().join("display/show.cl").display())), "{error}");
         live.moved();
         assert_eq!(reds(&mut live), 800, "it is shown as before");
     }

@@ -6,7 +6,7 @@ mod terminal;
 mod window;
 
 pub use graphics::Graphics;
-pub use terminal::Terminal;
+pub use terminal::{Terminal, leave_terminal};
 pub use window::Window;
 
 use super::keys::Key;

@@ -10,8 +10,9 @@ use std::path::Path;
 
 /// Prints one row for each point of the run in `path`, with the point's predicted occupancy. With `as_json`, prints one
 /// JSON object for each point. `path` is a folder of results or the records.jsonl in it. Points with an unknown number
-/// of registers or an unknown occupancy are omitted. If `compute_capability` is given, the occupancy is predicted for
-/// this capability. Otherwise, it is the recorded occupancy, which was predicted for the device's own capability.
+/// of registers or an unknown occupancy are omitted, and points whose main kernel does not have work-groups of the
+/// point's local size. If `compute_capability` is given, the occupancy is predicted for this capability. Otherwise, it
+/// is the recorded occupancy, which was predicted for the device's own capability.
 pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Result<()> {
     if let Some(name) = compute_capability {
         multiprocessor(name)?;
@@ -38,9 +39,9 @@ pub fn run(path: &Path, compute_capability: Option<&str>, as_json: bool) -> Resu
 
 /// Returns the kernel that casts a point's primary rays, with its occupancy. The occupancy is predicted for the given
 /// compute capability; if no capability is given, the recorded occupancy is returned. `None` if the kernel's number of
-/// registers or its occupancy is unknown.
+/// registers or its occupancy is unknown, or if its work-groups do not have the point's local size.
 fn predicted(record: &Record, compute_capability: Option<&str>) -> Option<CompiledKernel> {
-    let kernel = record.main_kernel()?.clone();
+    let kernel = record.main_kernel_of_local_size()?.clone();
     let items = record.local_size?.iter().product();
     kernel.resources.registers?;
     let kernel = match compute_capability {
@@ -117,6 +118,12 @@ mod tests {
     fn points_of_unknown_registers_are_left_out() {
         assert!(predicted(&record(None), Some("9.0")).is_none());
         assert!(predicted(&Record::default(), None).is_none());
+    }
+
+    #[test]
+    fn points_of_rasterisers_are_left_out() {
+        let raster = Record { strategy: "traversal=raster".into(), ..record(Some(48)) };
+        assert!([None, Some("9.0")].iter().all(|capability| predicted(&raster, *capability).is_none()));
     }
 
     /// Drivers other than NVIDIA's may report registers without a compute capability.

@@ -101,6 +101,7 @@ pub fn cast(
     timeline.ends_with("buffers", &[("records", records_ms)]);
     // With a single frame, nothing is measured, so this process need not lock the device against others.
     let _held = (args.repeat > 1).then(|| hold(&[&device.info], args.no_wait)).transpose()?;
+    timeline.ends("wait");
     let sampling = prepared.sampling;
     let frame = || -> Result<FrameTimes> {
         let cast = caster.cast_samples(&scene.camera, &sampling);

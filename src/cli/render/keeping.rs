@@ -104,7 +104,7 @@ fn is_worth_storing(cache: &Cache, from_cache: bool, device: &DeviceInfo) -> boo
 }
 
 /// Starts a background process that compiles and stores a program, unless another process is already doing this work.
-/// Returns `false` if the cache stores nothing. If the process cannot start, the next start of raycl also finds the
+/// Returns `false` if the cache is not in use. If the process cannot start, the next start of raycl also finds the
 /// program uncompiled, and casts its picture without it.
 fn compile_later(cache: &Cache, spec: &ProgramSpec, device: &DeviceInfo) -> bool {
     if cache.keeps() {
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn a_process_stores_only_what_is_not_stored_yet_and_takes_long_to_return() {
         let folder = tempfile::tempdir().expect("a folder");
-        let cache = Cache::at(folder.path(), 1 << 20);
+        let cache = Cache::at(&folder.path().join("cache"), 1 << 20);
         let slow = example("Portable Computing Language", "cpu", DeviceKind::Cpu, 2);
         let fast = example("CUDA", "H200", DeviceKind::Gpu, 132);
         assert!(is_worth_storing(&cache, false, &slow));
@@ -233,13 +233,16 @@ mod tests {
     #[test]
     fn a_program_that_another_process_is_compiling_is_told_of_and_not_compiled_twice() {
         let folder = tempfile::tempdir().expect("a folder");
-        let cache = Cache::at(folder.path(), 1 << 20);
+        let cache = Cache::at(&folder.path().join("cache"), 1 << 20);
         let device = example("CUDA", "H200", DeviceKind::Gpu, 132);
         let spec = ProgramSpec { source: "kernel".into(), options: "-D A=1".into(), files: Vec::new() };
         assert!(begin(&cache, &spec.hash()));
         assert!(!in_background(&cache, &spec, &device), "another process has begun");
         assert!(compile_later(&cache, &spec, &device));
         assert!(!compile_later(&Cache::none(), &spec, &device), "without a cache, nothing can be stored");
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").expect("a file");
+        assert!(!compile_later(&Cache::at(&file, 1 << 20), &spec, &device), "nor in a file");
     }
 
     #[test]

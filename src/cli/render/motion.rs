@@ -12,7 +12,7 @@ use super::{Args, last_notes, ms_since};
 use crate::error::{Error, Result};
 use crate::program::Sources;
 use crate::shard::Asked;
-use crate::words::counted;
+use crate::words::{counted, counted_of_were};
 use film::{Film, Keys};
 use frames::Frames;
 use serde::Serialize;
@@ -152,12 +152,9 @@ pub fn run(args: &Args) -> Result<()> {
         sink.check_alpha()?;
     }
     let mut keys = Keys::of(args, &film, sampling, &strategy, &sources);
-    let missing = match &sink {
-        Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number)))?,
-        Sink::Movie(_) => wanted.numbers().collect(),
-    };
-    let (frames, skipped) = (missing.len() as u32, wanted.len() - missing.len() as u32);
-    let output = if frames > 0 { sink.name() } else { format!("{} (unchanged)", sink.name()) };
+    let missing = missing(&sink, wanted, (&mut film, &mut keys))?;
+    let skipped = wanted.len() - missing.len() as u32;
+    let output = if missing.is_empty() { format!("{} (unchanged)", sink.name()) } else { sink.name() };
     let tree = tree.map(|tree| (Arc::clone(&first.mesh), tree));
     let stage = Stage {
         args,
@@ -174,6 +171,8 @@ pub fn run(args: &Args) -> Result<()> {
     let casting = Instant::now();
     let frame_ms = cast_into(stage, sink, (&mut film, &mut keys), &missing)?;
     let seconds = casting.elapsed().as_secs_f64();
+    let frames = frame_ms.len() as u32;
+    let notes = notes.into_iter().chain(closed_early(frames, missing.len()));
     let report = Report {
         scene: first.name.clone(),
         triangles: first.mesh.triangles.len(),
@@ -186,9 +185,26 @@ pub fn run(args: &Args) -> Result<()> {
         total_ms: ms_since(start),
         frames_per_s: if frames > 0 { f64::from(frames) / seconds } else { 0.0 },
         output,
-        notes: notes.into_iter().chain(last_notes(&first, sampling.most)).collect(),
+        notes: notes.chain(last_notes(&first, sampling.most)).collect(),
     };
     tell(args, &report)
+}
+
+/// Returns the numbers of the frames that are still to be cast: all of a movie, or those that have no file yet.
+fn missing(sink: &Sink, wanted: Frames, (film, keys): (&mut Film, &mut Keys)) -> Result<Vec<u32>> {
+    match sink {
+        Sink::Numbered(numbered) => numbered.missing(|number| Ok(keys.key(&*film.scene(number)?, number))),
+        Sink::Movie(_) => Ok(wanted.numbers().collect()),
+    }
+}
+
+/// Returns a note if the reader of a stream closed it before all frames were cast. The reader is usually an encoder
+/// that needs no more frames, so this is no error.
+fn closed_early(cast: u32, wanted: usize) -> Option<String> {
+    let cast = cast as usize;
+    let told =
+        || format!("the reader closed the stream after {} cast", counted_of_were(cast, wanted, "frame"));
+    (cast < wanted).then(told)
 }
 
 /// Prints the report; to standard error if the frames go to standard output.

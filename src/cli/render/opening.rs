@@ -81,10 +81,10 @@ pub fn open(args: &Args, sources: &Sources) -> Result<Opened> {
         });
         drop(found);
         let early = opened.as_ref().ok().and_then(|(device, queue)| early(args, sources, device, queue));
-        let show = opened.as_ref().ok().and_then(|(device, queue)| show(args, sources, device, queue));
-        let (show, show_later) = show.unwrap_or_default();
+        let show = opened.as_ref().ok().map(|(device, queue)| show(args, sources, device, queue));
         let (loaded, load_ms, tree) = scene.join().map_err(|_| Error::fault("reading the scene panicked"))?;
         let (loaded, (device, queue)) = (loaded?, opened?);
+        let (show, show_later) = show.transpose()?.unwrap_or_default();
         // The file format of a transparent picture must have an alpha channel. Moving pictures have other file formats,
         // which `Sink::check_alpha` checks.
         if loaded.scene.transparent && !args.motion.moves() {
@@ -125,30 +125,67 @@ fn early(
     Some((spec, built))
 }
 
-/// Returns the program for the display transform if the device does not share the host's memory. If the program cannot
-/// be built, the host applies the transform. If [`hurry::may`] returns true, the picture does not wait until this
-/// program is compiled: the uncompiled program is then returned as the second value.
+/// Returns the program for the display transform if the device does not share the host's memory. If the device's
+/// compiler refuses raycl's own program, the host applies the transform. If [`hurry::may`] returns true, the picture
+/// does not wait until this program is compiled: the uncompiled program is then returned as the second value.
+///
+/// # Errors
+///
+/// Fails if the program is a file of the user that does not compile.
 fn show(
     args: &Args,
     sources: &Sources,
     device: &Device,
     queue: &Queue,
-) -> Option<(Option<ShowProgram>, Option<ProgramSpec>)> {
+) -> Result<(Option<ShowProgram>, Option<ProgramSpec>)> {
     if queue.shares_memory || args.motion.moves() || !may_be_shown(args, &target(args)) {
-        return None;
+        return Ok((None, None));
     }
     let kept = Kept::of(guess::cache(args), &device.info);
-    let spec = ShowProgram::spec(sources).ok()?;
+    let spec = ShowProgram::spec(sources)?;
     let hurries = hurry::may(args, &device.info, guess::sampling(args));
     if hurries && !BuiltProgram::is_kept(queue.device, &spec, &kept) {
-        return Some((None, Some(spec)));
+        return Ok((None, Some(spec)));
     }
-    Some((ShowProgram::build(queue, &spec, &kept).ok(), None))
+    Ok((ShowProgram::usable(queue, &spec, &kept, (sources, &device.info))?, None))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::discover;
+    use clap::Parser as _;
+
+    #[derive(clap::Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    #[test]
+    fn a_display_kernel_of_the_user_is_built_or_its_mistake_is_told_with_its_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("display/show.cl");
+        std::fs::create_dir(folder.path().join("display")).expect("a folder");
+        let device = discover(&Sources::Embedded).expect("devices").remove(0);
+        // Only a device with memory of its own uses this kernel.
+        let queue = Queue::open(&device).expect("a queue").apart(1 << 20);
+        let args = Command::parse_from(["render", "a.obj", "--cl-dir", "mine"]).args;
+        let sources = Sources::Folder(folder.path().to_owned());
+        let shown = |text: &str| {
+            std::fs::write(&file, text).expect("a file");
+            show(&args, &sources, &device, &queue)
+        };
+        let right = Sources::Embedded.read("display/show.cl").expect("a kernel file");
+        assert!(matches!(shown(&right), Ok((Some(_), None))));
+        let red = "bytes[3 * i] = shown(pixel.x, smallest, at_least);";
+        assert_eq!(right.matches(red).count(), 1);
+        let error = shown(&right.replace(red, "bytes[3 * i] = ;")).expect_err("it does not compile");
+        let message = error.to_string();
+        assert_eq!(error.exit_code(), 2, "{message}");
+        assert!(message.starts_with("a kernel file does not compile: "), "{message}");
+        assert!(message.contains(&format!("{}:", file.display())), "{message}");
+    }
 
     #[test]
     fn work_that_is_done_while_the_scene_is_loaded_takes_no_time_of_its_own() {

@@ -194,8 +194,8 @@ impl Report {
             ));
         }
         let parts = self.parts.iter().map(|Part { part, ms }| (*part, *ms));
-        let shown =
-            parts.filter(|&(part, ms)| !["tree", "records", "keep", "report"].contains(&part) || ms >= 0.005);
+        let often_zero = ["tree", "records", "wait", "keep", "report"];
+        let shown = parts.filter(|&(part, ms)| !often_zero.contains(&part) || ms >= 0.005);
         for (part, ms) in shown.chain([("total", self.total_ms), ("kernel", self.frame_ms)]) {
             lines.push(format!("{part:<8}{ms:11.2} ms{}", self.remark(part)));
         }

@@ -27,7 +27,7 @@ pub fn execute(
 ) -> Result<Vec<Record>> {
     let ahead = Ahead::new(kept(&run));
     // Workers that only wait (for tests) need no programs.
-    let keeps = Cache::of_user().keeps() && args.asleep.is_none();
+    let keeps = args.asleep.is_none() && Cache::of_user().keeps();
     let run = Run { ahead: Some(&ahead).filter(|_| keeps), ..run };
     let builders = if keeps { builders(&run, folder) } else { Vec::new() };
     let measured = ahead.beside(builders, args.hang_limit, interrupted, || {

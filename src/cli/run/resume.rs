@@ -30,6 +30,9 @@ fn resuming(args: &Args, out: &Path) -> String {
     words.extend(args.no_wait.then(|| "--no-wait".to_owned()));
     words.extend(args.spread.then(|| "--spread".to_owned()));
     words.extend(args.retry_failed.then(|| "--retry-failed".to_owned()));
+    if let Some(percent) = args.fail_on_regression {
+        words.extend(["--fail-on-regression".to_owned(), percent.to_string()]);
+    }
     words.push("--resume".to_owned());
     words.iter().map(|word| quote(word)).collect::<Vec<_>>().join(" ")
 }
@@ -94,6 +97,13 @@ mod tests {
         assert_eq!(of(&["--resume", "--retry-failed"]), told(" --retry-failed"));
         std::fs::write(place.path().join(peak::FILE), "[]").unwrap();
         assert_eq!(of(&["--peak=h200.json"]), told(""));
+    }
+
+    #[test]
+    fn the_command_that_continues_fails_on_the_same_regression() {
+        let two = args(&["a.toml", "--cl-dir", "a", "--cl-dir", "b", "--fail-on-regression", "2.5"]);
+        let told = resuming(&two, Path::new("c"));
+        assert_eq!(told, "raycl run a.toml --out c --cl-dir a --cl-dir b --fail-on-regression 2.5 --resume");
     }
 
     #[test]

@@ -141,7 +141,7 @@ impl Part<'_> {
         self.write_kinds(&blocks.iter().flat_map(|block| block.points.clone()).collect::<Vec<_>>())?;
         let earlier = attempt.earlier(&self.out);
         let mut results = Results::of_attempt(&attempt.folder, &self.environment, host, &earlier)?;
-        super::keep_peak(self.args, self.run.experiment, self.peak.clone(), &mut results, interrupted)?;
+        super::keep_peak(self.args, &run, self.peak.clone(), &mut results, observer, interrupted)?;
         if !self.args.quiet {
             let again = match earlier.len() {
                 0 => String::new(),

@@ -19,7 +19,10 @@ const THRESHOLD: f64 = 0.02;
 /// points, of the mean of one strategy's points, or of a single point. In the second case, a point fails with the
 /// second folder but was measured with the first.
 pub fn compare(folder: &Folder, limit_percent: Option<f64>, quiet: bool) -> Result<()> {
-    let comparison = Comparison::of_kernels(folder, THRESHOLD);
+    let mut comparison = Comparison::of_kernels(folder, THRESHOLD);
+    if limit_percent.is_some() {
+        comparison.notes.extend(comparison.left_out_of_means());
+    }
     if !quiet {
         print_table(&comparison)?;
     }

@@ -21,6 +21,8 @@ const DEADLY: usize = 6;
 #[derive(Default)]
 struct Noting {
     past: HashMap<String, Vec<Taken>>,
+    /// The device that measured each earlier launch.
+    measured_on: HashMap<u32, String>,
     /// The core-to-core latency of each earlier launch.
     latencies_ns: Vec<f64>,
     records: Vec<Record>,
@@ -49,7 +51,7 @@ impl ResultSink for Noting {
         self.records.push(record);
         Ok(())
     }
-    fn sample(&mut self, _key: &str, _round: u32, _taken: &Taken) -> Result<()> {
+    fn sample(&mut self, _record: &Record, _round: u32, _taken: &Taken) -> Result<()> {
         Ok(())
     }
     fn load(&mut self, load: &RoundLoad) -> Result<()> {
@@ -71,6 +73,9 @@ impl ResultSink for Noting {
     fn past(&self, key: &str) -> Vec<Taken> {
         self.past.get(key).cloned().unwrap_or_default()
     }
+    fn measured_on(&self, launch: u32) -> Option<String> {
+        self.measured_on.get(&launch).cloned()
+    }
     fn near_ns(&self) -> f64 {
         self.latencies_ns.iter().copied().fold(f64::INFINITY, f64::min)
     }
@@ -81,10 +86,13 @@ impl ResultSink for Noting {
 struct Mortals {
     started: Rc<Cell<usize>>,
     frames: Rc<Cell<usize>>,
+    /// True if the anchor fails in every worker.
+    fails_anchor: bool,
 }
 
 struct Mortal {
     frames: Rc<Cell<usize>>,
+    fails_anchor: bool,
     answer: Wait,
 }
 
@@ -92,7 +100,8 @@ impl Spawner for Mortals {
     fn spawn(&mut self, _device: usize) -> Result<Box<dyn Worker>> {
         let frames = Rc::clone(&self.frames);
         self.started.set(self.started.get() + 1);
-        Ok(Box::new(Mortal { frames, answer: Wait::Reply(Reply::Started) }))
+        let fails_anchor = self.fails_anchor;
+        Ok(Box::new(Mortal { frames, fails_anchor, answer: Wait::Reply(Reply::Started) }))
     }
 }
 
@@ -102,6 +111,11 @@ impl Worker for Mortal {
             let record = Record { key: key.clone(), scene: "triangle".to_owned(), ..Record::default() };
             let record = Box::new(record);
             self.answer = Wait::Reply(Reply::Checked { record, ready: true });
+            return;
+        }
+        if self.fails_anchor && *request == Request::Anchor {
+            let failed = Reply::Failed { message: "no anchor".to_owned(), help: "go on".to_owned() };
+            self.answer = Wait::Reply(failed);
             return;
         }
         self.frames.set(self.frames.get() + 1);
@@ -146,6 +160,37 @@ fn a_launch_that_lacks_samples_of_a_point_is_not_taken_over() {
     let launches = |pending: &PendingPoint| pending.taken.iter().map(|sample| sample.launch).collect();
     let taken: Vec<Vec<u32>> = group.points().iter().map(launches).collect();
     assert_eq!((group.whole.len(), taken), (1, vec![vec![0; 5]; 2]));
+}
+
+#[test]
+fn a_group_returns_to_the_device_of_its_launches_and_takes_over_no_launch_of_another_device() {
+    let experiment = fixtures::experiment("local_sizes = [4]\ntiming = { launches = 3, min_samples = 15 }");
+    let [one, two] = ["one", "two"].map(|name| DeviceInfo { name: name.into(), ..asleep::device(1.0) });
+    let (devices, locks) = ([&one, &two], fixtures::own_locks());
+    let run = Run { spread: true, ..fixtures::run(&experiment, &devices, &locks) };
+    let sink = |measured_on: &[(u32, &str)]| {
+        let samples = [0, 1, 2].map(|launch| vec![sample(launch, None); 5]).concat();
+        let past = ["a", "b"].map(|key| (key.to_owned(), samples.clone()));
+        let measured_on = measured_on.iter().map(|(launch, device)| (*launch, (*device).to_owned()));
+        Noting { past: past.into(), measured_on: measured_on.collect(), ..Noting::default() }
+    };
+    let slugs = [one.slug(), two.slug()];
+    let [on_one, on_two] = [slugs[0].as_str(), slugs[1].as_str()];
+    let adopted = |device: usize| -> Vec<u32> {
+        let mut group = group();
+        group.settle(device);
+        group.adopt(&run, &mut sink(&[(0, on_one), (1, on_two)]));
+        group.whole.iter().map(|launch| launch.number).collect()
+    };
+    // The launch 2 was measured when points were not distributed over the devices, so on the first device.
+    assert_eq!([adopted(0), adopted(1)], [vec![0, 2], vec![1]]);
+    let may_go = |measured_on: &[(u32, &str)]| {
+        let mut group = group();
+        group.return_to_device(&run, &sink(measured_on));
+        [0, 1].map(|device| group.may_go_to(device))
+    };
+    assert_eq!(may_go(&[(0, on_one), (2, on_two)]), [false, true]);
+    assert_eq!([may_go(&[]), may_go(&[(2, "gone")])], [[true, true]; 2]);
 }
 
 /// Returns the launches of each record's samples. Three launches were measured earlier, and two are requested. The
@@ -206,6 +251,30 @@ fn samples_of_a_launch_that_lost_its_worker_are_in_no_record() {
     );
     let launches: Vec<_> = sink.records.into_iter().map(|record| record.sample_launches).collect();
     assert_eq!(launches, vec![vec![1_u32; 5]; 2]);
+}
+
+#[test]
+fn after_a_failure_of_the_anchor_new_workers_repeat_the_launch_without_it() {
+    let timing = "timing = { launches = 2, min_samples = 10, max_samples = 10, time_limit_ms = 1000 }";
+    let experiment = fixtures::experiment(&format!("local_sizes = [4]\n{timing}"));
+    let (device, locks) = (asleep::device(1.0), fixtures::own_locks());
+    let devices = [&device];
+    let run = fixtures::run(&experiment, &devices, &locks);
+    let mut workers = Mortals { fails_anchor: true, ..Mortals::default() };
+    workers.frames.set(DEADLY);
+    let started = Rc::clone(&workers.started);
+    let (off, mut sink, mut group) = (AtomicBool::new(false), Noting::default(), group());
+    let mut supervisor = Supervisor::new(&mut workers, &off, run.limit);
+    group.visit(&run, &mut supervisor, &mut sink).unwrap();
+    let repeated = "a worker process was lost or replaced: its whole launch is repeated";
+    assert_eq!(sink.said, ["asleep: no anchor; go on", repeated]);
+    assert_eq!((started.get(), sink.launches), (2, 2));
+    let launches: Vec<Vec<u32>> = group
+        .points()
+        .iter()
+        .map(|pending| pending.taken.iter().map(|sample| sample.launch).collect())
+        .collect();
+    assert_eq!(launches, vec![vec![1; 5]; 2]);
 }
 
 #[test]

@@ -108,7 +108,8 @@ impl<K: ResultSink> Timed<'_, '_, K> {
     /// Runs the anchor of a point's device if it is due: after the device's first sample, and then once for every
     /// [`CASTS_PER_ANCHOR`] samples, or once for every round if a round has fewer samples on the device. In the five
     /// rounds that a launch has at least, the anchor is thus run at least five times, as often as an interval needs.
-    /// Does nothing in a run with a single launch: such a run is too short to need the anchor.
+    /// Does nothing in a run with a single launch: such a run is too short to need the anchor. If the anchor fails, the
+    /// launch is broken, and the user is told why.
     fn anchor(&mut self, point: usize, round: u32) -> Result<()> {
         let pending = &self.points[point];
         let Some(device) = device_of(self.run, pending).filter(|_| self.run.experiment.timing.launches > 1)
@@ -125,7 +126,14 @@ impl<K: ResultSink> Timed<'_, '_, K> {
         }
         self.casts.insert(pending.device, 0);
         let anchor = anchor::name(device)?;
-        let Some(times) = self.supervisor.anchor(pending.task())? else { return Ok(()) };
+        let times = match self.supervisor.anchor(pending.task())? {
+            Some(Ok(times)) => times,
+            Some(Err(error)) => {
+                self.sink.says(&format!("{}: {error}; {}", device.label, error.remedy()));
+                return Ok(());
+            }
+            None => return Ok(()),
+        };
         let (device, launch, at_ms) = (pending.record.device.clone(), self.launch, self.at_ms());
         self.sink.anchor(&AnchorSample { anchor, device, launch, round, at_ms, ms: times.frame_ms })
     }
@@ -156,7 +164,7 @@ impl<K: ResultSink> Rounds for Timed<'_, '_, K> {
         let at_ms = self.at_ms();
         let core_to_core_ns = self.latency.around_sample();
         let taken = Taken { launch: self.launch, at_ms, core_to_core_ns, times: *times };
-        self.sink.sample(&self.points[point].record.key, round, &taken)?;
+        self.sink.sample(&self.points[point].record, round, &taken)?;
         self.taken[point].push(taken);
         self.anchor(point, round)?;
         Ok(is_near(core_to_core_ns, self.sink.near_ns()))

@@ -94,6 +94,12 @@ fn only_groups_of_the_same_machine_and_devices_show_how_much_launches_differ() {
     for (host, device) in [(Some("n2"), "gpu"), (Some("n1"), "cpu"), (Some("n1"), HOST), (None, "gpu")] {
         assert_eq!(width(&[of(Some("n1"), "gpu"), other(host, device)]), alone, "{host:?} {device}");
     }
+    // Devices of the same model that share the points of a run have one name.
+    let on = |measured_on: &str, record: Record| Record { measured_on: Some(measured_on.into()), ..record };
+    let [one, same, another] =
+        [on("a", of(None, "gpu")), on("a", other(None, "gpu")), on("b", other(None, "gpu"))];
+    assert!(width(&[one.clone(), same]) < 0.98 * alone);
+    assert_eq!(width(&[one, another]), alone);
     // In each of these groups, a baseline was measured with the point.
     let baseline =
         |record: Record| Record { key: format!("{} on the host", record.key), device: HOST.into(), ..record };

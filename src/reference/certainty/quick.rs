@@ -7,11 +7,12 @@ use super::super::intersect::{Hit, moller_trumbore};
 use super::super::leaning::larger_hit;
 use super::super::pixel_sample::{PixelSample, Reach};
 use super::super::ray::Ray;
-use super::super::shade::Sight;
+use super::super::shade::{Sight, surface_at};
 use super::super::shadows::{Points, Shadows};
 use super::super::soft::Seen;
 use super::super::tree::Tree;
 use super::{AT_LIGHT, Asked, NUDGES, OFF_PLANE, RIVAL, WIDE_NUDGE_RADIANS, moved, nudges, off_plane};
+use crate::scene::Scene;
 use glam::DVec3;
 
 /// A ray and its hit.
@@ -49,13 +50,14 @@ impl Hits {
     }
 
     /// Returns the hit points, including points that are moved off the triangle's plane by `offs`.
-    fn points(&self, offs: [DVec3; 2]) -> Points {
+    fn points(&self, scene: &Scene, offs: [DVec3; 2]) -> Points {
         let point = |(ray, hit): &Met| ray.origin + ray.direction * hit.t;
         let centre = point(&self.centre);
         let others = self.nudged.iter().map(|(_, other)| other).chain([&self.leaning]);
         let spread = others.map(|other| point(other).distance(centre)).fold(0.0, f64::max);
         let spread = offs.iter().map(|off| off.length()).fold(spread, f64::max);
-        Points { triangle: self.triangle, centre, spread: 1.01 * spread }
+        let [_, normal] = surface_at(scene, &self.centre.0, &self.centre.1);
+        Points { triangle: self.triangle, centre, normal, spread: 1.01 * spread }
     }
 }
 
@@ -76,7 +78,7 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         return None;
     }
     let offs = off_plane(caster, &ray, &hit);
-    let shadows = Shadows::new(seen, tree, hits.points(offs), bias);
+    let shadows = Shadows::new(seen, tree, hits.points(caster.scene(), offs), bias);
     // If it is uncertain whether a light reaches the points, a shadow ray to this light is cast.
     let radiance_of = |seen: &Seen<'_>, (ray, hit): &Met, cast: &dyn Fn(&Sight<f64>) -> bool| {
         let reaches = |sight: &Sight<f64>| shadows.reaches(sight.light).unwrap_or_else(|| cast(sight));
@@ -101,6 +103,9 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         for factor in [0.5, 2.0] {
             sample.consider(with_bias(&hits.centre, bias * factor));
         }
+        asked.end_at_gaps(&mut sample, (&hits.centre.0, &hits.centre.1), |gap| {
+            radiance_of(seen, &hits.centre, &|sight| caster.reaches(sight, gap(sight)))
+        });
         for part in [AT_LIGHT, -AT_LIGHT] {
             let cast = |sight: &Sight<f64>| {
                 caster.reaches_within(sight, bias, sight.distance - part * asked.scale(sight))

@@ -1,18 +1,16 @@
 //! Determines how certain a comparison of two times is. If the samples do not decide a test, its verdict is "unclear".
 
 use super::verdict::{Line, Verdict};
-use crate::measure::{MIN_SAMPLES, not_enough};
-use crate::record::{Record, fewest, median, ratio, ratio_of_passes, significant};
+use crate::measure::{BELOW_RESOLUTION, MIN_SAMPLES};
+use crate::record::{Record, fewest, median, not_enough, ratio, ratio_of_passes, significant};
 use std::ops::RangeInclusive;
 
 /// The ratio of two times.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Ratio {
-    /// The ratio with its 95% interval; `None` if either record has too few samples.
-    sure: Option<(f64, [f64; 2])>,
-    /// The number of samples of the record that has fewer. If there are too few samples for an interval, the smallest
-    /// number of samples in a single launch (worker process) of either record. For two passes of the same frames, the
-    /// number of samples in all launches.
+    /// The ratio with its 95% interval, or the reason why there is none, such as "not enough samples (n = 3)".
+    sure: Result<(f64, [f64; 2]), String>,
+    /// The number of samples of the record that has fewer.
     n: usize,
 }
 
@@ -21,8 +19,11 @@ impl Ratio {
     pub fn of(slow: &Record, fast: &Record) -> Option<Self> {
         median(slow)?;
         median(fast)?;
-        let sure = ratio(slow, fast).map(|ratio| (ratio.middle, [ratio.low, ratio.high]));
-        let count = |record: &Record| if sure.is_some() { record.samples_ms.len() } else { fewest(record) };
+        let sure = match ratio(slow, fast) {
+            Some(ratio) => Ok((ratio.middle, [ratio.low, ratio.high])),
+            None => Err(why_unsure(slow, fast)?),
+        };
+        let count = |record: &Record| record.samples_ms.len();
         Some(Self { sure, n: count(slow).min(count(fast)) })
     }
 
@@ -30,13 +31,14 @@ impl Ratio {
     /// and ratio.
     pub(super) fn of_passes(record: &Record, ratios: &[(u32, f64)]) -> Option<Self> {
         let found = ratio_of_passes(record, ratios);
+        let n = ratios.len();
         let sure = found.map(|found| (found.middle, [found.low, found.high]));
-        (!ratios.is_empty()).then_some(Self { sure, n: ratios.len() })
+        (n > 0).then(|| Self { sure: sure.ok_or_else(|| crate::measure::not_enough(n)), n })
     }
 
-    /// Returns the ratio; infinite if there are too few samples.
+    /// Returns the ratio; infinite if it is not known.
     pub(super) fn middle(&self) -> f64 {
-        self.sure.map_or(f64::INFINITY, |(middle, _)| middle)
+        self.sure.as_ref().map_or(f64::INFINITY, |(middle, _)| *middle)
     }
 
     /// Returns `Held` if the ratio's 95% interval lies inside the range `held`, and `NotHeld` if it lies outside.
@@ -44,25 +46,30 @@ impl Ratio {
     pub(super) fn verdict(&self, held: &RangeInclusive<f64>) -> Verdict {
         let (least, most) = (*held.start(), *held.end());
         match self.sure {
-            Some((_, [low, high])) if low > least && high < most => Verdict::Held,
-            Some((_, [low, high])) if high < least || low > most => Verdict::NotHeld,
+            Ok((_, [low, high])) if low > least && high < most => Verdict::Held,
+            Ok((_, [low, high])) if high < least || low > most => Verdict::NotHeld,
             _ => Verdict::Unclear,
         }
     }
 
-    /// Formats the ratio as "3.07 times (3.02 to 3.11, n = 12)" or "not enough samples (n = 3)".
+    /// Formats the ratio as "3.07 times (3.02 to 3.11, n = 12)". Without a ratio, returns the reason, such as "not
+    /// enough samples (n = 3)".
     pub fn text(&self) -> String {
-        let Some((middle, [low, high])) = self.sure else { return not_enough(self.n) };
-        let [middle, low, high] = [middle, low, high].map(|ratio| significant(ratio, 3));
-        format!("{middle} times ({low} to {high}, n = {})", self.n)
+        match &self.sure {
+            Ok((middle, [low, high])) => {
+                let [middle, low, high] = [middle, low, high].map(|ratio| significant(*ratio, 3));
+                format!("{middle} times ({low} to {high}, n = {})", self.n)
+            }
+            Err(why) => why.clone(),
+        }
     }
 
     /// Formats the ratio as "a takes 3.07 times (3.02 to 3.11, n = 12) as long as b" or "a against b: not
     /// enough samples (n = 3)".
     pub fn between(&self, of: &str, to: &str) -> String {
         match self.sure {
-            Some(_) => format!("{of} takes {} as long as {to}", self.text()),
-            None => format!("{of} against {to}: {}", self.text()),
+            Ok(_) => format!("{of} takes {} as long as {to}", self.text()),
+            Err(_) => format!("{of} against {to}: {}", self.text()),
         }
     }
 
@@ -76,7 +83,11 @@ impl Ratio {
     }
 
     fn decides(&self, held: &RangeInclusive<f64>) -> String {
-        let Some((_, [low, high])) = self.sure else { return more_samples() };
+        let (low, high) = match &self.sure {
+            Ok((_, [low, high])) => (*low, *high),
+            Err(why) if why == BELOW_RESOLUTION => return LONGER_FRAMES.to_owned(),
+            Err(_) => return more_samples(),
+        };
         let bound = [*held.start(), *held.end()].into_iter().find(|bound| (low..=high).contains(bound));
         let bound = bound.map_or(String::new(), |bound| format!(", which contains the bound {bound}"));
         let ends = [low, high].map(|end| significant(end, 3)).join(" to ");
@@ -84,6 +95,17 @@ impl Ratio {
             "a narrower interval than {ends}{bound}: more launches or samples, or less load from other programs"
         )
     }
+}
+
+/// Says what a verdict needs if times are below the timer's resolution. More samples do not help.
+const LONGER_FRAMES: &str =
+    "longer frames, such as those of a larger image: these are shorter than a step of the device's timer";
+
+/// Returns why a ratio has no interval. If both records lack an interval, the record with fewer samples in a launch
+/// gives the reason.
+fn why_unsure(slow: &Record, fast: &Record) -> Option<String> {
+    let reasons = [slow, fast].into_iter().filter_map(|record| Some((fewest(record), not_enough(record)?)));
+    reasons.min_by_key(|(n, _)| *n).map(|(_, why)| why)
 }
 
 /// Returns a text that says how many samples a verdict needs. A launch takes fewer only if the config's limit is lower.
@@ -105,7 +127,7 @@ fn asked(held: &RangeInclusive<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::fixtures::{judged, measured, sampled};
+    use crate::record::fixtures::{few, judged, measured, sampled};
 
     /// Returns the ratio of two records with three launches of `n` samples each. From launch to
     /// launch, each record's time changes in equal steps from its first given time to its second.
@@ -181,13 +203,13 @@ mod tests {
             let record = Record { threads, ..measured("gpu", "deferred", 8, 10.0) };
             let ratio = Ratio::of_passes(&record, &steady).expect("enough samples");
             let (_, [low, high]) = ratio.sure.expect("enough samples");
-            assert!(((high / low).ln() - 2.0 * 1.96 * own * 2.0_f64.sqrt()).abs() < 1e-4, "{ratio:?}");
+            assert!(((high / low).ln() - 2.0 * 1.96 * own * 2.0_f64.sqrt()).abs() < 1e-4, "{low} to {high}");
         }
     }
 
     #[test]
     fn an_interval_that_ends_at_a_bound_is_unclear() {
-        let of = |low: f64, high: f64| Ratio { sure: Some((2.0, [low, high])), n: 10 };
+        let of = |low: f64, high: f64| Ratio { sure: Ok((2.0, [low, high])), n: 10 };
         let within = 1.0..=3.0;
         for (low, high) in [(1.0, 2.5), (1.5, 3.0), (3.0, 4.0), (0.5, 1.0)] {
             assert_eq!(of(low, high).verdict(&within), Verdict::Unclear, "{low} to {high}");
@@ -203,10 +225,22 @@ mod tests {
     fn a_comparison_without_enough_samples_has_no_ratio() {
         let of = |sure| Ratio { sure, n: 3 };
         assert_eq!(
-            of(Some((2.0, [1.9, 2.1]))).between("a", "b"),
+            of(Ok((2.0, [1.9, 2.1]))).between("a", "b"),
             "a takes 2.00 times (1.90 to 2.10, n = 3) as long as b"
         );
-        assert_eq!(of(None).between("a", "b"), "a against b: not enough samples (n = 3)");
+        let few = Err("not enough samples (n = 3)".to_owned());
+        assert_eq!(of(few).between("a", "b"), "a against b: not enough samples (n = 3)");
+    }
+
+    #[test]
+    fn times_of_zero_are_not_called_few_and_ask_for_longer_frames() {
+        let records = judged([few("gpu", "naive", 8, 0.0, 30), measured("gpu", "wide", 8, 1.0)]);
+        for [slow, fast] in [[0, 1], [1, 0]] {
+            let ratio = Ratio::of(&records[slow], &records[fast]).expect("both are measured");
+            assert_eq!(ratio.between("a", "b"), "a against b: times below the timer's resolution");
+            let line = ratio.line("a".into(), LONGER);
+            assert_eq!((line.verdict, line.decides.as_str()), (Verdict::Unclear, LONGER_FRAMES));
+        }
     }
 
     #[test]
@@ -221,6 +255,11 @@ mod tests {
                 line.decides,
                 "5 samples of each point per launch; `timing.max_samples` must be at least 5"
             );
+        }
+        let both = judged([of("naive", 2000.0, 4), of("wide", 1.0, 3)]);
+        for [slow, fast] in [[0, 1], [1, 0]] {
+            let ratio = Ratio::of(&both[slow], &both[fast]).expect("both are measured");
+            assert_eq!(ratio.text(), "not enough samples (n = 3)");
         }
         let records = judged([of("naive", 2000.0, 7), of("wide", 1.0, 9)]);
         let ratio = Ratio::of(&records[0], &records[1]).expect("both are measured");

@@ -4,7 +4,7 @@
 
 use super::pair::{Against, Both};
 use crate::measure::Interval;
-use crate::record::{Record, anchored, are_together, median, ratio_apart, ratio_to_mean};
+use crate::record::{Record, anchored, are_together, median, ratio, ratio_apart, ratio_to_mean};
 
 /// Returns the ratio of the second time of `pair` to the first time, and the kind of reference time by which both times
 /// are divided. The reference is the time of the device's anchor. Without an anchor, it is the mean time of the
@@ -64,6 +64,16 @@ fn alike(mut beside: Vec<Both<'_>>) -> Vec<Both<'_>> {
 /// includes every other difference between the runs, such as the machine's speed.
 pub fn bare((before, after): Both<'_>) -> Option<(Interval, Against)> {
     Some((ratio_apart(after, before)?, Against::BareTimes))
+}
+
+/// Compares a point with the kernels of two folders. `raycl run --resume` may have measured the point with one folder
+/// in an earlier session. The samples of the two records are then not close in time, so the times are compared like
+/// those of two runs.
+pub fn of_kernels((before, after): Both<'_>) -> Option<(Interval, Against)> {
+    if !are_together(before, after) {
+        return bare((before, after));
+    }
+    Some((ratio(after, before)?, Against::SameRounds))
 }
 
 #[cfg(test)]

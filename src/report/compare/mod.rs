@@ -12,7 +12,7 @@ pub use pair::{Against, Pair};
 use super::merged::{labels, merged};
 use crate::measure::Verdict;
 use crate::record::{
-    Folder, HOST, MOVED, Outcome, Record, judge_beside_anchors, latency_ns, median, ratio, significant,
+    Folder, HOST, MOVED, Outcome, Record, judge_beside_anchors, latency_ns, median, significant,
 };
 use pair::{name, percent};
 use serde::Serialize;
@@ -45,6 +45,8 @@ pub struct Comparison {
     pub others: Vec<String>,
     /// The lines of `others` for points that were measured before and fail now.
     pub broken: Vec<String>,
+    /// True if a point that both folders have has different outcomes in them.
+    pub has_changed_outcomes: bool,
     /// The notes of the folders, and notes on how the folders were compared.
     pub notes: Vec<String>,
     /// The largest change of a time that counts as "same", as a fraction.
@@ -103,7 +105,7 @@ impl Comparison {
             }
         }
         only[1].extend(after_records.iter().filter(|record| found.contains_key(&point(record))).cloned());
-        comparison.say_what_only_one_has(&only);
+        comparison.say_what_only_one_has(&only, by_content);
         comparison.notes.extend(moved_between([before, after], &comparison.labels));
         comparison.judge(bare);
         comparison
@@ -137,17 +139,11 @@ impl Comparison {
         }
         comparison.labels = [first, second];
         for pair in &mut comparison.pairs {
-            let ratio = ratio(&pair.after, &pair.before);
-            pair.change = ratio.map(|ratio| (ratio, Against::SameRounds));
-            pair.verdict = ratio.map_or(Verdict::NotEnough, |ratio| Verdict::of(ratio, threshold));
+            pair.change = change::of_kernels(pair.both());
+            pair.verdict =
+                pair.change.map_or(Verdict::NotEnough, |(change, _)| Verdict::of(change, threshold));
         }
-        if comparison.pairs.iter().any(|pair| pair.change.is_some()) {
-            comparison.notes.push(
-            "Changes are computed from samples that were taken close together in time, so they differ somewhat from the \
-             ratio of the medians."
-                .to_owned(),
-        );
-        }
+        comparison.say_how_kernels_were_compared();
         comparison
     }
 
@@ -158,15 +154,25 @@ impl Comparison {
         };
         let notes = folders.iter().zip(&labels).flat_map(notes_of).collect();
         let labels = labels.try_into().unwrap_or_default();
-        Self { labels, pairs: Vec::new(), others: Vec::new(), broken: Vec::new(), notes, threshold }
+        Self {
+            labels,
+            pairs: Vec::new(),
+            others: Vec::new(),
+            broken: Vec::new(),
+            has_changed_outcomes: false,
+            notes,
+            threshold,
+        }
     }
 
-    /// Adds a line for each point that only one folder has. If both folders have a scene of the same name
-    /// with different content, adds a single line for that scene.
-    fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2]) {
+    /// Adds a line for each point that only one folder has. If scenes correspond by content, and both folders have a
+    /// scene of the same name with different content, adds a single line for that scene.
+    fn say_what_only_one_has(&mut self, only: &[Vec<Record>; 2], by_content: bool) {
         let [before, after] = only;
         let changed = |record: &Record, others: &[Record]| {
-            others.iter().any(|other| other.scene == record.scene && other.scene_hash != record.scene_hash)
+            let is_other =
+                |other: &Record| other.scene == record.scene && other.scene_hash != record.scene_hash;
+            by_content && others.iter().any(is_other)
         };
         for (records, others, label) in [(before, after, 0), (after, before, 1)] {
             for record in records {
@@ -191,8 +197,34 @@ impl Comparison {
             if before.outcome == Outcome::Measured {
                 self.broken.push(line.clone());
             }
+            self.has_changed_outcomes = true;
             self.others.push(line);
         }
+    }
+
+    /// Adds notes on how the changes from one folder of kernels to the other were computed.
+    fn say_how_kernels_were_compared(&mut self) {
+        if self.has_change(Against::SameRounds) {
+            self.notes.push(
+                "Changes are computed from samples that were taken close together in time, so they differ somewhat \
+                 from the ratio of the medians."
+                    .to_owned(),
+            );
+        }
+        if self.has_change(Against::BareTimes) {
+            self.notes.push(
+                "Some points were measured with one folder of kernels in an earlier session (`--resume`), and with the \
+                 other folder later. Their changes are ratios of medians, and include every difference between the \
+                 sessions, such as load and clock rates. A run in a new folder measures both folders of kernels in the \
+                 same rounds."
+                    .to_owned(),
+            );
+        }
+    }
+
+    /// Returns whether the change of a point is relative to these measurements.
+    fn has_change(&self, against: Against) -> bool {
+        self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against))
     }
 
     /// Computes every point's change and verdict, and adds notes on how the changes were computed.
@@ -211,9 +243,7 @@ impl Comparison {
                 None => Verdict::NotEnough,
             };
         }
-        let of =
-            |against| self.pairs.iter().any(|pair| pair.change.is_some_and(|(_, found)| found == against));
-        if of(Against::Anchor) || of(Against::Baselines) {
+        if self.has_change(Against::Anchor) || self.has_change(Against::Baselines) {
             self.notes.push(
                 "Changes are relative to work that is the same in both runs (the anchor kernel or the baselines) and was measured in \
                  the same rounds as the points. They differ from the ratio of the medians if the machine's speed changed. With `--times`, the \
@@ -221,20 +251,26 @@ impl Comparison {
                     .to_owned(),
             );
         }
-        if of(Against::PointsInCommon) {
+        if self.has_change(Against::PointsInCommon) {
             self.notes.push(
                 "No baseline was measured in both folders in the same rounds as the points. Changes are therefore relative to the \
                  points that changed by similar factors, so a change that all points share cannot be detected."
                     .to_owned(),
             );
         }
-        if of(Against::BareTimes) {
+        if self.has_change(Against::BareTimes) {
             self.notes.push(
                 "Plain times are compared, not their ratios to the anchor's time. Changes therefore include every difference \
                  between the runs, such as load and clock rates."
                     .to_owned(),
             );
         }
+    }
+
+    /// Returns whether the folders have a point in common that can be compared: a point that both measured, or whose
+    /// outcome changed.
+    pub fn has_points_in_common(&self) -> bool {
+        !self.pairs.is_empty() || self.has_changed_outcomes
     }
 
     /// Returns the number of points with this verdict.

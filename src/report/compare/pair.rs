@@ -34,7 +34,7 @@ pub enum Against {
     /// Points of the same rounds that changed by similar factors. A change that all points share
     /// cannot be detected.
     PointsInCommon,
-    /// No other measurement: the measured times themselves are compared.
+    /// No other measurement: the measured times themselves are compared, as times of different runs or sessions.
     BareTimes,
     /// No other measurement is needed, since both records were measured in the same rounds of one
     /// run.

@@ -21,7 +21,7 @@ fn of(before: &Folder, after: &Folder) -> Comparison {
 fn another_machines_results_are_compared_point_by_point() {
     let of_a = [("naive", 10.0), ("wide", 1.0), ("bvh", 2.0), ("tile", 1.0), ("private", 5.0)];
     let before = folder("old", of_a.map(|(name, ms)| timed("a", name, ms)).to_vec());
-    let of_b = [("naive", 20.0), ("wide", 0.5), ("bvh", 2.0), ("tile", 1.0), ("raster", 1.0)];
+    let of_b = [("naive", 20.0), ("wide", 0.6), ("bvh", 2.0), ("tile", 1.0), ("raster", 1.0)];
     let mut after = of_b.map(|(name, ms)| timed("b", name, ms)).to_vec();
     after.push(infeasible("b", "private", 8, "no"));
     let comparison = of(&before, &folder("new", after));
@@ -32,7 +32,7 @@ fn another_machines_results_are_compared_point_by_point() {
     assert!(comparison.others.iter().any(|line| line.contains("only in new")), "{:?}", comparison.others);
     let markdown = comparison.markdown();
     assert!(markdown.contains("| slower |"), "{markdown}");
-    // The largest changes come first: twice as long, then half as long, then no change.
+    // The largest changes come first: 2 times as long, then 0.6 times as long, then no change.
     let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
     assert!(places.is_sorted(), "{markdown}");
 }
@@ -220,9 +220,16 @@ fn a_scene_that_was_edited_is_another() {
 
 #[test]
 fn scenes_correspond_by_name_if_a_folder_has_not_recorded_their_content() {
-    let known = Record { scene_hash: Some("a".into()), ..timed("a", "naive", 10.0) };
-    let comparison = of(&folder("old", vec![timed("a", "naive", 10.0)]), &folder("new", vec![known]));
+    let known = |name: &str| Record { scene_hash: Some("a".into()), ..timed("a", name, 10.0) };
+    let before = folder("old", vec![timed("a", "naive", 10.0)]);
+    let comparison = of(&before, &folder("new", vec![known("naive")]));
     assert_eq!((comparison.pairs.len(), comparison.others.len()), (1, 0), "{:?}", comparison.others);
+    // Nothing shows that the scenes of this name differ.
+    let before = folder("old", vec![timed("a", "naive", 10.0), timed("a", "wide", 10.0)]);
+    let comparison = of(&before, &folder("new", vec![known("naive"), known("bvh")]));
+    assert_eq!(comparison.pairs.len(), 1);
+    let only = ["teapot 800 x 500, wide 8x8: only in old", "teapot 800 x 500, bvh 8x8: only in new"];
+    assert_eq!(comparison.others, only);
 }
 
 #[test]
@@ -394,6 +401,23 @@ fn from_tenfold_on_a_change_is_said_as_a_factor() {
 }
 
 #[test]
+fn a_point_that_is_a_hundred_times_as_fast_changed_more_than_one_that_takes_twice_as_long() {
+    let run = |label: &str, wide: f64, naive: f64| {
+        let few = few("a", "bvh", 8, 1.0, 3);
+        folder(label, vec![timed("a", "wide", wide), timed("a", "naive", naive), few])
+    };
+    let comparison = Comparison::of(&run("old", 1.0, 100.0), &run("new", 2.0, 1.0), 0.02, true);
+    let markdown = comparison.markdown();
+    let places = ["naive", "wide", "bvh"].map(|name| markdown.find(name).unwrap());
+    assert!(places.is_sorted(), "{markdown}");
+    // By these values, the page sorts the rows by their change.
+    let html = comparison.html().expect("it renders");
+    let values = html.split("data-v=\"").skip(1).map(|rest| rest.split('"').next()?.parse::<f64>().ok());
+    let rounded = |value: Option<f64>| value.map(f64::round);
+    assert_eq!(values.map(rounded).collect::<Vec<_>>(), [Some(-99.0), Some(100.0), None]);
+}
+
+#[test]
 fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     let with = |kernels: &str, ms| Record { kernels_of: Some(kernels.into()), ..timed("a", "naive", ms) };
     let run = folder("run", vec![with("old", 10.0), with("new", 20.0)]);
@@ -403,6 +427,35 @@ fn a_point_that_takes_longer_with_the_second_folder_of_kernels_is_slower() {
     let found = comparison.pairs[0].change_percent();
     assert!(found.is_some_and(|percent| percent > 90.0), "{found:?}");
     assert!(comparison.notes.iter().any(|note| note.contains("close together")), "{:?}", comparison.notes);
+}
+
+/// `--resume` measured the points of the second folder of kernels in another session, when the machine was slower.
+#[test]
+fn kernels_of_two_sessions_are_not_compared_as_if_they_were_measured_in_the_same_rounds() {
+    let with = |kernels: &str, name: &str, session: u32, ms: f64| {
+        let record = measured("a", name, 8, ms);
+        Record {
+            kernels_of: Some(kernels.into()),
+            key: format!("{name} {kernels}"),
+            threads: Some(2),
+            sample_launches: record.sample_launches.iter().map(|launch| launch + 2 * session).collect(),
+            ..record
+        }
+    };
+    let run = |slower: f64| {
+        let of_session = |(session, kernels, ms): (u32, &'static str, f64)| {
+            ["naive", "wide"].map(|name| with(kernels, name, session, ms))
+        };
+        folder("run", [(0, "old", 1.0), (1, "new", slower)].map(of_session).concat())
+    };
+    let comparison = Comparison::of_kernels(&run(1.04), 0.02);
+    assert_eq!(comparison.pairs.len(), 2);
+    assert!(comparison.pairs.iter().all(|pair| matches!(pair.change, Some((_, Against::BareTimes)))));
+    assert_eq!(comparison.regressions(0.0), Vec::<String>::new());
+    let notes = &comparison.notes;
+    assert!(matches!(&notes[..], [note] if note.contains("in an earlier session")), "{notes:?}");
+    let found = Comparison::of_kernels(&run(2.0), 0.02).regressions(5.0);
+    assert!(found.iter().any(|line| line.starts_with("all points together are 100.0% slower")), "{found:?}");
 }
 
 /// If a run compares two folders of kernels, a point's name ends with the folder of its kernels. The message on a
@@ -544,6 +597,11 @@ fn a_point_that_fails_now_is_a_regression_and_one_that_failed_before_is_none() {
         (comparison.others.clone(), comparison.regressions(5.0)),
         (vec![broken.into(), mended.into()], vec![broken.into()])
     );
+    // Even if no point was measured in both folders, the point that fails now is a regression.
+    let all = of(&folder("old", vec![timed("a", "naive", 10.0)]), &folder("new", vec![fails("naive")]));
+    assert_eq!((all.has_points_in_common(), all.regressions(5.0)), (true, vec![broken.into()]));
+    let never = of(&folder("old", vec![fails("bvh")]), &folder("new", vec![fails("bvh")]));
+    assert!(!never.has_points_in_common());
 }
 
 #[test]

@@ -1,5 +1,7 @@
 use super::*;
-use crate::record::fixtures::{infeasible, measured};
+use crate::output::{Choice, OutFolder, is_of_report};
+use crate::record::fixtures::{infeasible, judged, measured};
+use std::collections::HashSet;
 
 #[test]
 fn the_microscope_is_asked_for_by_the_devices_own_name() {
@@ -57,4 +59,63 @@ fn every_note_on_a_scene_is_shown_once() {
     };
     let records = [(4, ["a", "b"]), (8, ["b", "c"])].map(with);
     assert_eq!(scene_notes(&groups(&records)[0]), ["a", "b", "c"]);
+}
+
+/// On two devices, there are two scenes whose names differ only in characters that file names do not have, at two image
+/// sizes.
+#[test]
+fn every_plot_has_a_file_of_its_own_that_a_later_report_can_remove() {
+    let of = |device: &str, (scene, triangles): (&str, u64), width: u32, side: u32| Record {
+        scene: scene.to_owned(),
+        triangles: Some(triangles),
+        image_size: [width, 500],
+        ..measured(device, "naive", side, 1.0)
+    };
+    let mut records = Vec::new();
+    for device in ["gpu", "cpu"] {
+        for scene in [("é", 10), ("è", 1000)] {
+            for width in [400, 800] {
+                records.extend([4, 8, 16].map(|side| of(device, scene, width, side)));
+            }
+        }
+    }
+    let page = Page::of(&[Folder { records: judged(records), ..Folder::default() }]);
+    let names: Vec<&str> = page.plots().into_iter().map(|plot| plot.name.as_str()).collect();
+    assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len(), "{names:?}");
+    assert!(names.contains(&"strategies-by-device") && names.contains(&"losses-by-device"), "{names:?}");
+    for name in names {
+        assert!(is_of_report(&format!("plots/{name}.svg")), "{name}");
+    }
+}
+
+#[test]
+fn a_scene_with_a_long_name_has_plots_and_exports() {
+    let place = tempfile::tempdir().expect("a folder");
+    let record = Record { scene: "a".repeat(240), ..measured("gpu", "naive", 8, 1.0) };
+    let folder = Folder { records: judged([record]), ..Folder::default() };
+    let choice = Choice { force: false, elsewhere: "--out DIR" };
+    let mut out = OutFolder::open(place.path(), choice).expect("an empty folder");
+    let written = crate::report::write(&[folder], &mut out).expect("the names are short enough");
+    let files = |folder: &std::path::Path| std::fs::read_dir(folder).expect("a folder").count();
+    assert_eq!((files(&written.plots.0), files(&written.exports)), (2 * written.plots.1, 3));
+}
+
+#[test]
+fn the_small_picture_of_an_answer_comes_from_its_own_folder() {
+    let place = tempfile::tempdir().expect("a folder");
+    let folder = |(label, grey): (&str, u8)| {
+        let path = place.path().join(label);
+        std::fs::create_dir(&path).expect("a folder");
+        let picture = image::RgbImage::from_pixel(3, 2, image::Rgb([grey; 3]));
+        picture.save(path.join("naive.png")).expect("it saves");
+        let record = Record {
+            scene_hash: Some(label.to_owned()),
+            image: Some("naive.png".to_owned()),
+            ..measured("gpu", "naive", 8, 1.0)
+        };
+        Folder { path, label: label.to_owned(), records: judged([record]), ..Folder::default() }
+    };
+    let page = Page::of(&[("before", 1), ("after", 2)].map(folder));
+    let [before, after] = [0, 1].map(|place| page.answers[place].1.clone());
+    assert!(before.is_some() && after.is_some() && before != after, "{before:?}, {after:?}");
 }

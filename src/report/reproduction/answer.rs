@@ -3,7 +3,7 @@
 
 use crate::measure::Ranking;
 use crate::memory::readable;
-use crate::record::{Group, HOST, Record, by, duration, median, percent, ranking};
+use crate::record::{Group, HOST, Record, by, duration, file_name, median, percent, ranking};
 use crate::report::claims::{Ratio, Run};
 use crate::report::plot::Plot;
 use crate::report::plot::scale::Kind;
@@ -82,7 +82,7 @@ pub(super) fn answer(runs: &[Run<'_>], device: &str, suffix: &str) -> Answer {
     contests.sort_by_key(|contest| std::cmp::Reverse(contest.triangles()));
     let looks = Looks::of(&run.groups);
     let plot = |contest: &Contest<'_>| {
-        let name = format!("answer-{}{suffix}", contest.group.scene);
+        let name = file_name(&format!("answer-{}{suffix}", contest.group.scene));
         view::lines(contest.group, &looks, Kind::Log, &name, false)
     };
     Answer {
@@ -107,7 +107,7 @@ fn each(contests: &[Contest<'_>], say: impl Fn(&Contest<'_>) -> String) -> Strin
     lines.collect::<Vec<_>>().join("; ")
 }
 
-const NO_WINNER: &str = "no winner (too few samples)";
+const NO_WINNER: &str = "no winner (no point can be ranked)";
 
 /// Returns the strategies' names in the order of the records, each name once.
 fn names<'a>(records: &[&'a Record]) -> Vec<&'a str> {
@@ -140,14 +140,18 @@ fn homes(name: &str) -> String {
     format!("vectors {}, triangles {}", axis("vectors"), axis("triangles"))
 }
 
-/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the naive kernel.
+/// Returns the local size of the fastest point, such as "8 x 8", and the best local size of the naive kernel, if known.
 /// If several sizes tie, returns these sizes or their number.
 fn size(contest: &Contest<'_>) -> String {
     let best = sizes(&contest.ranking.winners);
     let naive =
         contest.group.records.iter().copied().filter(|record| record.preset.as_deref() == Some("naive"));
     let naive = sizes(&ranking(naive).winners);
-    if best.is_empty() { NO_WINNER.to_owned() } else { format!("{best} (naive alone: {naive})") }
+    match (best.is_empty(), naive.is_empty()) {
+        (true, _) => NO_WINNER.to_owned(),
+        (false, true) => best,
+        (false, false) => format!("{best} (naive alone: {naive})"),
+    }
 }
 
 fn sizes(records: &[&Record]) -> String {
@@ -167,7 +171,8 @@ fn sizes(records: &[&Record]) -> String {
 /// the properties of both compiled kernels.
 fn why(contests: &[Contest<'_>]) -> String {
     let Some((best, naive)) = contests.iter().find_map(Contest::best_and_naive) else {
-        return NO_WINNER.to_owned();
+        let one_wins = contests.iter().any(|contest| contest.winner().is_some());
+        return if one_wins { "not known, because naive has no time" } else { NO_WINNER }.to_owned();
     };
     let triangles = best.triangles.unwrap_or(0);
     if best.name == naive.name {
@@ -202,7 +207,7 @@ fn place_of_vectors(record: &Record) -> &'static str {
 fn facts(record: &Record) -> Vec<(&'static str, String)> {
     let kernel = record.main_kernel();
     let registers = kernel.and_then(|kernel| kernel.resources.registers).map(|count| count.to_string());
-    let occupancy = kernel.and_then(|kernel| kernel.occupancy).map(percent);
+    let occupancy = record.main_kernel_of_local_size().and_then(|kernel| kernel.occupancy).map(percent);
     let counts = kernel.and_then(|kernel| kernel.instruction_counts.as_ref());
     let global = counts.map(|counts| counts.reach("global").to_string());
     let facts = [
@@ -240,11 +245,11 @@ fn sure(contest: &Contest<'_>) -> String {
         1 => "no other point ties for fastest".to_owned(),
         several => format!("{several} of {} points tie for fastest", contest.ranking.ranked.len()),
     };
-    let few = match contest.ranking.unranked.len() {
+    let unranked = match contest.ranking.unranked.len() {
         0 => String::new(),
-        few => format!("; points with too few samples: {few}"),
+        several => format!("; points without a rank: {several}"),
     };
-    format!("{ratio}{tie}{few}")
+    format!("{ratio}{tie}{unranked}")
 }
 
 #[cfg(test)]
@@ -302,6 +307,16 @@ mod tests {
         let found = of(&[few("gpu", "naive", 4, 9.0, 3), few("gpu", "private", 8, 2.0, 3)]);
         assert_eq!([found.strategy, found.size].map(|line| line.contains("no winner")), [true; 2]);
         assert!(of(&[measured("gpu", "naive", 4, 9.1)]).why.contains("not known"));
+    }
+
+    #[test]
+    fn without_a_time_of_naive_the_winner_stays_and_only_the_reason_is_unknown() {
+        let found = of(&[measured("gpu", "private", 8, 2.0), measured("gpu", "local-vectors", 4, 3.0)]);
+        assert!(found.strategy.starts_with("on teapot, private ("), "{}", found.strategy);
+        assert_eq!(found.size, "on teapot, 8 x 8");
+        assert_eq!(found.why, "not known, because naive has no time");
+        let none = of(&[few("gpu", "private", 8, 2.0, 3), few("gpu", "local-vectors", 4, 3.0, 3)]);
+        assert_eq!(none.why, NO_WINNER);
     }
 
     #[test]

@@ -61,7 +61,7 @@ pub fn figure(
     runs: &[Run<'_>],
     device: &str,
     suffix: &str,
-    pictures: &mut Pictures<'_>,
+    pictures: &mut Pictures,
 ) -> Figure {
     let shown: Vec<Picture> =
         about.pictures.iter().filter_map(|scene| picture(scene, runs, device, pictures)).collect();
@@ -79,14 +79,15 @@ pub fn figure(
 
 /// Returns the largest picture of a scene that a device cast. If several pictures have this size, the picture of the
 /// naive kernel is preferred.
-fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures<'_>) -> Option<Picture> {
-    let groups = runs.iter().flat_map(|run| &run.groups);
-    let own = groups.filter(|group| group.scene == scene && group.device == device);
-    let records = own.flat_map(|group| group.records.iter().copied());
-    let there = records.filter(|record| pictures.has(record.image.as_deref()));
-    let record = there.max_by_key(|record| (record.image_size, record.preset.as_deref() == Some("naive")))?;
+fn picture(scene: &str, runs: &[Run<'_>], device: &str, pictures: &mut Pictures) -> Option<Picture> {
+    let groups = runs.iter().flat_map(|run| run.groups.iter().map(move |group| (run.path(), group)));
+    let own = groups.filter(|(_, group)| group.scene == scene && group.device == device);
+    let records = own.flat_map(|(folder, group)| group.records.iter().map(move |record| (folder, *record)));
+    let there = records.filter(|(folder, record)| pictures.has(folder, record.image.as_deref()));
+    let (folder, record) =
+        there.max_by_key(|(_, record)| (record.image_size, record.preset.as_deref() == Some("naive")))?;
     let caption = format!("cast by {} on {device}", crate::report::words::title(record));
-    Some(pictures.picture(record.image.as_deref()?, scene.to_owned(), caption))
+    Some(pictures.picture(folder, record.image.as_deref()?, scene.to_owned(), caption))
 }
 
 #[cfg(test)]

@@ -67,7 +67,7 @@ impl Reproduction {
                 names.push(group.device);
             }
         }
-        let mut pictures = Pictures::of(folders);
+        let mut pictures = Pictures::default();
         let devices = (0..)
             .zip(&names)
             .map(|(place, name)| device(place, name, &runs, &paper, &mut pictures))
@@ -114,7 +114,7 @@ fn commands(folders: &[Folder]) -> Vec<String> {
     commands
 }
 
-fn device(place: usize, name: &str, runs: &[Run<'_>], paper: &Paper, pictures: &mut Pictures<'_>) -> Device {
+fn device(place: usize, name: &str, runs: &[Run<'_>], paper: &Paper, pictures: &mut Pictures) -> Device {
     let claims = claims(paper.rows.clone(), runs, name);
     let own = runs.iter().flat_map(|run| &run.groups).filter(|group| group.device == name);
     let mut sizes: Vec<[u32; 2]> = own.map(|group| group.image_size).collect();

@@ -4,7 +4,7 @@ use super::between::{are_alike, between, is_numeric};
 use super::wire::{Interpolation, TrackWire};
 use crate::error::Result;
 use crate::scene::document::Document;
-use crate::scene::setting::Setting;
+use crate::scene::setting::TrackValue;
 use crate::words::counted;
 use toml::{Spanned, Value};
 
@@ -13,6 +13,8 @@ const MAX_DEPTH: usize = 8;
 
 /// A value of the scene over time.
 pub(super) struct Track {
+    /// The track's number in the scene file, from 0.
+    number: usize,
     /// The value's dotted path in the scene file.
     pub path: Spanned<String>,
     /// The frames of the keyframes, ascending.
@@ -23,8 +25,8 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Checks a track of an animation with `frames` frames, and returns the track.
-    pub fn of(document: &Document, wire: TrackWire, frames: u32) -> Result<Self> {
+    /// Checks the track of this number, from 0, of an animation with `frames` frames, and returns the track.
+    pub fn of(document: &Document, (number, wire): (usize, TrackWire), frames: u32) -> Result<Self> {
         let TrackWire { path, at, values, interpolation } = wire;
         if path.get_ref().split('.').next() == Some("animation") {
             return Err(document.error(path.span(), "a track cannot change the animation", "this path"));
@@ -46,7 +48,7 @@ impl Track {
         let mut values = values.into_inner();
         let interpolation = checked(document, &values, interpolation)?;
         values.truncate(at.len());
-        Ok(Self { path, at, values, interpolation })
+        Ok(Self { number, path, at, values, interpolation })
     }
 
     /// Checks that this track does not replace a value that the track `earlier` sets.
@@ -84,14 +86,17 @@ impl Track {
         between((&self.at[low..high], &values), begin - low, frame, self.interpolation)
     }
 
-    /// Returns the value that the track sets at a frame. In messages, the value is shown as its place in the scene file
-    /// `document`.
-    pub fn setting(&self, document: &Document, frame: u32) -> Setting {
-        let place = document.place_of(&self.value_span(frame));
+    /// Returns what messages about a frame need to know of the value that the track sets. They contain the track's path
+    /// only if they may quote the scene file.
+    pub fn setting(&self, frame: u32, quotes: bool) -> TrackValue {
         let path = self.path.get_ref();
-        let name = if document.quotes { format!("track `{path}`") } else { "a track".to_owned() };
-        let origin = format!("{place}: {name} at frame {frame}");
-        Setting { path: path.clone(), value: self.value(frame), origin }
+        let (number, keyframe) = (self.number, self.last_keyframe(f64::from(frame)));
+        let name = if quotes { format!("track `{path}`") } else { "a track".to_owned() };
+        TrackValue {
+            path: path.clone(),
+            keyframe: format!("animation.track.{number}.values.{keyframe}"),
+            name: format!("{name} at frame {frame}"),
+        }
     }
 
     /// Finds the last keyframe that is not after a frame. Returns the location of this keyframe's
@@ -191,7 +196,8 @@ mod tests {
         let values: Vec<Value> = [0.0, 1.0, 4.0, 20.0, 50.0].map(Value::Float).to_vec();
         let spanned = values.iter().map(|value| Spanned::new(0..0, value.clone())).collect();
         let path = Spanned::new(0..0, "background".to_owned());
-        let track = Track { path, at: at.clone(), values: spanned, interpolation: Interpolation::Smooth };
+        let interpolation = Interpolation::Smooth;
+        let track = Track { number: 0, path, at: at.clone(), values: spanned, interpolation };
         let all: Vec<&Value> = values.iter().collect();
         for (begin, frame) in [(0, 2), (1, 5), (2, 9)] {
             let expected = between((&at, &all), begin, f64::from(frame), Interpolation::Smooth);
@@ -205,6 +211,7 @@ mod tests {
     fn a_frame_belongs_to_the_last_keyframe_that_is_not_after_it() {
         let place = |number: usize| Spanned::new(number..number + 1, Value::Integer(0));
         let track = Track {
+            number: 7,
             path: Spanned::new(0..0, "background".to_owned()),
             at: vec![2.0, 5.0, 9.0],
             values: (0..3).map(place).collect(),
@@ -212,5 +219,10 @@ mod tests {
         };
         let spans = [1, 2, 4, 5, 8, 9, 20].map(|frame| track.value_span(frame).start);
         assert_eq!(spans, [0, 0, 0, 1, 1, 2, 2]);
+        let told = |quotes: bool| track.setting(8, quotes);
+        let (path, keyframe) = ("background".to_owned(), "animation.track.7.values.1".to_owned());
+        let name = "track `background` at frame 8".to_owned();
+        assert_eq!(told(true), TrackValue { path: path.clone(), keyframe: keyframe.clone(), name });
+        assert_eq!(told(false), TrackValue { path, keyframe, name: "a track at frame 8".to_owned() });
     }
 }

@@ -22,7 +22,7 @@ use std::path::Path;
 pub(in crate::scene) use colours::{linear, note as colours_note, paint};
 pub(in crate::scene) use lights::{FileLight, of_file as lights_of_file};
 pub(in crate::scene) use origin::Placement;
-pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha};
+pub(in crate::scene) use pictures::{Pictures, Usage, brightness_to_alpha, room_for};
 
 /// Memory needed to read a mesh, as a multiple of the file's size. This memory contains the file's bytes, the points
 /// and the triangles; for a short time there are two copies of the points and triangles. (Measured for OBJ on

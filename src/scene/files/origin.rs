@@ -60,6 +60,14 @@ impl Placement {
         (position - self.origin) * self.scale
     }
 
+    /// Converts a position of the mesh from the file's coordinates to the mesh's coordinates, in single precision. A
+    /// position that no triangle uses does not decide the placement, so it can come to lie beyond the limit of
+    /// coordinates. Such a position is moved to the limit.
+    pub fn settled(&self, position: DVec3) -> Vec3 {
+        let most = DVec3::splat(MAX_COORDINATE.into());
+        self.place(position).clamp(-most, most).as_vec3()
+    }
+
     /// Converts a camera from the file's coordinates to the mesh's coordinates; `position` is the camera's position in
     /// the file.
     pub fn camera(&self, position: DVec3, camera: &Camera) -> Camera {
@@ -117,8 +125,8 @@ fn length(vector: DVec3) -> f64 {
     if largest > 0.0 && largest.is_finite() { (vector / largest).length() * largest } else { largest }
 }
 
-/// Returns positions in single precision, and their placement. Positions that no triangle uses need not be finite:
-/// scanners write NaN for points that they did not measure.
+/// Returns positions in single precision, and their placement. Positions that no triangle uses do not decide the
+/// placement, and need not be finite: scanners write NaN or zeros for points that they did not measure.
 pub(super) fn settle(positions: &[DVec3], triangles: &[Triangle]) -> Result<(Vec<Vec3>, Placement), Flaw> {
     settle_if(positions, triangles, |_| true)
 }
@@ -132,19 +140,24 @@ pub(super) fn settle_if(
     if !positions.iter().all(is_valid) {
         check(positions, triangles)?;
     }
-    let wanted = placement_of(positions);
+    let corners = triangles.iter().flat_map(|triangle| triangle.positions);
+    let wanted = match triangles {
+        [] => placement_of(positions.iter()),
+        _ => placement_of(corners.map(|corner| &positions[corner as usize])),
+    };
     let placement = if fits(&wanted) { wanted } else { Placement { scale: 1.0, ..wanted } };
     // A position that is neither used nor valid gets a value that does not enlarge the mesh.
     let instead = positions.iter().copied().find(is_valid).unwrap_or(placement.origin);
-    let settled = |position: &DVec3| placement.place(if is_valid(position) { *position } else { instead });
-    Ok((positions.iter().map(|position| settled(position).as_vec3()).collect(), placement))
+    let settled = |position: &DVec3| placement.settled(if is_valid(position) { *position } else { instead });
+    Ok((positions.iter().map(settled).collect(), placement))
 }
 
-/// Returns the placement of a mesh with these positions. Positions that are not valid are ignored.
-pub(super) fn placement_of(positions: &[DVec3]) -> Placement {
-    let valid = || positions.iter().copied().filter(is_valid);
-    let low = valid().fold(DVec3::INFINITY, DVec3::min);
-    let high = valid().fold(DVec3::NEG_INFINITY, DVec3::max);
+/// Returns the placement of a mesh or an outline with these positions. Positions that are not valid are ignored.
+pub(super) fn placement_of<'a>(positions: impl Iterator<Item = &'a DVec3>) -> Placement {
+    let valid = positions.filter(|position| is_valid(position));
+    let (low, high) = valid.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| {
+        (low.min(*position), high.max(*position))
+    });
     Placement::of(low, high)
 }
 
@@ -180,6 +193,23 @@ mod tests {
         let near = [DVec3::new(0.1, 5.0, 0.0), DVec3::new(1.0, 6.0, 0.0)];
         let (positions, placement) = settle(&near, &[]).expect("finite positions");
         assert_eq!((positions[0], placement), (Vec3::new(0.1, 5.0, 0.0), Placement::IDENTITY));
+    }
+
+    #[test]
+    fn a_position_that_no_triangle_uses_does_not_decide_the_placement() {
+        let triangle = |positions| Triangle { positions, normals: [0; 3], material: 0 };
+        let utm = DVec3::new(500_000.0, 5_400_000.0, 200.0);
+        let map = [DVec3::ZERO, utm, utm + DVec3::X * 0.01, utm + DVec3::new(100.0, 80.0, 5.0)];
+        let (positions, placement) = settle(&map, &[triangle([1, 2, 3])]).expect("valid positions");
+        assert_eq!(placement.origin, (utm + DVec3::new(50.0, 40.0, 2.5)).round());
+        assert!((positions[2].x - positions[1].x - 0.01).abs() < 1e-5, "{positions:?}");
+        // The unused position stays within the limit of coordinates, even if the mesh is enlarged.
+        for (edge, scale) in [(1.0, 1.0), (2e-9, 2_f64.powi(30))] {
+            let corners = [DVec3::ZERO, DVec3::X * edge, DVec3::Y * edge, DVec3::X * 1e11];
+            let (positions, placement) = settle(&corners, &[triangle([0, 1, 2])]).expect("valid positions");
+            assert_eq!((placement.origin, placement.scale), (DVec3::ZERO, scale), "{edge:e}");
+            assert!(positions[3].x >= 1e11 && positions[3].x <= MAX_COORDINATE, "{edge:e}: {positions:?}");
+        }
     }
 
     #[test]

@@ -128,9 +128,7 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
         return Err(format!("has {width} x {height} texels; expected 1 to {MOST_ACROSS} in each direction"));
     }
     // A decoded texel takes at most 8 bytes. Its conversion to four channels of 8 bits takes as much again.
-    let needed = 16 * u64::from(width) * u64::from(height);
-    let sum = format!("16 B x {width} x {height} texels");
-    Available::read().hold(needed, "decoding it", &sum).map_err(|error| format!("is too large ({error})"))?;
+    room_for(size, 16, &Available::read())?;
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MOST_ACROSS);
     limits.max_image_height = Some(MOST_ACROSS);
@@ -138,6 +136,18 @@ fn decoded(bytes: &[u8], ending: Option<ImageFormat>) -> Parsed<Decoded> {
     reader.limits(limits);
     let picture = reader.decode().map_err(damaged)?;
     Ok(([width, height], words(&picture)))
+}
+
+/// Refuses a picture of this width and height if decoding it needs more memory than available. `texel_bytes` is the
+/// memory for one texel.
+pub(in crate::scene) fn room_for(
+    (width, height): (u32, u32),
+    texel_bytes: u64,
+    available: &Available,
+) -> Parsed<()> {
+    let needed = texel_bytes * u64::from(width) * u64::from(height);
+    let sum = format!("{texel_bytes} B x {width} x {height} texels");
+    available.hold(needed, "decoding it", &sum).map_err(|error| format!("is too large ({error})"))
 }
 
 fn words(picture: &DynamicImage) -> Arc<[u32]> {

@@ -183,9 +183,6 @@ impl Parts {
             let normals = if with_normals { corners } else { [MISSING; 3] };
             mesh.triangles.push(Triangle { positions: corners, normals, material: 0 });
         };
-        // Outlines are moved and scaled before they are divided into triangles, since products of a tiny outline's
-        // lengths would underflow.
-        let placement = placement_of(&positions);
         let mut short = 0;
         for (number, face) in self.faces.iter().enumerate() {
             let corners = face.corners(positions.len()).map_err(|what| missing("face", number, &what))?;
@@ -193,8 +190,10 @@ impl Parts {
                 [a, b, c] => push([a, b, c]),
                 [] | [_] | [_, _] => short += 1,
                 _ => {
-                    let outline: Vec<DVec3> =
-                        corners.iter().map(|&i| placement.place(positions[i as usize])).collect();
+                    let mut outline: Vec<DVec3> = corners.iter().map(|&i| positions[i as usize]).collect();
+                    // Products of a tiny outline's lengths would underflow.
+                    let scale = placement_of(outline.iter()).scale;
+                    outline.iter_mut().for_each(|corner| *corner *= scale);
                     let triangles = triangulate(&outline).ok_or_else(|| too_large(number))?;
                     triangles.into_iter().for_each(|triangle| push(triangle.map(|i| corners[i])));
                 }

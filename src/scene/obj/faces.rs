@@ -3,7 +3,7 @@
 use super::odd::Odd;
 use super::points::PointChunk;
 use super::polygon::{MAX_CONCAVE_CORNERS, triangulate};
-use super::text::{Chunk, Mistake, Seen, Source, keyword, quoted, tokens, without_comment, words};
+use super::text::{Chunk, Mistake, Seen, Source, keyword, possible_names, quoted, tokens, words};
 use crate::scene::material::DEFAULT_LAMBERTIAN;
 use crate::scene::mesh::Triangle;
 use crate::scene::normals::MISSING;
@@ -112,14 +112,14 @@ fn some_normals_missing(corners: &[Corner]) -> bool {
 }
 
 impl FaceChunk {
-    /// Returns the index of the material that a `usemtl` line names. A comment may follow the name, but some programs
-    /// write names such as `Material #25`, so the whole text is looked up first.
-    fn material(&mut self, context: &FaceContext, whole: &str) -> u32 {
-        let name = without_comment(whole);
-        let known = [whole, name].into_iter().find_map(|name| context.materials.get(name));
-        if let Some(&index) = known {
+    /// Returns the index of the material that a `usemtl` line names.
+    fn material(&mut self, context: &FaceContext, text: &str) -> u32 {
+        let names = possible_names(text);
+        if let Some(&index) = names.into_iter().find_map(|name| context.materials.get(name)) {
             return index;
         }
+        // Only what is certainly a comment is left out of the note.
+        let [_, name, _] = names;
         if !name.is_empty() {
             self.unknown_materials.insert(name.to_owned());
         }

@@ -30,6 +30,7 @@ use faces::{FaceChunk, FaceContext};
 use glam::Vec3;
 use points::{PointChunk, Reading};
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 use text::{Chunk, Mistake, Seen, Source};
 use textures::{Maps, Places};
 
@@ -56,12 +57,18 @@ pub(in crate::scene) fn parse(name: &str, reach: Reach<'_>, bytes: &[u8]) -> Res
     let text = text::normalise(bytes);
     let quotes = reach.permitted.quotes;
     let source = Source { name, text: &text, quotes };
-    read(&source, reach, &Reading::USUAL)
+    let mut reading = Reading::USUAL;
+    loop {
+        match read(&source, reach, &reading)? {
+            ControlFlow::Break(file) => return Ok(file),
+            ControlFlow::Continue(again) => reading = again,
+        }
+    }
 }
 
-/// Reads a mesh. If some triangles are too large for `reading`, and the mesh may be scaled, the mesh is read again with
-/// positions of any size.
-fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile> {
+/// Reads a mesh. If the mesh must be read again, returns how. There are two reasons: some triangles are too large for
+/// `reading`, and the mesh may be scaled; or only vertices that no face uses have decided the mesh's placement.
+fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<ControlFlow<MeshFile, Reading>> {
     let Source { name, text, quotes } = *source;
     let chunks = text::chunks(text);
     let (points, placement) = read_points(&chunks, reading);
@@ -101,7 +108,10 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
         return Err(source.error(without_triangles(text, total.positions)));
     }
     if reach.permitted.scaled && !reading.is_large && odd::use_large(&odd_vertices, &mesh, source) {
-        return read(source, reach, &Reading::LARGE);
+        return Ok(ControlFlow::Continue(Reading::LARGE));
+    }
+    if let Some(placement) = placement_of_used(&mesh, placement, &chunks, &points, &starts, reading) {
+        return Ok(ControlFlow::Continue(Reading { placement: Some(placement), ..*reading }));
     }
     odd::check_vertices(&odd_vertices, &mesh, source, &mut notes).map_err(|mistake| source.error(mistake))?;
     odd::note_normals(&odd_normals, source, &mut notes);
@@ -116,7 +126,7 @@ fn read(source: &Source, reach: Reach<'_>, reading: &Reading) -> Result<MeshFile
         textures::apply(&mut mesh, &materials.maps, &places, reach, &mut notes);
     }
     paint_vertices(&mut mesh, &points, &mut notes);
-    Ok(MeshFile { mesh, placement, notes, ..MeshFile::default() })
+    Ok(ControlFlow::Break(MeshFile { mesh, placement, notes, ..MeshFile::default() }))
 }
 
 /// Adds the positions and normals of all pieces of the file to a mesh; `total` has the numbers of positions and
@@ -152,8 +162,9 @@ fn paint_vertices(mesh: &mut Mesh, points: &[PointChunk], notes: &mut Vec<String
     notes.push(colours_note(coloured));
 }
 
-/// Returns the points of all pieces, and their placement. If a mesh is far from its origin, or is extremely small or
-/// large, its bounds and points are read again in double precision.
+/// Returns the points of all pieces, and their placement. If `reading` does not know the placement, all vertices decide
+/// it. If a mesh is far from its origin, or is extremely small or large, its bounds and points are read again in double
+/// precision.
 fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placement) {
     let read = |reading: &Reading| {
         let mut points: Vec<_> = chunks.par_iter().map(|chunk| points::read(chunk, reading)).collect();
@@ -161,17 +172,55 @@ fn read_points(chunks: &[Chunk], reading: &Reading) -> (Vec<PointChunk>, Placeme
         points
     };
     let points = read(reading);
+    if let Some(placement) = reading.placement {
+        return (points, placement);
+    }
     let rounded = points.iter().filter_map(PointChunk::bounds).reduce(|(a, b), (c, d)| (a.min(c), b.max(d)));
     let (low, high) = rounded.unwrap_or((Vec3::ZERO, Vec3::ZERO));
-    let placement = Placement::of_rounded(low, high).unwrap_or_else(|| {
-        let exact = points.par_iter().zip(chunks);
-        let exact = exact.filter_map(|(points, chunk)| points.exact_bounds(chunk, reading));
-        let bounds = exact.reduce_with(|(a, b), (c, d)| (a.min(c), b.max(d)));
-        bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
+    let placement = Placement::of_rounded(low, high)
+        .unwrap_or_else(|| exact_placement(chunks, &points, reading, |_, _| true));
+    if placement == Placement::IDENTITY {
+        return (points, placement);
+    }
+    (read(&Reading { placement: Some(placement), ..*reading }), placement)
+}
+
+/// Returns the placement that the vertices' bounding box in double precision determines. Only the vertices count that
+/// `counts` accepts; its arguments are the number of a piece, and the vertex's number within this piece.
+fn exact_placement(
+    chunks: &[Chunk],
+    points: &[PointChunk],
+    reading: &Reading,
+    counts: impl Fn(usize, usize) -> bool + Sync,
+) -> Placement {
+    let bounds = points.par_iter().zip(chunks).enumerate().filter_map(|(piece, (points, chunk))| {
+        points.exact_bounds(chunk, reading, |number| counts(piece, number))
     });
-    let points =
-        if placement == Placement::IDENTITY { points } else { read(&Reading { placement, ..*reading }) };
-    (points, placement)
+    let bounds = bounds.reduce_with(|(a, b), (c, d)| (a.min(c), b.max(d)));
+    bounds.map_or(Placement::IDENTITY, |(low, high)| Placement::of(low, high))
+}
+
+/// Returns the placement of the vertices that faces use, if a mesh must be read again with this placement: `placement`,
+/// which all vertices decided, scales the mesh in another way, or leaves it far from the origin or of extreme size.
+fn placement_of_used(
+    mesh: &Mesh,
+    placement: Placement,
+    chunks: &[Chunk],
+    points: &[PointChunk],
+    starts: &[faces::Start],
+    reading: &Reading,
+) -> Option<Placement> {
+    // The vertices are only looked at one by one, and read once more, if the bounds of the triangles leave a doubt.
+    let (low, high) = mesh.bounds()?;
+    let is_usual = placement.scale == 1.0 && Placement::of_rounded(low, high).is_some();
+    let is_whole = || mesh.positions.iter().all(|p| p.cmpge(low).all() && p.cmple(high).all());
+    if reading.placement.is_some() || is_usual || is_whole() {
+        return None;
+    }
+    let used = mesh.positions_of_triangles();
+    let counts = |piece: usize, number: usize| used[starts[piece].positions + number];
+    let wanted = exact_placement(chunks, points, reading, counts);
+    (wanted != placement).then_some(wanted)
 }
 
 /// Returns the texture coordinates of each piece; they are only read if a material has a texture.

@@ -2,7 +2,7 @@
 
 use super::Permitted;
 use super::asked::Asked;
-use super::text::{Mistake, Source, keyword, quoted, tokens, without_comment, words};
+use super::text::{Mistake, Source, keyword, possible_names, quoted, tokens, words};
 use super::textures::{Map, Maps};
 use super::values::{self, Ignored, Unfit};
 use super::wishes;
@@ -73,7 +73,7 @@ struct Loader {
 #[derive(Default)]
 struct Names {
     whole: HashMap<String, u32>,
-    /// The names without the comment after them. They count only where no whole name fits.
+    /// The names without what is certainly a comment. They count only where no whole name fits.
     short: HashMap<String, u32>,
 }
 
@@ -97,7 +97,7 @@ impl Loader {
         match found {
             Ok((number, None)) => Ok(Some(number)),
             Ok((number, Some((bytes, path)))) => {
-                let names = self.materials.add(reach, name, &bytes, notes)?;
+                let names = self.materials.add(reach, name, &path, &bytes, notes)?;
                 self.names.push(names);
                 self.files.insert(path, number);
                 Ok(Some(number))
@@ -138,10 +138,10 @@ impl Reach<'_> {
     /// Returns the whole text as one name, with its spaces, if a file of this name exists, with or without the comment
     /// at its end; otherwise returns each word as a name.
     fn file_names<'a>(&self, library: &'a str) -> Vec<&'a str> {
-        let name = without_comment(library);
-        match [library, name].into_iter().find(|name| self.locate(name).is_ok()) {
+        let names = possible_names(library);
+        match names.into_iter().find(|name| self.locate(name).is_ok()) {
             Some(name) => vec![name],
-            None => name.split_whitespace().collect(),
+            None => names[2].split_whitespace().collect(),
         }
     }
 
@@ -172,13 +172,26 @@ const OUTSIDE: &str = "lies outside the mesh's folder and is not read (to allow 
      [[object]] or, for a bare mesh, --set object.0.outside_materials=true)";
 
 impl Materials {
-    /// Adds the materials of a file, and returns their names. Of several materials with the same name, the last counts.
-    fn add(&mut self, reach: Reach<'_>, name: &str, bytes: &[u8], notes: &mut Vec<String>) -> Result<Names> {
+    /// Adds the materials of a file, and returns their names. `name` is the file's name in the mesh. Of several
+    /// materials with the same name, the last counts.
+    fn add(
+        &mut self,
+        reach: Reach<'_>,
+        name: &str,
+        path: &Path,
+        bytes: &[u8],
+        notes: &mut Vec<String>,
+    ) -> Result<Names> {
         let mut names = Names::default();
         let text = super::text::normalise(bytes);
-        let path = reach.folder.join(name);
-        let quotes = reach.permitted.quotes && lies_in(&path, reach.folder);
-        let name = &path.display().to_string();
+        let quotes = reach.permitted.quotes && lies_in(path, reach.folder);
+        let relative = name.replace('\\', "/");
+        let folder = &relative[..relative.rfind('/').map_or(0, |slash| slash + 1)];
+        // The name is a text of the mesh, so messages contain it only if they may quote the mesh.
+        let name = &match reach.permitted.quotes {
+            true => reach.folder.join(&relative).display().to_string(),
+            false => "its material file".to_owned(),
+        };
         let source = Source { name, text: &text, quotes };
         let checked = check(&text);
         notes.extend(checked.ignored.notes(&source));
@@ -188,10 +201,12 @@ impl Materials {
             let own = if material.name == NAMELESS { "" } else { &material.name };
             let number = self.list.len() as u32;
             names.whole.insert(own.to_owned(), number);
-            names.short.insert(without_comment(own).to_owned(), number);
+            let [_, short, _] = possible_names(own);
+            names.short.insert(short.to_owned(), number);
             let alone = material.diffuse.is_none_or(|colour| colour == [0.0; 3]);
             let at = |offset| format!("{name}:{}", source.line(offset));
-            let told = |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), alone));
+            let told =
+                |map: Option<(usize, Map)>| map.map(|(offset, map)| map.told(at(offset), folder, alone));
             self.maps.push(Maps::new(told(colour), told(mask), &mut asked));
             let material = convert(material);
             wishes::of_model(&mut asked, model.as_deref(), material.glossy != Vec3::ZERO);
@@ -318,6 +333,29 @@ mod tests {
         let (told, _) = read("none.mtl", &[], false);
         assert!(told[0].starts_with("material file cannot be read ("), "{told:?}");
         assert!(told[1].starts_with("1 material named by `usemtl` is in no material file: "), "{told:?}");
+    }
+
+    #[test]
+    fn a_material_file_in_a_subfolder_is_the_users_own_whichever_slash_its_name_has() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("sub")).unwrap();
+        std::fs::write(folder.path().join("sub/m.mtl"), "newmtl paint\nKd x\nmap_Kd no.png\n").unwrap();
+        let notes = |library: &str, quotes: bool| {
+            let permitted = Permitted { beyond: false, quotes, scaled: false };
+            let text = format!("mtllib {library}\nusemtl paint\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+            parse("a.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap().notes
+        };
+        let path = folder.path().join("sub/m.mtl");
+        for library in ["sub/m.mtl", "sub\\m.mtl"] {
+            let told = notes(library, true);
+            assert!(told[0].starts_with(&format!("{}:2: `x` in Kd; ", path.display())), "{told:?}");
+            assert!(told[1].starts_with(&format!("{}:3: texture `no.png` ", path.display())), "{told:?}");
+            // The name of the material file is a text of the mesh.
+            let told = notes(library, false);
+            assert!(told[0].starts_with("its material file:2: a value of Kd is not valid; "), "{told:?}");
+            assert!(told[1].starts_with("its material file:3: texture cannot be read ("), "{told:?}");
+            assert!(!told.concat().contains("m.mtl"), "{told:?}");
+        }
     }
 
     #[test]

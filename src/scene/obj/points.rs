@@ -24,24 +24,27 @@ const LARGEST: f64 = 1e300;
 /// How positions are read.
 #[derive(Clone, Copy)]
 pub(super) struct Reading {
-    /// How positions are changed before they are rounded to single precision.
-    pub placement: Placement,
+    /// How positions are changed before they are rounded to single precision; `None` if they are unchanged, because
+    /// their placement is not known yet.
+    pub placement: Option<Placement>,
     /// True if coordinates up to [`LARGEST`] are valid.
     pub is_large: bool,
 }
 
 impl Reading {
     /// Positions are unchanged, and valid if they are within +-1e12, the limit of coordinates.
-    pub const USUAL: Self = Self { placement: Placement::IDENTITY, is_large: false };
+    pub const USUAL: Self = Self { placement: None, is_large: false };
     /// Positions are unchanged, and valid if their coordinates are within +-[`LARGEST`].
     pub const LARGE: Self = Self { is_large: true, ..Self::USUAL };
 
     /// Reads a position. Returns `None` if it is not valid.
     fn position<'a>(&self, tokens: &mut impl Iterator<Item = &'a [u8]>) -> Option<Vec3> {
-        if self.placement == Placement::IDENTITY && !self.is_large {
+        let is_unchanged = self.placement.is_none_or(|placement| placement == Placement::IDENTITY);
+        if is_unchanged && !self.is_large {
             return position(0, tokens).ok();
         }
-        Some(self.placement.place(self.exact(tokens)?).as_vec3())
+        let exact = self.exact(tokens)?;
+        Some(self.placement.map_or(exact.as_vec3(), |placement| placement.settled(exact)))
     }
 
     /// Reads a position in double precision, without moving or scaling it. Returns `None` if the position is not valid.
@@ -141,15 +144,25 @@ impl PointChunk {
         Some(valid.fold((first, first), |(low, high), p| (low.min(*p), high.max(*p))))
     }
 
-    /// Returns the bounding box of the valid positions of this piece, in double precision.
-    pub fn exact_bounds(&self, chunk: &Chunk, reading: &Reading) -> Option<(DVec3, DVec3)> {
-        let is_odd = |offset| self.odd_vertices.binary_search_by_key(&offset, |odd| odd.offset).is_ok();
-        let position = |(offset, line): (usize, &[u8])| match keyword(line) {
+    /// Returns the bounding box of the valid positions of this piece, in double precision. Only the vertices count
+    /// whose numbers, from 0 within the piece, `counts` accepts.
+    pub fn exact_bounds(
+        &self,
+        chunk: &Chunk,
+        reading: &Reading,
+        counts: impl Fn(usize) -> bool,
+    ) -> Option<(DVec3, DVec3)> {
+        let is_odd = |number| self.odd_vertices.binary_search_by_key(&number, |odd| odd.number).is_ok();
+        let position = |(number, rest): (usize, &[u8])| {
+            let is_wanted = counts(number) && !is_odd(number);
             // A vertex with two coordinates has z = 0.
-            (b"v", rest) if !is_odd(offset) => reading.exact(&mut tokens(rest).chain([&b"0"[..]])),
-            _ => None,
+            is_wanted.then(|| reading.exact(&mut tokens(rest).chain([&b"0"[..]]))).flatten()
         };
-        let mut positions = chunk.lines().filter_map(position);
+        let vertices = chunk.lines().filter_map(|(_, line)| match keyword(line) {
+            (b"v", rest) => Some(rest),
+            _ => None,
+        });
+        let mut positions = vertices.enumerate().filter_map(position);
         let first = positions.next()?;
         Some(positions.fold((first, first), |(low, high), p| (low.min(p), high.max(p))))
     }

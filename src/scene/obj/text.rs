@@ -199,18 +199,34 @@ pub(super) fn tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     separated(&line[..end])
 }
 
-/// Returns the words of a line with a file name, up to a comment. A name may contain a `#`, so a
-/// comment begins only at a word whose first character is `#`.
+/// Returns the words of a line with a name, up to a word that is only `#`: from there on, the line is a comment.
 pub(super) fn name_tokens(line: &[u8]) -> impl Iterator<Item = &[u8]> {
-    separated(line).take_while(|token| !token.starts_with(b"#"))
+    separated(line).take_while(|token| *token != b"#")
 }
 
-/// Returns a name without the comment after it. A comment begins only at a word whose first character is `#`.
-pub(super) fn without_comment(name: &str) -> &str {
-    let is_comment =
-        |at: &usize| name[..*at].chars().next_back().is_none_or(|before| before.is_ascii_whitespace());
-    let comment = name.match_indices('#').map(|(at, _)| at).find(is_comment);
-    name[..comment.unwrap_or(name.len())].trim_ascii_end()
+/// Returns the names that a text may mean, in the order in which they are looked up. Each name is a beginning of the
+/// name before it.
+///
+/// 1. The whole text.
+/// 2. The text before a word that is only `#`. Such a word certainly begins a comment.
+/// 3. The text before any word that begins with `#`. Such a word may begin a comment, or belong to a name such as
+///    `Material #25`. If nothing is before this word, the name is the second one.
+pub(super) fn possible_names(text: &str) -> [&str; 3] {
+    let certain = before_comment(text, |comment| {
+        let rest = &comment[1..];
+        rest.is_empty() || rest.starts_with(|next: char| next.is_ascii_whitespace())
+    });
+    let shortest = before_comment(text, |_| true);
+    [text, certain, if shortest.is_empty() { certain } else { shortest }]
+}
+
+/// Returns a text up to the first word that begins with `#`, if `is_comment` accepts this word with all that follows.
+fn before_comment(text: &str, is_comment: impl Fn(&str) -> bool) -> &str {
+    let begins_word =
+        |at: usize| text[..at].chars().next_back().is_none_or(|before| before.is_ascii_whitespace());
+    let mut marks = text.match_indices('#').map(|(at, _)| at);
+    let comment = marks.find(|at| begins_word(*at) && is_comment(&text[*at..]));
+    text[..comment.unwrap_or(text.len())].trim_ascii_end()
 }
 
 fn separated(line: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -319,17 +335,23 @@ mod tests {
     }
 
     #[test]
-    fn a_comment_begins_at_a_word() {
-        for (name, expected) in [
-            ("red # walls", "red"),
-            ("red #2", "red"),
-            ("a#b c#", "a#b c#"),
-            ("# a", ""),
-            ("#", ""),
-            ("", ""),
+    fn a_comment_begins_at_a_word_and_certainly_at_a_word_of_one_character() {
+        for (text, certain, shortest) in [
+            ("red # walls", "red", "red"),
+            ("red #2", "red #2", "red"),
+            ("red #2 # walls", "red #2", "red"),
+            ("red #\twalls", "red", "red"),
+            ("a#b c# d", "a#b c# d", "a#b c# d"),
+            ("#ff8800", "#ff8800", "#ff8800"),
+            ("#1 # a", "#1", "#1"),
+            ("# a", "", ""),
+            ("#", "", ""),
+            ("", "", ""),
         ] {
-            assert_eq!(without_comment(name), expected, "{name}");
+            assert_eq!(possible_names(text), [text, certain, shortest]);
         }
+        let tokens: Vec<&[u8]> = name_tokens(b" -s 1 a #2.png # old #3.png").collect();
+        assert_eq!(tokens, [&b"-s"[..], b"1", b"a", b"#2.png"]);
     }
 
     #[test]

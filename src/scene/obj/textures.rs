@@ -2,7 +2,7 @@
 
 use super::asked::{Asked, Wish};
 use super::mtl::Reach;
-use super::text::{name_tokens, number, quoted, words};
+use super::text::{name_tokens, number, possible_names, quoted, words};
 use crate::scene::files::{Pictures, Usage, brightness_to_alpha};
 use crate::scene::normals::MISSING;
 use crate::scene::{Mapped, Mesh, Textures, Wrap};
@@ -58,7 +58,7 @@ impl Maps {
             map.load(reach, pictures, usage)
                 .map_err(|why| {
                     let name = match reach.permitted.quotes {
-                        true => format!(" {}", quoted(map.name.as_bytes())),
+                        true => format!(" {}", quoted(map.name().as_bytes())),
                         false => String::new(),
                     };
                     let note = format!("{}: {what}{name} {why}: {instead}", map.at);
@@ -80,10 +80,12 @@ type Loaded<'a> = Option<(&'a Map, Option<u32>, Option<u32>)>;
 /// A texture of a material.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Map {
-    /// The picture's file.
-    pub name: String,
+    /// The rest of the line from the name of the picture's file on; a comment may follow the name.
+    named: String,
     /// The location of the line that names the file, for messages.
     at: String,
+    /// The folder of the material file, relative to the mesh's folder; empty, or with a slash at its end.
+    folder: String,
     /// True if the material's `Kd` colour is missing or black. The texture is then multiplied by white, since black
     /// would hide the texture.
     alone: bool,
@@ -96,8 +98,9 @@ impl Map {
     /// Parses a line without its keyword; `None` if it names no file. Unsupported options are counted.
     pub fn of_line(keyword: &str, rest: &[u8], asked: &mut Asked) -> Option<Self> {
         let mut map = Self {
-            name: String::new(),
+            named: String::new(),
             at: String::new(),
+            folder: String::new(),
             alone: false,
             scale: [1.0; 2],
             offset: [0.0; 2],
@@ -122,17 +125,32 @@ impl Map {
                 other => usize::from(OF_ONE_WORD.contains(&other)),
             };
         }
-        let (first, last) = (all.get(at)?, all.last()?);
         // A file name may contain spaces.
-        let from = first.as_ptr() as usize - rest.as_ptr() as usize;
-        let to = last.as_ptr() as usize - rest.as_ptr() as usize + last.len();
-        map.name = words(&rest[from..to]);
+        let from = all.get(at)?.as_ptr() as usize - rest.as_ptr() as usize;
+        map.named = words(&rest[from..]);
         Some(map)
     }
 
-    /// Sets the line's location, and whether the line's material has no colour.
-    pub fn told(self, at: String, alone: bool) -> Self {
-        Self { at, alone, ..self }
+    /// Sets the line's location, the folder of its file, and whether the line's material has no colour.
+    pub fn told(self, at: String, folder: &str, alone: bool) -> Self {
+        Self { at, folder: folder.to_owned(), alone, ..self }
+    }
+
+    /// Returns the name of the picture's file, as messages show it. Only what is certainly a comment is left out.
+    fn name(&self) -> &str {
+        possible_names(&self.named)[1]
+    }
+
+    /// Returns the paths, relative to the mesh's folder, at which the picture is searched, in this order. A picture may
+    /// lie beside the mesh or beside the material file. Many MTL files contain paths of their authors' disks, so each
+    /// name is also searched without its folders.
+    fn paths(&self) -> impl Iterator<Item = String> {
+        let names = possible_names(&self.named);
+        // The shortest name decides where the folders end, because a comment may contain slashes.
+        let folders = names[2].rfind(['/', '\\']).map_or(0, |slash| slash + 1);
+        let all = names.into_iter().chain(names.map(|name| &name[folders..]));
+        let folder = &self.folder;
+        all.flat_map(move |name| [name.to_owned(), format!("{folder}{name}")])
     }
 
     /// Returns the settings that decide where the picture is on a triangle.
@@ -140,14 +158,17 @@ impl Map {
         (self.scale, self.offset, self.wrap)
     }
 
-    /// Returns the number of the map's texture. If the file cannot be used, a file of the same name
-    /// in the mesh's folder is tried, since many MTL files contain paths of their authors' disks.
+    /// Returns the number of the map's texture: the first file of [`Self::paths`] that can be used. If there is none,
+    /// returns what is wrong with the first of them that the mesh may read.
     fn load(&self, reach: Reach<'_>, pictures: &mut Pictures, usage: Usage) -> Result<u32, String> {
-        pictures.file(reach, &self.name, usage).or_else(|why| {
-            let beside = self.name.rsplit(['/', '\\']).next().unwrap_or_default();
-            let elsewhere = beside != self.name && reach.locate(beside).is_ok();
-            if elsewhere { pictures.file(reach, beside, usage) } else { Err(why) }
-        })
+        let mut unusable = None;
+        for path in self.paths().filter(|path| reach.locate(path).is_ok()) {
+            match pictures.file(reach, &path, usage) {
+                Ok(number) => return Ok(number),
+                Err(why) => unusable = unusable.or(Some(why)),
+            }
+        }
+        unusable.map_or_else(|| pictures.file(reach, self.name(), usage), Err)
     }
 
     /// Returns a corner's coordinates in the texture, whose rows are counted from the top; OBJ counts from
@@ -227,14 +248,14 @@ mod tests {
 
     fn map(rest: &str) -> Option<(String, [f32; 2], [f32; 2], Wrap)> {
         let map = Map::of_line("map_Kd", rest.as_bytes(), &mut Asked::default())?;
-        Some((map.name, map.scale, map.offset, map.wrap))
+        Some((map.name().to_owned(), map.scale, map.offset, map.wrap))
     }
 
     #[test]
     fn options_come_before_a_name_with_spaces() {
         let usual = |name: &str| Some((name.to_owned(), [1.0; 2], [0.0; 2], Wrap::Repeat));
         assert_eq!(map(" a b.png # c"), usual("a b.png"));
-        assert_eq!(map(" wood#2 b#.png #c # d"), usual("wood#2 b#.png"));
+        assert_eq!(map(" wood#2 b#.png #c # d"), usual("wood#2 b#.png #c"));
         assert_eq!(map(" -blendu off -mm 0 1 a.png"), usual("a.png"));
         assert_eq!(
             map(" -s 2 3 4 -o 0.5 -clamp on 1.png"),
@@ -246,6 +267,32 @@ mod tests {
         Map::of_line("map_Kd", b" -bm 2 -clamp off a.png", &mut asked).unwrap();
         let notes: Vec<_> = asked.notes("material", true).collect();
         assert!(notes[0].contains("options of textures (map_Kd -bm)"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_picture_is_searched_beside_the_mesh_and_its_material_file_with_and_without_its_folders() {
+        let paths = |rest: &str| {
+            let map = Map::of_line("map_Kd", rest.as_bytes(), &mut Asked::default()).unwrap();
+            let mut paths: Vec<String> = map.told(String::new(), "mats/", false).paths().collect();
+            paths.dedup();
+            paths
+        };
+        let expected = [
+            "C:\\x\\a #2.png",
+            "mats/C:\\x\\a #2.png",
+            "C:\\x\\a",
+            "mats/C:\\x\\a",
+            "a #2.png",
+            "mats/a #2.png",
+            "a",
+            "mats/a",
+        ];
+        let all = paths(" -s 1 1 1 C:\\x\\a #2.png");
+        assert!(expected.iter().all(|path| all.iter().any(|found| found == path)), "{all:?}");
+        assert!(all[0] == expected[0] && all[1] == expected[1], "{all:?}");
+        // A file that only a comment names is not searched.
+        let all = paths(" a.png # was x/b.png");
+        assert!(!all.iter().any(|path| path == "b.png" || path == "mats/b.png"), "{all:?}");
     }
 
     #[test]

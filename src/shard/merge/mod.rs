@@ -69,12 +69,10 @@ pub fn merge(out: &Path, meant: &[String]) -> Result<Merged> {
     let samples = write_samples(out, &attempts, &records, &launches)?;
     let devices = planned.devices(records.iter().chain(&controls));
     let name = |attempt, device: &str| devices.get(&(attempt, device.to_owned())).cloned();
-    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| &mut line.launch)?;
+    write_renumbered::<RoundLoad>(out, ROUNDS, &attempts, &launches, |_, line| Some(&mut line.launch))?;
     write_renumbered::<AnchorSample>(out, ANCHORS, &attempts, &launches, |attempt, line| {
-        if let Some(name) = name(attempt, &line.device) {
-            line.device = name;
-        }
-        &mut line.launch
+        line.device = name(attempt, &line.device)?;
+        Some(&mut line.launch)
     })?;
     write_peak(out, &attempts, name)?;
     for (attempt, record) in records.iter_mut().chain(&mut controls) {
@@ -174,18 +172,18 @@ fn write_samples(
 
 /// Joins the attempts' journals of this name. Only lines about launches (of worker processes) that records use are
 /// written, with the launches' new numbers. `launch` is called once with each line and the index of its attempt; it may
-/// change the line, and returns the launch's number in the attempt.
+/// change the line, and returns the launch's number in the attempt, or `None` if the line is left out.
 fn write_renumbered<T: Serialize + DeserializeOwned>(
     out: &Path,
     name: &str,
     attempts: &[Attempt],
     launches: &Launches,
-    launch: impl Fn(usize, &mut T) -> &mut u32,
+    launch: impl Fn(usize, &mut T) -> Option<&mut u32>,
 ) -> Result<()> {
     write_whole_by(&out.join(name), |file| {
         for (place, attempt) in attempts.iter().enumerate() {
             for mut line in lines::<T>(&attempt.folder.join(name)).map_err(std::io::Error::other)? {
-                let launch = launch(place, &mut line);
+                let Some(launch) = launch(place, &mut line) else { continue };
                 if let Some(number) = launches.number(place, *launch) {
                     *launch = number;
                     write_line(file, &line)?;
@@ -197,19 +195,20 @@ fn write_renumbered<T: Serialize + DeserializeOwned>(
 }
 
 /// Writes the devices' peak rates that attempts stored. `name` returns the merged folder's name for a device of an
-/// attempt; `None` if no record was measured on the device. If several attempts have rates of the same device, those of
-/// the first attempt are used.
+/// attempt; `None` if the merged folder has no record that the attempt measured on this device. Rates of such devices
+/// are left out: a selected kind of device may have the name that the attempt gave to a device of another kind. If
+/// several attempts have rates of the same device, those of the first attempt are used.
 fn write_peak(out: &Path, attempts: &[Attempt], name: impl Fn(usize, &str) -> Option<String>) -> Result<()> {
     let mut all: Vec<Peak> = Vec::new();
+    let mut has_rates = false;
     for (place, attempt) in attempts.iter().enumerate() {
-        for mut peak in Peak::kept_in(&attempt.folder)? {
-            peak.device = name(place, &peak.device).unwrap_or(peak.device);
-            if !all.iter().any(|known| known.device == peak.device) {
-                all.push(peak);
-            }
-        }
+        let kept = Peak::kept_in(&attempt.folder)?;
+        has_rates |= !kept.is_empty();
+        let renamed = |peak: Peak| Some(Peak { device: name(place, &peak.device)?, ..peak });
+        Peak::add_new(&mut all, kept.into_iter().filter_map(renamed).collect());
     }
-    if all.is_empty() { Ok(()) } else { Peak::write(&all, &out.join(peak::FILE)) }
+    // If all rates are left out, an empty list replaces the rates that an earlier merge of other kinds wrote.
+    if has_rates { Peak::write(&all, &out.join(peak::FILE)) } else { Ok(()) }
 }
 
 fn write_lines<'a, T: Serialize + 'a>(path: &Path, lines: impl Iterator<Item = &'a T>) -> Result<()> {
@@ -275,8 +274,10 @@ mod tests {
         };
         let records = [(0, record(&[2, 2])), (1, record(&[0, 1]))];
         let launches = Launches::of(records.iter());
-        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| &mut line.launch)
-            .unwrap();
+        write_renumbered::<RoundLoad>(out.path(), ROUNDS, &attempts, &launches, |_, line| {
+            Some(&mut line.launch)
+        })
+        .unwrap();
         let rounds = read_lines::<RoundLoad>(&out.path().join(ROUNDS)).unwrap().lines;
         let told: Vec<_> = rounds.iter().map(|line| (line.launch, line.ms)).collect();
         assert_eq!(told, [(0, 12.0), (1, 20.0), (2, 21.0)]);
@@ -293,7 +294,7 @@ mod tests {
         let out = tempfile::tempdir().unwrap();
         let attempts = [1, 2]
             .map(|shard| Attempt::begin(out.path(), &About { shard, of: 2, ..About::default() }).unwrap());
-        let same = |_: usize, _: &str| None;
+        let same = |_: usize, device: &str| Some(device.to_owned());
         write_peak(out.path(), &attempts, same).unwrap();
         assert!(!out.path().join(peak::FILE).exists(), "no attempt has measured any");
         let peak = |device: &str, driver: &str| Peak {
@@ -306,12 +307,14 @@ mod tests {
             .unwrap();
         write_peak(out.path(), &attempts, same).unwrap();
         assert_eq!(Peak::kept_in(out.path()).unwrap(), [peak("gpu", "first"), peak("cpu", "second")]);
-        // Two kinds of device have the name "gpu".
+        // Two kinds of device have the name "gpu". The kind "cpu" is not selected.
         let by_attempt =
             |attempt: usize, device: &str| (device == "gpu").then(|| format!("gpu ({})", attempt + 1));
         write_peak(out.path(), &attempts, by_attempt).unwrap();
-        let expected = [peak("gpu (1)", "first"), peak("gpu (2)", "second"), peak("cpu", "second")];
+        let expected = [peak("gpu (1)", "first"), peak("gpu (2)", "second")];
         assert_eq!(Peak::kept_in(out.path()).unwrap(), expected);
+        write_peak(out.path(), &attempts, |_: usize, _: &str| None).unwrap();
+        assert_eq!(Peak::kept_in(out.path()).unwrap(), []);
     }
 
     #[test]
@@ -395,9 +398,13 @@ mod tests {
             write_attempt(out, host, &format!("{driver} 0"), "cpu");
         }
         for attempt in Attempt::all(out) {
-            let anchor = AnchorSample { device: "cpu".into(), launch: 3, ..AnchorSample::default() };
-            JsonLines::append_to(&attempt.folder.join(ANCHORS)).unwrap().append(&anchor).unwrap();
-            let peak = Peak { device: "cpu".into(), ..Peak::default() };
+            let mut anchors = JsonLines::append_to(&attempt.folder.join(ANCHORS)).unwrap();
+            // The attempt has no record of the device "gpu".
+            for device in ["cpu", "gpu"] {
+                let anchor = AnchorSample { device: device.into(), launch: 3, ..AnchorSample::default() };
+                anchors.append(&anchor).unwrap();
+            }
+            let peak = Peak { device: "cpu".into(), driver: attempt.name.clone(), ..Peak::default() };
             Peak::write(&[peak], &attempt.folder.join(peak::FILE)).unwrap();
         }
         merge(out, &[]).unwrap();
@@ -412,8 +419,14 @@ mod tests {
         let found = [of_launch(0), of_launch(1)];
         assert_eq!(found.each_ref().map(|[record, _]| record.clone()), expected);
         assert_eq!(found.map(|[_, anchor]| anchor), expected);
+        assert_eq!(folder.anchors.len(), 2, "the anchors of devices without records are left out");
         let peaks = Peak::kept_in(out).unwrap();
         assert_eq!([0, 1].map(|place| peaks.get(place).map(|peak| peak.device.clone())), expected);
+        // Only one of the two kinds is selected, so its name needs no difference from the other one.
+        merge(out, &["7.0".to_owned()]).unwrap();
+        let of_second =
+            Peak { device: "cpu".into(), driver: Attempt::all(out)[1].name.clone(), ..Peak::default() };
+        assert_eq!(Peak::kept_in(out).unwrap(), [of_second]);
     }
 
     #[test]

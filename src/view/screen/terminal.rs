@@ -203,11 +203,15 @@ impl Drop for Terminal {
         if self.is_entered {
             // A failure here cannot be shown to anybody.
             let _ = self.write(self.graphics.end());
-            let _ =
-                execute!(self.out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen);
+            let _ = leave_terminal(&mut self.out);
             let _ = terminal::disable_raw_mode();
         }
     }
+}
+
+/// Ends the reports of the mouse, and shows the cursor and the terminal's usual screen again.
+pub fn leave_terminal(out: &mut Stdout) -> std::io::Result<()> {
+    execute!(out, event::DisableMouseCapture, cursor::Show, terminal::LeaveAlternateScreen)
 }
 
 /// Returns the form in which the terminal can show pictures. Asking needs raw mode, which ends with the answer.

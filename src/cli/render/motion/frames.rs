@@ -93,15 +93,20 @@ impl Numbered {
 
     /// Returns the numbers of the frames that are still to be rendered. `key` returns the key of a frame, which
     /// identifies its picture. `key` is only called for frames whose file contains a key. A file with a different key
-    /// shows a different picture and causes an error; with `--force`, its frame is rendered again.
+    /// or without a key shows a different picture and causes an error; with `--force`, its frame is rendered again.
     pub fn missing(&self, mut key: impl FnMut(u32) -> Result<String>) -> Result<Vec<u32>> {
         let mut missing = Vec::new();
         for number in self.wanted.numbers() {
             let file = self.file(number);
+            let exists = file.exists();
             match frame_key(&file) {
                 Some(found) if found == key(number)? => continue,
                 Some(_) if !self.choice.force => return Err(other(&file, number)),
                 _ => self.target(number).check()?,
+            }
+            // The check permits every file that raycl made, even a still picture that took an hour to cast.
+            if exists && !self.choice.force {
+                return Err(still(&file));
             }
             missing.push(number);
         }
@@ -119,6 +124,13 @@ fn other(file: &Path, number: u32) -> Error {
         "'{}' exists and is not frame {number} as this command would render it: the scene, the options, the strategy, the kernels or the version of raycl differ",
         file.display()
     );
+    Error::input(message).with_help(
+        "`--force` replaces it, `-o FILE` writes elsewhere; if a device of another kind cast it, name the strategy of that device with `--strategy`",
+    )
+}
+
+fn still(file: &Path) -> Error {
+    let message = format!("'{}' exists and is not a frame: it is a single picture of raycl", file.display());
     Error::input(message).with_help("`--force` replaces it, `-o FILE` writes elsewhere")
 }
 

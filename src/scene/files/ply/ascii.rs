@@ -61,8 +61,8 @@ fn scalar<'a>(kind: &ScalarType, words: &mut impl Iterator<Item = &'a [u8]>) -> 
         ScalarType::UShort => Property::UShort(next(words, whole, WHOLE)?),
         ScalarType::Int => Property::Int(next(words, whole, WHOLE)?),
         ScalarType::UInt => Property::UInt(next(words, whole, WHOLE)?),
-        ScalarType::Float => Property::Float(next(words, parsed, DECIMAL)?),
-        ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
+        // Programs write more digits than a float has, and a position is rounded only after the mesh was moved.
+        ScalarType::Float | ScalarType::Double => Property::Double(next(words, parsed, DECIMAL)?),
     })
 }
 

@@ -296,6 +296,29 @@ fn a_message_begins_with_the_files_name() {
     assert!(error.starts_with("a.ply:"), "{error}");
 }
 
+/// Returns an ASCII file of these vertices, whose first three are a face.
+fn triangle_of_floats(vertices: &[&str]) -> String {
+    let (count, lines) = (vertices.len(), vertices.join("\n"));
+    format!(
+        "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face 1\nproperty list uchar int vertex_indices\nend_header\n{lines}\n3 0 1 2\n"
+    )
+}
+
+#[test]
+fn a_map_keeps_all_digits_of_its_text_beside_a_vertex_that_no_face_uses() {
+    let map = ["500000.00 5400000.00 200", "500000.01 5400000.00 200", "500100.00 5400080.00 205"];
+    let with_unused = [&map[..], &["0 0 0"]].concat();
+    for vertices in [&map[..], &with_unused[..]] {
+        let file = parse("a.ply", triangle_of_floats(vertices).as_bytes()).unwrap();
+        let [a, b] = [file.mesh.positions[0], file.mesh.positions[1]];
+        assert!((b.x - a.x - 0.01).abs() < 1e-5, "{vertices:?}: {a} {b}");
+    }
+    let far = ["0 0 0", "1 0 0", "0 1 0", "1e11 0 0"];
+    let file = parse("a.ply", triangle_of_floats(&far).as_bytes()).unwrap();
+    assert_eq!((file.placement.scale, file.mesh.positions[1]), (1.0, Vec3::X));
+}
+
 #[test]
 fn a_tiny_concave_face_is_divided_like_a_large_one() {
     let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\

@@ -146,25 +146,28 @@ fn a_texture_coordinate_that_is_not_valid_counts_as_missing() {
     assert_eq!(read("vt 0 1\nvt nan 0\nf 1/1 2/1 3/1\n", true).notes.len(), 1);
 }
 
+/// Returns the red of a triangle after the lines `obj`, and the notes. The text `mtl` is in two material files.
+fn red(mtl: &str, obj: &str) -> (f32, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["my paints.mtl", "#1.mtl"] {
+        std::fs::write(folder.path().join(name), mtl).unwrap();
+    }
+    let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+    let text = format!("{obj}\n{CORNERS}f 1 2 3\n");
+    let file = parse("test.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap();
+    (file.mesh.material(&file.mesh.triangles[0]).lambertian.x, file.notes)
+}
+
 #[test]
 fn a_comment_may_follow_a_name() {
-    let red = |mtl: &str, obj: &str| {
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["my paints.mtl", "#1.mtl"] {
-            std::fs::write(folder.path().join(name), mtl).unwrap();
-        }
-        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
-        let text = format!("{obj}\n{CORNERS}f 1 2 3\n");
-        let file = parse("test.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap();
-        (file.mesh.material(&file.mesh.triangles[0]).lambertian.x, file.notes)
-    };
     let mtl = "newmtl red # paint\nKd 0.25 0 0 # dark\nnewmtl Material #25\nKd 0.5 0 0\nnewmtl Material #26\nKd 0.75 0 0\n";
     for (obj, expected) in [
         ("mtllib my paints.mtl\nusemtl red", 0.25),
         ("mtllib my paints.mtl # lib\nusemtl red # walls", 0.25),
         ("mtllib my paints.mtl\nusemtl red # paint", 0.25),
         ("mtllib #1.mtl\nusemtl Material #25", 0.5),
-        ("mtllib #1.mtl\nusemtl Material #26", 0.75),
+        ("mtllib #1.mtl # lib\nusemtl Material #26 # roof", 0.75),
+        ("mtllib my paints.mtl #lib\nusemtl Material #25", 0.5),
     ] {
         assert_eq!(red(mtl, obj), (expected, Vec::new()), "{obj}");
     }
@@ -179,6 +182,61 @@ fn a_comment_may_follow_a_name() {
         "{notes:?}"
     );
     assert!(notes[1].contains("(material `red`)"), "{notes:?}");
+    // Without a space after it, the `#` is a comment only if the name before it is known.
+    assert_eq!(red(&both, "mtllib #1.mtl\nusemtl red #walls"), (1.0, Vec::new()));
+    // A material may be nameless, with or without a comment.
+    let nameless = "newmtl # nameless\nKd 0.5 0 0\n";
+    assert_eq!(red(nameless, "mtllib #1.mtl\nusemtl # none"), (0.5, Vec::new()));
+}
+
+#[test]
+fn a_material_whose_name_has_a_number_sign_is_not_taken_for_another() {
+    let numbered = "newmtl Material #25\nKd 0.5 0 0\nnewmtl Material #26\nKd 0.75 0 0\n";
+    let (mtllib, missing) = ("mtllib #1.mtl", "1 material named by `usemtl` is in no material file");
+    for (mtl, obj, name) in [
+        (numbered, format!("{mtllib}\nusemtl Material #27"), "Material #27"),
+        (numbered, format!("{mtllib}\nusemtl Material"), "Material"),
+        ("newmtl #1\nKd 0.5 0 0\n", format!("{mtllib}\nusemtl #2"), "#2"),
+        ("", "usemtl #2".to_owned(), "#2"),
+        ("newmtl \nKd 0.5 0 0\n", format!("{mtllib}\nusemtl #2"), "#2"),
+    ] {
+        let (grey, notes) = red(mtl, &obj);
+        assert_eq!((grey, notes.len()), (0.8, 1), "{obj}: {notes:?}");
+        assert!(notes[0].starts_with(&format!("{missing} (material `{name}`)")), "{obj}: {notes:?}");
+    }
+    assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", mtllib), (0.8, Vec::new()));
+    assert_eq!(red("newmtl #1\nKd 0.5 0 0\n", "mtllib #1.mtl\nusemtl #1"), (0.5, Vec::new()));
+    let (_, notes) = red("", "mtllib #3.mtl");
+    assert!(notes[0].starts_with("material file `#3.mtl` cannot be read ("), "{notes:?}");
+}
+
+#[test]
+fn a_picture_may_lie_beside_its_material_file_and_have_a_number_sign_in_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("mats")).unwrap();
+    let sizes =
+        [("mats/wood.png", 1), ("wood #2.png", 2), ("mats/#3.png", 3), ("mats/bark.png", 4), ("bark.png", 5)];
+    for (name, size) in sizes {
+        image::RgbImage::new(size, 1).save(folder.path().join(name)).unwrap();
+    }
+    for (library, name, width) in [
+        ("mats/m.mtl", "wood.png", 1),
+        ("mats\\m.mtl", "wood.png # old", 1),
+        ("mats/m.mtl", "C:\\work\\wood.png", 1),
+        ("mats/m.mtl", "wood #2.png", 2),
+        ("mats/m.mtl", "C:\\work\\wood #2.png", 2),
+        ("mats/m.mtl", "#3.png", 3),
+        // The mesh's folder comes first.
+        ("mats/m.mtl", "bark.png", 5),
+        ("mats/m.mtl", "mats/bark.png", 4),
+    ] {
+        std::fs::write(folder.path().join("mats/m.mtl"), format!("newmtl a\nmap_Kd {name}\n")).unwrap();
+        let permitted = Permitted { beyond: false, quotes: true, scaled: false };
+        let text = format!("mtllib {library}\nusemtl a\n{CORNERS}vt 0 0\nf 1/1 2/1 3/1\n");
+        let file = parse("test.obj", Reach { folder: folder.path(), permitted }, text.as_bytes()).unwrap();
+        let widths: Vec<u32> = file.mesh.textures.list.iter().map(|texture| texture.size[0]).collect();
+        assert_eq!((widths, file.notes), (vec![width], Vec::new()), "{library} {name}");
+    }
 }
 
 #[test]
@@ -301,10 +359,15 @@ fn a_mistake_in_a_material_file_is_quoted_only_inside_the_meshs_folder() {
         parse("test.obj", reach, text.as_bytes()).unwrap().notes.concat()
     };
     assert!(told("a.mtl", true).contains("secret"));
-    for (library, quotes) in [("../a.mtl", true), ("a.mtl", false), ("../a.mtl", false)] {
+    for (library, quotes, name) in [
+        ("../a.mtl", true, "a.mtl"),
+        ("a.mtl", false, "its material file"),
+        ("../a.mtl", false, "its material file"),
+    ] {
         let note = told(library, quotes);
-        let start = "a.mtl:2: a value of Kd is not valid; expected one or three numbers from 0 to 1e6: ";
-        assert!(note.contains(start) && !note.contains("secret"), "{note}");
+        let start =
+            format!("{name}:2: a value of Kd is not valid; expected one or three numbers from 0 to 1e6: ");
+        assert!(note.contains(&start) && !note.contains("secret"), "{note}");
     }
 }
 

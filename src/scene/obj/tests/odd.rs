@@ -146,6 +146,32 @@ fn a_mesh_that_may_be_scaled_can_have_coordinates_of_any_size() {
 }
 
 #[test]
+fn a_vertex_that_no_face_uses_does_not_decide_where_the_mesh_is_and_how_large() {
+    let map = "v 500000 5400000 200\nv 500000.01 5400000 200\nv 500100 5400080 205\n";
+    let (unit, tiny) = (CORNERS, "v 0 0 0\nv 2e-9 0 0\nv 0 2e-9 0\n");
+    let wide = "v 0 0 0\nv 1e6 0 0\nv 0 1e6 0\n";
+    let (near, far) = ("v 0 0 0\nv 1 0 0", "v 1e11 0 0");
+    for (corners, unused) in [(map, "v 0 0 0"), (unit, far), (wide, far), (tiny, near), (tiny, far)] {
+        let plain = read(&format!("{corners}f 1 2 3\n")).unwrap();
+        let beside = read(&format!("{corners}{unused}\nf 1 2 3\n")).unwrap();
+        assert_eq!(beside.placement, plain.placement, "{corners}{unused}");
+        assert_eq!(beside.mesh.positions[..3], plain.mesh.positions[..], "{corners}{unused}");
+        assert_eq!(beside.notes, plain.notes, "{corners}{unused}");
+        crate::scene::validate::check_positions(&beside.mesh).unwrap();
+    }
+    // Vertices are numbered through all pieces of the file.
+    let mut text = String::new();
+    for i in 0..40_000 {
+        text.push_str(&format!("v {i} 5400000 0\nv {i} 5400000.25 0\nv {i} 5400000 1\nf -3 -2 -1\n"));
+    }
+    let plain = read(&text).unwrap();
+    assert_ne!(plain.placement, Placement::IDENTITY);
+    let beside = read(&format!("{text}v 0 0 0\n")).unwrap();
+    assert_eq!(beside.placement, plain.placement);
+    assert_eq!(beside.mesh.positions[..120_000], plain.mesh.positions[..]);
+}
+
+#[test]
 fn a_continuation_at_the_end_of_the_file_continues_nothing() {
     let reach = Reach {
         folder: Path::new("/nowhere"),

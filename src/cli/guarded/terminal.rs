@@ -1,0 +1,71 @@
+//! The terminal, while a child process shows pictures in it. If a driver crashes or a signal ends the child process,
+//! the terminal stays in raw mode, shows its alternate screen and reports the movements of the mouse. This process then
+//! makes the terminal usable again.
+
+use crate::view::screen::leave_terminal;
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::stdio::stdin;
+use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
+use signal_hook::consts::SIGTERM;
+use signal_hook::flag::register_conditional_default;
+use signal_hook::iterator::Signals;
+use std::io::{IsTerminal as _, Result, Write as _};
+use std::process::{Child, ExitStatus};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Ends a picture that was written only in part, and selects the usual colours.
+const END_OF_PICTURE: &[u8] = b"\x1b\\\x1b[0m";
+
+/// A terminal that child processes use, one after another.
+pub struct LentTerminal {
+    /// The terminal's mode before the first child process.
+    mode: Termios,
+    /// True while no child process uses the terminal. SIGTERM then ends this process at once.
+    is_back: Arc<AtomicBool>,
+}
+
+impl LentTerminal {
+    /// Returns the terminal; `None` if standard input or standard output is not a terminal.
+    pub fn new() -> Result<Option<Self>> {
+        let (Ok(mode), true) = (tcgetattr(stdin()), std::io::stdout().is_terminal()) else { return Ok(None) };
+        let is_back = Arc::new(AtomicBool::new(true));
+        register_conditional_default(SIGTERM, Arc::clone(&is_back))?;
+        Ok(Some(Self { mode, is_back }))
+    }
+
+    /// Waits until a child process that uses the terminal has ended, then restores the terminal. If this process gets
+    /// SIGTERM meanwhile, it sends the signal to the child process instead of ending.
+    pub fn wait(&self, child: &mut Child) -> Result<ExitStatus> {
+        let process = Pid::from_child(child);
+        let mut signals = Signals::new([SIGTERM])?;
+        let handle = signals.handle();
+        self.is_back.store(false, Ordering::SeqCst);
+        let ended = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for _ in signals.forever() {
+                    // A child process that has ended meanwhile needs no signal.
+                    let _ = kill_process(process, Signal::TERM);
+                }
+            });
+            let ended = child.wait();
+            handle.close();
+            ended
+        });
+        self.restore();
+        self.is_back.store(true, Ordering::SeqCst);
+        ended
+    }
+
+    /// Restores the terminal, unless the child process has done so.
+    fn restore(&self) {
+        if tcgetattr(stdin()).is_ok_and(|now| now.local_modes == self.mode.local_modes) {
+            return;
+        }
+        let mut out = std::io::stdout();
+        // A failure here cannot be shown to anybody.
+        let _ = out.write_all(END_OF_PICTURE).and_then(|()| leave_terminal(&mut out));
+        // Reports of the mouse that nobody has read are discarded: the user's shell would take them for typed text.
+        let _ = tcsetattr(stdin(), OptionalActions::Flush, &self.mode);
+    }
+}

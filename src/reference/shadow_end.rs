@@ -1,0 +1,64 @@
+//! The end of a shadow ray that a device casts from a light, as in cl/common/shadow_end.cl.
+
+use super::shade::Sight;
+use glam::DVec3;
+
+/// The rounding error of a hit's distance from a light, relative to this distance: four roundings.
+const ROUNDING_AT_DISTANCE: f64 = 5e-7;
+/// Up to this inverse of the light's cosine at the surface, the gap grows with it.
+const MOST_PER_COSINE: f64 = 50.0;
+
+/// Returns the distance from a hit at which devices end a shadow ray that they cast from a light. It is larger than the
+/// shadow bias if the light is so distant that rounding moves the hit's triangle by more than the bias. Surfaces
+/// between this end and the hit may or may not block the light, since devices that cast the ray from the hit meet
+/// them. `normal` is the surface's unit normal.
+pub fn gap_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> f64 {
+    gap(bias, sight.distance, sight.w_i.dot(normal))
+}
+
+/// Returns the gap for a light at this distance. Light from behind the surface does not reach it, so its gap is the
+/// bias.
+pub fn gap(bias: f64, distance: f64, cosine: f64) -> f64 {
+    match cosine > 0.0 {
+        true => bias.max(ROUNDING_AT_DISTANCE * distance * cosine.recip().min(MOST_PER_COSINE)),
+        false => bias,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::launch::alone::Alone;
+
+    #[test]
+    fn a_near_light_leaves_the_bias_and_a_distant_one_a_gap_that_grows_with_its_distance() {
+        for (distance, cosine, expected) in [
+            (10.0, 1.0, 1e-3),
+            (1e5, 1.0, 0.05),
+            (1e5, 0.1, 0.5),
+            (1e5, 0.01, 2.5),
+            (2e5, 0.01, 5.0),
+            (1e5, -1.0, 1e-3),
+        ] {
+            let found = gap(1e-3, distance, cosine);
+            assert!((found / expected - 1.0).abs() < 1e-9, "{distance} {cosine}: {found}");
+        }
+    }
+
+    #[test]
+    fn devices_end_their_rays_at_the_same_place() {
+        let kernel = "__kernel void gaps(__global float *out) {\n\
+                      const int at = get_global_id(0);\n\
+                      const float distance = pow(10.0f, (float)(at / 8));\n\
+                      out[at] = distance * gap_before_hit(1e-3f / distance, exp2((float)(at % 8)));\n}\n";
+        let options = "-D WIDTH=1 -D BLOCK_X=1 -D REDUCE_BUILTIN=0";
+        let device = Alone::of(["", kernel], &["common/width.cl", "common/shadow_end.cl"], options);
+        let found: Vec<f32> = device.results(56, |found| device.kernel("gaps", 56).arg(found).build());
+        for (at, found) in found.into_iter().enumerate() {
+            let (distance, per_cosine) = (10_f64.powi(at as i32 / 8), 2_f64.powi(at as i32 % 8));
+            let expected = gap(1e-3, distance, per_cosine.recip());
+            let found = f64::from(found);
+            assert!((found / expected - 1.0).abs() < 1e-5, "{distance} {per_cosine}: {found}");
+        }
+    }
+}
