@@ -245,7 +245,7 @@ fn shadows_of_a_distant_light_are_right_wherever_their_rays_start() {
     apart!();
     let size = [240, 150];
     let scene = lit_from(1e5);
-    let strategies = ["bvh", "tile", "tile-group", "wide-common-origin"];
+    let strategies = ["bvh", "tile", "tile-watertight", "tile-group", "wide-common-origin"];
     let strategies = strategies.map(|name| preset(name).expect("a preset").strategy);
     let expected = reference(&scene, size, strategies[0].culling);
     let stand = Stand::of(&Sources::Embedded, scene.clone(), size, |builtins| builtins);

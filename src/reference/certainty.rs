@@ -5,7 +5,7 @@ use super::intersect::Hit;
 use super::pixel_sample::{PixelSample, Reach};
 use super::ray::Ray;
 use super::shade::{Sight, sights, surface_at};
-use super::shadow_end::gap_before_hit;
+use super::shadow_end::ends_before_hit;
 use super::soft::Seen;
 use crate::scene::PixelFrame;
 use glam::DVec3;
@@ -76,24 +76,23 @@ impl Asked<'_> {
         }
     }
 
-    /// Includes in `sample` the values of a hit's radiance if shadow rays end as far from the hit as those that a
-    /// device casts from a distant light, and if rounding moves this end away from the hit by as much again. `radiance`
-    /// returns the value for shadow rays that end at a given distance from the hit.
-    fn end_at_gaps(
+    /// Includes in `sample` the values of a hit's radiance if shadow rays end where those end that a device casts from a
+    /// distant light. `radiance` returns the value for shadow rays that end at a given distance from the hit.
+    fn end_before_hit(
         &self,
         sample: &mut PixelSample,
         (ray, hit): (&Ray<f64>, &Hit<f64>),
         radiance: impl Fn(&dyn Fn(&Sight<f64>) -> f64) -> DVec3,
     ) {
         let [point, normal] = surface_at(self.caster.scene(), ray, hit);
-        let gap = |sight: &Sight<f64>| match self.is_light(sight) {
-            true => gap_before_hit(self.bias, sight, normal),
-            false => self.bias,
+        let ends = |sight: &Sight<f64>| match self.is_light(sight) {
+            true => ends_before_hit(self.bias, sight, normal),
+            false => [self.bias; 2],
         };
-        // Without a distant light, these are the values with the bias and with twice the bias.
-        if sights(&self.seen, point, normal).any(|sight| gap(&sight) > self.bias) {
-            for factor in [1.0, 2.0] {
-                sample.consider(radiance(&|sight| factor * gap(sight)));
+        // Without a distant light, all rays end at the bias, as usual.
+        if sights(&self.seen, point, normal).any(|sight| ends(&sight)[1] > self.bias) {
+            for end in [0, 1] {
+                sample.consider(radiance(&|sight| ends(sight)[end]));
             }
         }
     }
@@ -145,8 +144,8 @@ pub fn sample(asked: &Asked<'_>) -> PixelSample {
         for factor in [0.5, 2.0] {
             sample.consider(caster.radiance(seen, &ray, Some(hit), bias * factor));
         }
-        asked.end_at_gaps(&mut sample, (&ray, hit), |gap| {
-            caster.shaded(seen, &ray, Some(hit), &|sight| caster.reaches(sight, gap(sight)))
+        asked.end_before_hit(&mut sample, (&ray, hit), |end| {
+            caster.shaded(seen, &ray, Some(hit), &|sight| caster.reaches(sight, end(sight)))
         });
         for part in [AT_LIGHT, -AT_LIGHT] {
             let reaches = |sight: &Sight<f64>| {

@@ -8,21 +8,26 @@ const ROUNDING_AT_DISTANCE: f64 = 5e-7;
 /// Up to this inverse of the light's cosine at the surface, the gap grows with it.
 const MOST_PER_COSINE: f64 = 50.0;
 
-/// Returns the distance from a hit at which devices end a shadow ray that they cast from a light. It is larger than the
-/// shadow bias if the light is so distant that rounding moves the hit's triangle by more than the bias. Surfaces
-/// between this end and the hit may or may not block the light, since devices that cast the ray from the hit meet
-/// them. `normal` is the surface's unit normal.
-pub fn gap_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> f64 {
-    gap(bias, sight.distance, sight.w_i.dot(normal))
+/// Returns the distances from a hit at which devices end a shadow ray that they cast from a light.
+///
+/// The first is the end that cl/common/shadow_end.cl computes. It is the shadow bias or, if the light is so distant that
+/// rounding moves the hit's triangle by more than the bias, this rounding error. The second adds the largest rounding
+/// error of the distance of another surface, which the light may graze: surfaces up to this distance from the hit may or
+/// may not block the light. Both are the bias if the light is so near that no rounding error exceeds the bias. `normal`
+/// is the unit normal at the hit.
+pub fn ends_before_hit(bias: f64, sight: &Sight<f64>, normal: DVec3) -> [f64; 2] {
+    ends(bias, sight.distance, sight.w_i.dot(normal))
 }
 
-/// Returns the gap for a light at this distance. Light from behind the surface does not reach it, so its gap is the
-/// bias.
-pub fn gap(bias: f64, distance: f64, cosine: f64) -> f64 {
-    match cosine > 0.0 {
-        true => bias.max(ROUNDING_AT_DISTANCE * distance * cosine.recip().min(MOST_PER_COSINE)),
-        false => bias,
+/// Returns the ends for a light at this distance, which the surface sees at this cosine. Light from behind the surface
+/// does not reach it.
+pub fn ends(bias: f64, distance: f64, cosine: f64) -> [f64; 2] {
+    let largest = ROUNDING_AT_DISTANCE * distance * MOST_PER_COSINE;
+    if cosine <= 0.0 || largest <= bias {
+        return [bias; 2];
     }
+    let gap = bias.max(ROUNDING_AT_DISTANCE * distance * cosine.recip().min(MOST_PER_COSINE));
+    [gap, gap + largest]
 }
 
 #[cfg(test)]
@@ -40,7 +45,9 @@ mod tests {
             (2e5, 0.01, 5.0),
             (1e5, -1.0, 1e-3),
         ] {
-            let found = gap(1e-3, distance, cosine);
+            let [found, farthest] = ends(1e-3, distance, cosine);
+            let rounding = if cosine > 0.0 && distance > 40.0 { 2.5e-5 * distance } else { 0.0 };
+            assert!((farthest - found - rounding).abs() < 1e-9, "{distance} {cosine}: {farthest}");
             assert!((found / expected - 1.0).abs() < 1e-9, "{distance} {cosine}: {found}");
         }
     }
@@ -56,7 +63,7 @@ mod tests {
         let found: Vec<f32> = device.results(56, |found| device.kernel("gaps", 56).arg(found).build());
         for (at, found) in found.into_iter().enumerate() {
             let (distance, per_cosine) = (10_f64.powi(at as i32 / 8), 2_f64.powi(at as i32 % 8));
-            let expected = gap(1e-3, distance, per_cosine.recip());
+            let [expected, _] = ends(1e-3, distance, per_cosine.recip());
             let found = f64::from(found);
             assert!((found / expected - 1.0).abs() < 1e-5, "{distance} {per_cosine}: {found}");
         }

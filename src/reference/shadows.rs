@@ -3,7 +3,7 @@
 
 use super::beam::Beam;
 use super::certainty::AT_LIGHT;
-use super::shadow_end::gap;
+use super::shadow_end::ends;
 use super::soft::Seen;
 use super::tree::Tree;
 use glam::DVec3;
@@ -65,9 +65,10 @@ impl<'a> Shadows<'a> {
         let off = centre - position;
         let distance = off.length();
         let at_light = 2.0 * AT_LIGHT * distance.max(position.length());
-        // Twice the gap also allows for rounding of this gap.
-        let gap = gap(self.bias, distance, -off.dot(normal) / distance);
-        let [least, most] = [distance - spread - 2.0 * gap, distance + spread - 0.5 * self.bias];
+        let [_, end] = ends(self.bias, distance, -off.dot(normal) / distance);
+        // The factor allows for other distances and cosines at the other points.
+        let end = 1.1 * end.max(2.0 * self.bias);
+        let [least, most] = [distance - spread - end, distance + spread - 0.5 * self.bias];
         if least <= 4.0 * at_light || spread > 0.01 * distance {
             return None;
         }

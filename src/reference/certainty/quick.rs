@@ -103,8 +103,8 @@ pub fn quick_sample(asked: &Asked<'_>, tree: &Tree) -> Option<PixelSample> {
         for factor in [0.5, 2.0] {
             sample.consider(with_bias(&hits.centre, bias * factor));
         }
-        asked.end_at_gaps(&mut sample, (&hits.centre.0, &hits.centre.1), |gap| {
-            radiance_of(seen, &hits.centre, &|sight| caster.reaches(sight, gap(sight)))
+        asked.end_before_hit(&mut sample, (&hits.centre.0, &hits.centre.1), |end| {
+            radiance_of(seen, &hits.centre, &|sight| caster.reaches(sight, end(sight)))
         });
         for part in [AT_LIGHT, -AT_LIGHT] {
             let cast = |sight: &Sight<f64>| {
